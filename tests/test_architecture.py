@@ -21,7 +21,7 @@ LAYERS = (
 )
 """Packages from the lowest to the highest layer: a package imports itself and the layers below its own."""
 
-PASSED_ON = [f"winchcascade.report.{module}" for module in ("frames", "plots", "notebook_html")]
+PASSED_ON = [f"winchcascade.report.{module}" for module in ("frames", "plots")]
 """What makes frames, plots and summaries of results."""
 
 UPWARD = {
@@ -29,7 +29,7 @@ UPWARD = {
     "reduction/reduction_result.py": {*PASSED_ON},
     "diagnosis/diagnosis_result.py": {*PASSED_ON},
     "comparison/comparison_result.py": {*PASSED_ON},
-    "report/campaign_reduction.py": {*PASSED_ON},
+    "report/campaign_record.py": {*PASSED_ON},
 }
 """Methods of results that only pass on to `report`, which they import when they are called."""
 
@@ -38,14 +38,12 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 
 PATTERNS = {
     "interaction": "symbols in labels of Matplotlib",
-    "check_text": "characters that XML forbids",
-    "svg_drawing": "SVG of Matplotlib",
-    "text_runs": "mathematics of Matplotlib",
-    "exports": "names of logs, for names of files",
+    "check_report": "characters that XML forbids",
+    "svg_drawing": "SVG and mathematics of Matplotlib",
     "figure_files": "SVG of Matplotlib",
-    "table_files": "symbols of physics and special characters of LaTeX and Markdown",
+    "exports": "names of logs, for names of files; symbols and special characters of LaTeX and Markdown",
     "publish": "symbols of physics, names of fonts, and characters that no report shows",
-    "typesetting": "symbols of physics, signs and units of sentences that are set on a page",
+    "wording": "symbols of physics, signs and units of sentences that are set on a page",
 }
 """Modules of `report` that may search texts by a pattern, and which texts."""
 

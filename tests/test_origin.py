@@ -27,7 +27,7 @@ from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.check_text import check_record, check_text
+from winchcascade.report.check_report import check_record, check_text
 from winchcascade.report.document import make_report
 from winchcascade.report.publish import html_text
 from winchcascade.report.records import reduction_record

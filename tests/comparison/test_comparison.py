@@ -18,8 +18,7 @@ from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Gate, drop_gate
 from winchcascade.core.rig_toml import read_rig
 from winchcascade.reduction.uncertainty import budget
-from winchcascade.report.comparison_record import comparison_record
-from winchcascade.report.comparison_text import comparison_text
+from winchcascade.report.comparison_text import comparison_record, comparison_text
 
 LOGS = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADS = {"r36ohm.csv": 36.0, "r9ohm.csv": 9.0, "open_circuit.csv": math.inf}

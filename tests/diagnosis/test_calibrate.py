@@ -17,7 +17,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration
 from winchcascade.diagnosis.nuisances import nuisances, shifted
-from winchcascade.report.calibration_text import calibration_text
+from winchcascade.report.calibration_sheet import calibration_text
 from winchcascade.rig.baseline import baseline
 
 RIG = built_in()

@@ -18,7 +18,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_n
 from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.evidence import price
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.report.diagnosis_record import as_json
+from winchcascade.report.diagnosis_text import as_json
 from winchcascade.report.gap_words import about_text, where_sentence
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
 

@@ -14,8 +14,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.entries import RARER, bound_to, price_of, same_in_logs, usual_gain
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.suspects import freedom, with_values
-from winchcascade.report.diagnosis_record import as_json
-from winchcascade.report.diagnosis_text import diagnosis_text
+from winchcascade.report.diagnosis_text import as_json, diagnosis_text
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.wrong_entries import ENTRY
 

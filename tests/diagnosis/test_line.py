@@ -27,10 +27,8 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_li
 from winchcascade.diagnosis.line.line_selection import coefficients, moments_of
 from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis import make_diagnosis_report
-from winchcascade.report.diagnosis_names import signed
-from winchcascade.report.diagnosis_record import as_json
-from winchcascade.report.diagnosis_text import diagnosis_text
-from winchcascade.report.gap_words import differs_text
+from winchcascade.report.diagnosis_text import as_json, diagnosis_text
+from winchcascade.report.gap_words import differs_text, signed
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 PLANTED = {

@@ -40,7 +40,7 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.audit_text import audit_text
-from winchcascade.report.check_text import check_text
+from winchcascade.report.check_report import check_text
 from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.terminal import reduction_text
 from winchcascade.rig.open_rig import load_rig

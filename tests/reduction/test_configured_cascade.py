@@ -16,9 +16,9 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.document import make_report
+from winchcascade.report.frames import write_parquet
 from winchcascade.report.publish import publish
 from winchcascade.report.records import reduction_json
-from winchcascade.report.rows import write_parquet
 from winchcascade.report.terminal import reduction_text
 
 LOG = Path("fixtures/campaign/r36ohm.csv")

@@ -37,8 +37,7 @@ from winchcascade.reduction.loss_points import (
     stages_of_loss,
 )
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.loss_map_file import write_loss_map
-from winchcascade.report.loss_map_text import loss_map_lines
+from winchcascade.report.loss_map_text import loss_map_lines, write_loss_map
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 

@@ -12,7 +12,7 @@ from winchcascade.core.campaign_file import Origin
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.model_data import ModelComparison, compare_with_baseline
+from winchcascade.report.model_account import ModelComparison, compare_with_baseline
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig

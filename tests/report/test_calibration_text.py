@@ -9,7 +9,7 @@ from openlog import made_log, steady_payouts
 from winchcascade import Calibration, calibrate
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.calibrate import Strain
-from winchcascade.report.calibration_text import calibration_record, calibration_text
+from winchcascade.report.calibration_sheet import calibration_record, calibration_text
 
 WIDEST = 120
 """The table is as wide as its reasons are long; sentences end at 100 columns."""

@@ -30,9 +30,8 @@ from winchcascade.report.campaign_record import (
     runs_by_load,
 )
 from winchcascade.report.publish import html_text, publish
-from winchcascade.report.report_model import Report
+from winchcascade.report.report_model import Report, Table
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import Table
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 

@@ -15,8 +15,7 @@ from winchcascade.report.cause_costs import (
     no_energy_words,
     waterfall_figure,
 )
-from winchcascade.report.diagnosis_record import as_json
-from winchcascade.report.diagnosis_text import diagnosis_text
+from winchcascade.report.diagnosis_text import as_json, diagnosis_text
 from winchcascade.report.digits import MINUS
 from winchcascade.report.screen import PIPED
 from winchcascade.report.style import house_style

@@ -9,7 +9,7 @@ import pytest
 
 from winchcascade.core.table_toml import load_table
 from winchcascade.report.audit_text import audit_record, audit_text
-from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
+from winchcascade.report.check_report import check_record, check_text, github_annotations, junit_xml
 from winchcascade.tables.audit import audit_by_load as audit
 from winchcascade.tables.check import Check, Factors, Measured, check
 

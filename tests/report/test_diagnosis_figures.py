@@ -21,30 +21,28 @@ from winchcascade.report.diagnosis_causes import (
     thresholds,
     tolerance_of,
 )
-from winchcascade.report.diagnosis_data import (
+from winchcascade.report.diagnosis_figures import (
     BIN,
     OUT,
     blocks_before_braking,
     by_load,
-    loaded,
-    means_over_speed,
-    most_telling,
-    rated_dc_current,
-    representative,
-    series,
-    sides,
-    stator_current,
-)
-from winchcascade.report.diagnosis_figures import (
     closure_bars,
     error_figure,
     error_panels,
     gap_map,
     history,
+    loaded,
+    means_over_speed,
+    most_telling,
     over_speed_figure,
+    rated_dc_current,
+    representative,
+    series,
+    sides,
     stage_map,
+    stator_current,
 )
-from winchcascade.report.diagnosis_names import signed
+from winchcascade.report.gap_words import signed
 from winchcascade.report.style import house_style
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.open_rig import load_rig

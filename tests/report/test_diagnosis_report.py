@@ -17,8 +17,7 @@ from winchcascade.report.cause_costs import COLUMNS, cost_section, lead_picture,
 from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.digits import MINUS
 from winchcascade.report.publish import html_text, pdf_bytes
-from winchcascade.report.report_model import Picture, Report
-from winchcascade.report.table_model import Table
+from winchcascade.report.report_model import Picture, Report, Table
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 
@@ -226,7 +225,7 @@ def test_the_documentation_states_the_numbers_of_the_code() -> None:
 
 def test_a_law_that_the_rig_file_does_not_state_has_a_name_of_its_own() -> None:
     from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
-    from winchcascade.report.diagnosis_names import _LAWS, nuisance_words
+    from winchcascade.report.gap_words import _LAWS, nuisance_words
 
     laws = [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
     assert {str(law) for law in laws} == set(_LAWS)

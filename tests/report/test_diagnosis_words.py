@@ -11,9 +11,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Alternative, Experiment, Remainder, Reported, Spot
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.cause_words import cause_words
-from winchcascade.report.diagnosis_names import display_of, number_words
-from winchcascade.report.diagnosis_record import as_json
-from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
+from winchcascade.report.diagnosis_text import as_json, diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
     arises_words,
     checked_words,
@@ -28,7 +26,7 @@ from winchcascade.report.diagnosis_words import (
     where_words,
     word_of,
 )
-from winchcascade.report.gap_words import alarm_meaning, alarm_words, arises_sentence
+from winchcascade.report.gap_words import alarm_meaning, alarm_words, arises_sentence, display_of, number_words
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
 

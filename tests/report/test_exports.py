@@ -16,13 +16,22 @@ from pypdf import PdfReader
 
 from winchcascade.core.errors import OutputError
 from winchcascade.report.digits import NumberText, interval_text, number
-from winchcascade.report.exports import LIST, stem_of, write_report_files
+from winchcascade.report.exports import LIST, csv_text, latex, latex_text, markdown_text, stem_of, write_report_files
 from winchcascade.report.figure_files import figure_files
 from winchcascade.report.report_files import ReportFiles
-from winchcascade.report.report_model import Report, picture, section
+from winchcascade.report.report_model import (
+    Limit,
+    Report,
+    Table,
+    TableColumn,
+    make_table,
+    number_column,
+    picture,
+    rows_of,
+    section,
+    text_column,
+)
 from winchcascade.report.style import house_style, label_panel, legend_above, line_entry, panel_figure, wide_figure
-from winchcascade.report.table_files import csv_text, latex, latex_text, markdown_text
-from winchcascade.report.table_model import Limit, Table, TableColumn, make_table, number_column, rows_of, text_column
 
 
 def _table() -> Table:

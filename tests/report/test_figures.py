@@ -20,7 +20,7 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import figures
 from winchcascade.report.style import COLOURS, house_style
 from winchcascade.report.svg_drawing import svg_text
-from winchcascade.report.traces import PANELS
+from winchcascade.report.time_histories import PANELS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

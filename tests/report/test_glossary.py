@@ -10,11 +10,9 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.document import make_report
-from winchcascade.report.glossary import cascade_figure, cascade_symbols, symbols_section
-from winchcascade.report.report_model import Picture
+from winchcascade.report.report_model import Picture, Table
 from winchcascade.report.style import Format, figure_format, house_style
-from winchcascade.report.table_model import Table
-from winchcascade.report.wording import SYMBOL, tex
+from winchcascade.report.wording import SYMBOL, cascade_figure, cascade_symbols, symbols_section, tex
 
 CLEAN = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 CASCADES = {

@@ -23,9 +23,8 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import figures
 from winchcascade.report.document import make_report
 from winchcascade.report.publish import html_text, publish, width
-from winchcascade.report.report_model import Note, Picture, Report, Section
+from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS
-from winchcascade.report.table_model import Table
 from winchcascade.rig.open_rig import load_rig
 
 ROOT = Path(__file__).parents[2]

@@ -9,8 +9,16 @@ import pytest
 from compared import KGCM2, LOGS, before_braking, binned, compared, reduced
 
 from winchcascade.core.run import Signal
-from winchcascade.report.model_account import DAMPERS, GROUPS, HAUL_IN, LEAST, SHOWN, Account, account_of
-from winchcascade.report.model_data import ModelComparison
+from winchcascade.report.model_account import (
+    DAMPERS,
+    GROUPS,
+    HAUL_IN,
+    LEAST,
+    SHOWN,
+    Account,
+    ModelComparison,
+    account_of,
+)
 from winchcascade.rig.simulate import LEDGER
 
 KEPT = 5.1e-5

@@ -12,7 +12,7 @@ from winchcascade.core.run import CLOCK
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.model_data import LONGEST, SLOWEST, LeftOut, ModelComparison, compare, compare_with_baseline
+from winchcascade.report.model_account import LONGEST, SLOWEST, LeftOut, ModelComparison, compare, compare_with_baseline
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.open_rig import load_rig

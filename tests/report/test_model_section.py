@@ -23,8 +23,7 @@ from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.campaign_record import campaign_from
 from winchcascade.report.document import make_report
-from winchcascade.report.model_account import GROUPS, Regression, account_of
-from winchcascade.report.model_data import ModelComparison, compare
+from winchcascade.report.model_account import GROUPS, ModelComparison, Regression, account_of, compare
 from winchcascade.report.model_figures import back_emf_figure, budget_bars, damper_sweep
 from winchcascade.report.model_section import (
     GENERATOR,
@@ -36,9 +35,8 @@ from winchcascade.report.model_section import (
     modelled,
     run_section,
 )
-from winchcascade.report.report_model import Note, Picture, Report, Section
+from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS, house_style
-from winchcascade.report.table_model import Table
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.open_rig import load_rig

@@ -22,8 +22,7 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.document import make_report
 from winchcascade.report.publish import html_text, pdf_bytes, publish
-from winchcascade.report.report_model import Note, Picture, Report, Section
-from winchcascade.report.table_model import Table
+from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 
 CLEAN = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 

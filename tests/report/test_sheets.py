@@ -17,7 +17,7 @@ from pypdf import PdfReader
 
 from winchcascade import audit, open_campaign, write_report
 from winchcascade.core.errors import OptionError
-from winchcascade.report.typesetting import page_text
+from winchcascade.report.wording import page_text
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.point_audit import PointAudit
 

@@ -10,8 +10,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability, Trend
 from winchcascade.report.cause_words import stability_words
 from winchcascade.report.diagnosis_causes import stability_figure
-from winchcascade.report.diagnosis_record import as_json
-from winchcascade.report.diagnosis_text import diagnosis_text
+from winchcascade.report.diagnosis_text import as_json, diagnosis_text
 from winchcascade.report.style import house_style
 
 NUMBERS = (RunValue(0, 0.3, 0.28, 0.32), RunValue(1, 0.5, 0.48, 0.52))

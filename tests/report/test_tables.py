@@ -19,7 +19,8 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import tables
 from winchcascade.report.digits import MINUS
-from winchcascade.report.table_model import Table
+from winchcascade.report.report_model import Table
+from winchcascade.report.wording import metrics_note
 
 ROUNDING = 0.17
 """Half of the last digit that an uncertainty allows, in units of it, at most (0.5 / 2.95)."""
@@ -417,4 +418,4 @@ def test_every_symbol_of_the_cycles_is_reported_below_them(results: dict[str, Re
     note = tables.cycles_table(*results["clean"]).note
     assert note.startswith("Subscripts: line, the line (force times speed); mech, the shaft; gen, the DC link")
     assert "η_pto = E_gen / E_line" in note
-    assert "gen" not in tables.metrics_note(PAPER, ["energy_line", "energy_mech", "eta_trans"])
+    assert "gen" not in metrics_note(PAPER, ["energy_line", "energy_mech", "eta_trans"])

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 
 from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
+from winchcascade.report.exports import csv_text
 from winchcascade.report.publish import cleaned
-from winchcascade.report.report_model import Report, section
-from winchcascade.report.table_files import csv_text
-from winchcascade.report.table_model import (
+from winchcascade.report.report_model import (
     Limit,
+    Report,
     Table,
     TableColumn,
     every_row,
     make_table,
     number_column,
     rows_of,
+    section,
     text_column,
 )
 

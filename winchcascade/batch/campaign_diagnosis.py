@@ -19,7 +19,7 @@ from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.ingest.read import read_run
-from winchcascade.report.diagnosis_record import as_json
+from winchcascade.report.diagnosis_text import as_json
 from winchcascade.rig.baseline import NoModel, model_of
 from winchcascade.rig.open_rig import load_rig
 from winchcascade.rig.simulate import simulate, write_log, write_simulated

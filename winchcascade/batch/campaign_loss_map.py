@@ -14,8 +14,7 @@ from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.reduction.loss_map import make_loss_map
 from winchcascade.reduction.loss_points import LossPoints, joined, loss_points, stages_of_loss
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.loss_map_file import check_ending, write_loss_map
-from winchcascade.report.loss_map_text import loss_map_lines
+from winchcascade.report.loss_map_text import check_ending, loss_map_lines, write_loss_map
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan, Work

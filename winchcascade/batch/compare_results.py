@@ -15,7 +15,7 @@ from winchcascade.comparison.comparison_result import ComparedSide, Comparison
 from winchcascade.core.errors import OptionError
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.campaign_reduction import CampaignReduction
+from winchcascade.report.campaign_record import CampaignReduction
 from winchcascade.report.records import reduction_record
 
 Target = str | Path | Reduction | CampaignReduction

@@ -12,8 +12,8 @@ import msgspec
 from winchcascade.batch.workbook import TABLES
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.version import __version__
+from winchcascade.report.frames import Row, arrow_table, table_rows, table_schema
 from winchcascade.report.records import FindingRecord, RunRecord
-from winchcascade.report.rows import Row, arrow_table, table_rows, table_schema
 
 SCHEMA = "winchcascade/dataset/1"
 

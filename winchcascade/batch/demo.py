@@ -84,7 +84,7 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
     from winchcascade.core.campaign_file import load_campaign
     from winchcascade.report.diagnosis import make_diagnosis_report
-    from winchcascade.report.diagnosis_record import as_json
+    from winchcascade.report.diagnosis_text import as_json
     from winchcascade.report.publish import html_text, pdf_bytes
     from winchcascade.report.results_index import INDEX, links_to
     from winchcascade.rig.effects.catalogue import EFFECTS

@@ -15,7 +15,7 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.jobs import Workers
 from winchcascade.core.late_module import LateModule
-from winchcascade.report.campaign_reduction import CampaignReduction
+from winchcascade.report.campaign_record import CampaignReduction
 from winchcascade.report.records import RunRecord
 
 if TYPE_CHECKING:

@@ -352,7 +352,7 @@ def campaign_record(plan: Plan, batch: Batch, state: str) -> CampaignRecord:
 
 def _waves(results: Mapping[str, Path]) -> dict[str, Any] | UnsetType:
     """The waves of all logs together."""
-    from winchcascade.report.campaign_waves import campaign_waves, campaign_waves_record
+    from winchcascade.report.wave_section import campaign_waves, campaign_waves_record
 
     found = campaign_waves(read_results(results))
     return UNSET if found is None else campaign_waves_record(found)

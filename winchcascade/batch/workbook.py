@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from winchcascade.core.version import __version__
-from winchcascade.report.provenance import made_at
-from winchcascade.report.rows import RUN_ENDS, Row
+from winchcascade.report.frames import RUN_ENDS, Row
+from winchcascade.report.report_model import made_at
 
 TABLES = ("runs", "cycles", "bins", "findings")
 """Tables of a dataset, in the order of their sheets."""

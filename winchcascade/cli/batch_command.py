@@ -75,7 +75,7 @@ def batch_command(
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
     from winchcascade.report.campaign_record import campaign_text, fault_text
-    from winchcascade.report.progress import Progress
+    from winchcascade.report.screen import Progress
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
@@ -118,7 +118,7 @@ def demo_command(
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.diagnosis_text import diagnosis_lines
-    from winchcascade.report.progress import Progress, status_line
+    from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()
     plan = make_plan([str(campaign)])

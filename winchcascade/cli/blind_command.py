@@ -50,7 +50,7 @@ def blind_deal_command(
 ) -> None:
     """Generate campaigns with injected effects, and seal the answers. The exit code is 1 if a case failed."""
     from winchcascade.blind.trial import deal
-    from winchcascade.report.progress import Progress
+    from winchcascade.report.screen import Progress
     from winchcascade.report.trial_text import dealt_text, faults_text
 
     with Progress(f"dealing {cases} cases") as watch:
@@ -70,7 +70,7 @@ def blind_diagnose_command(
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_campaign
     from winchcascade.blind.trial import DiagnosisMethod, diagnose
-    from winchcascade.report.progress import Progress
+    from winchcascade.report.screen import Progress
     from winchcascade.report.trial_text import diagnosed_text, faults_text
     from winchcascade.rig.effects.catalogue import EFFECTS
 

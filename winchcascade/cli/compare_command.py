@@ -58,8 +58,7 @@ def compare_command(
     from winchcascade.batch.compare_results import compare
     from winchcascade.comparison.gate import check_limit, drop_gate
     from winchcascade.core.jobs import processes
-    from winchcascade.report.comparison_record import comparison_record
-    from winchcascade.report.comparison_text import comparison_text, failed_text
+    from winchcascade.report.comparison_text import comparison_record, comparison_text, failed_text
 
     if max_drop is not None:
         check_limit(max_drop)

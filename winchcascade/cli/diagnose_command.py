@@ -103,10 +103,10 @@ def diagnose_command(
     from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
     from winchcascade.batch.demo import DIAGNOSIS_FILES
     from winchcascade.batch.results_pages import list_diagnosis
-    from winchcascade.report.diagnosis_record import as_json as diagnosis_record
+    from winchcascade.report.diagnosis_text import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
     from winchcascade.report.model_export import check_export, write_export
-    from winchcascade.report.progress import status_line
+    from winchcascade.report.screen import status_line
 
     suspects, listed = _suspects(suspect), _listed(campaign, simulated)
     logs = [run.file for run in listed.runs]

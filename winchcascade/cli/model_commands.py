@@ -155,7 +155,7 @@ def calibrate_command(
     from winchcascade.diagnosis.calibrate import calibrate, complete_payouts
     from winchcascade.diagnosis.rig_text import calibrated_text
     from winchcascade.reduction.reduce import reduce
-    from winchcascade.report.calibration_text import calibration_record, calibration_text
+    from winchcascade.report.calibration_sheet import calibration_record, calibration_text
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)

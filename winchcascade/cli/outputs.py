@@ -85,7 +85,7 @@ def write_reports(make: Callable[[], Report], files: ReportFiles, name: str, *, 
 
 def report_maker_of(result: object) -> Callable[[], Report]:
     """What makes the report of a result of a command, with the command."""
-    from winchcascade.report.reports_by_result import report_of
+    from winchcascade.report.report_files import report_of
 
     return partial(report_of, result, command=given_command())
 

@@ -59,7 +59,7 @@ def reduce_command(
     results: Results = {"--json": json, **report.by_option, "--parquet": parquet, "--loss-map": loss_map}
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
     if loss_map is not None:
-        from winchcascade.report.loss_map_file import check_ending
+        from winchcascade.report.loss_map_text import check_ending
 
         check_ending(loss_map)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
@@ -67,7 +67,7 @@ def reduce_command(
     require_payouts(reduction)
     mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
     if parquet is not None:
-        from winchcascade.report.rows import write_parquet
+        from winchcascade.report.frames import write_parquet
 
         write_parquet(reduction, parquet, force=force)
     found = None
@@ -113,7 +113,7 @@ def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap
     """Make the loss map of a log and write it."""
     from winchcascade.reduction.loss_map import make_loss_map
     from winchcascade.reduction.loss_points import loss_points
-    from winchcascade.report.loss_map_file import write_loss_map
+    from winchcascade.report.loss_map_text import write_loss_map
 
     found = make_loss_map(loss_points(reduction), reduction.rig)
     write_loss_map(found, path, reduction.run.name, force=force)

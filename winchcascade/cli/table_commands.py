@@ -84,7 +84,7 @@ def check_command(
     from winchcascade.batch.results import check_results, load_results
     from winchcascade.core.files import write_content
     from winchcascade.core.jobs import processes
-    from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml, missed_text
+    from winchcascade.report.check_report import check_record, check_text, github_annotations, junit_xml, missed_text
     from winchcascade.tables.check import Factors
     from winchcascade.tables.point_table import open_table
 
@@ -155,9 +155,15 @@ def audit_command(
     difference.
     """
     from winchcascade.core.published_table import PublishedTable
-    from winchcascade.report.audit_text import audit_record, audit_text, contradictions_text
-    from winchcascade.report.point_audit_text import broken_laws_text, point_audit_record, point_audit_text
-    from winchcascade.report.progress import Progress
+    from winchcascade.report.audit_text import (
+        audit_record,
+        audit_text,
+        broken_laws_text,
+        contradictions_text,
+        point_audit_record,
+        point_audit_text,
+    )
+    from winchcascade.report.screen import Progress
     from winchcascade.tables.audit import Audit
     from winchcascade.tables.point_table import open_table
     from winchcascade.tables.table_audit import audit

@@ -115,6 +115,6 @@ class Comparison(msgspec.Struct, frozen=True):
 
     def _repr_html_(self) -> str:
         """Differences of the efficiencies as a table, for notebooks."""
-        from winchcascade.report.notebook_html import summary_html
+        from winchcascade.report.plots import summary_html
 
         return summary_html(self)

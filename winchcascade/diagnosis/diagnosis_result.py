@@ -396,7 +396,7 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
 
     def _repr_html_(self) -> str:
         """Verdict and causes as a table, for notebooks."""
-        from winchcascade.report.notebook_html import summary_html
+        from winchcascade.report.plots import summary_html
 
         return summary_html(self)
 

@@ -87,7 +87,7 @@ class Reduction(msgspec.Struct, frozen=True):
 
     def _repr_html_(self) -> str:
         """Energies and efficiencies of the cycles as a table, for notebooks."""
-        from winchcascade.report.notebook_html import summary_html
+        from winchcascade.report.plots import summary_html
 
         return summary_html(self)
 

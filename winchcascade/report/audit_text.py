@@ -1,22 +1,28 @@
-"""An audit of a published table against itself and against a rig: as text and as records for JSON."""
+"""An audit of a published table against itself and against a rig, or of operating points: as text and as records for JSON."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.published_table import PublishedTable, Span, load_text, unit_suffix
+from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
+from winchcascade.report.report_model import file_digest
 from winchcascade.report.screen import toned
-from winchcascade.report.text_table import headed, indented, table_lines, wrapped
+from winchcascade.report.text_table import headed, indented, joined, paragraphs, table_lines, wrapped
 from winchcascade.rig.effects.effect import Field
-from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
-from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow, Cell
+from winchcascade.tables.attainable import Ability, AttainableRanges
+from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow
 from winchcascade.tables.audit import Audit, Contradiction, percent
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.effect_search import Values
 from winchcascade.tables.point_table import PointTable
+
+if TYPE_CHECKING:
+    from winchcascade.tables.point_audit import PointAudit
+
 
 AUDIT_SCHEMA = "winchcascade/audit/1"
 _VERDICTS = {"contradicted": "CONTRADICTED", "not_checkable": "cannot be verified"}
@@ -32,6 +38,15 @@ def table_record(table: PublishedTable | PointTable) -> dict[str, str]:
     return {"name": table.name, "title": table.title, "source": table.source, "path": table.path}
 
 
+def table_rows(table: PublishedTable | PointTable) -> list[tuple[str, str]]:
+    """Which table it is, as the provenance of a report has it."""
+    return [
+        ("Published table", table_place(table.path) or table.name),
+        ("SHA-256 of the table", file_digest(table.path)),
+        ("Source", table.source),
+    ]
+
+
 def load_record(load: float) -> dict[str, float | bool]:
     """A load as records have it: JSON has null ohms for an open circuit."""
     return {"load_ohm": load, "open_circuit": math.isinf(load)}
@@ -40,23 +55,38 @@ def load_record(load: float) -> dict[str, float | bool]:
 def audit_text(audit: Audit) -> str:
     """Contradictions of a table, the verdicts on its claims and the windows it does not print."""
     cells, claims = len(audit.contradictions), len(audit.contradicted)
-    lines = title_lines(audit.table) + [line for text in bound_sentences(audit) for line in wrapped(text)]
-    lines += ["", *wrapped(f"cells that contradict each other: {cells or 'none'}")]
-    for item in audit.contradictions:
-        lines += indented(item.sentence)
-        lines += wrapped(remedy(item), indent="    ") if item.kind == "row" else []
-    if audit.claims:
-        lines += ["", *wrapped(f"claims of the text: {len(audit.claims)}, contradicted: {claims or 'none'}")]
-    for claim in sorted(audit.claims, key=lambda claim: claim.verdict != "contradicted"):
-        if claim.verdict in _VERDICTS:
-            lines += headed(_claim_lines(claim), _VERDICTS["contradicted"], "contradiction")
+    ranked = sorted(audit.claims, key=lambda claim: claim.verdict != "contradicted")
     confirmed = sum(claim.verdict == "confirmed" for claim in audit.claims)
-    lines += indented(f"confirmed: {confirmed}, each in the JSON") if confirmed else []
-    if audit.windows:
-        lines += ["", "windows recovered from energy over power:"]
-        lines += [line for text in window_sentences(audit) for line in indented(text)]
-    clean = not audit.contradictions and not audit.contradicted
-    text = "\n".join([*lines, "", _summary(audit_summary(audit), clean)]) + "\n"
+    text = joined(
+        [
+            *title_lines(audit.table),
+            *paragraphs(bound_sentences(audit)),
+            "",
+            *wrapped(f"cells that contradict each other: {cells or 'none'}"),
+            *(
+                line
+                for item in audit.contradictions
+                for text, indent in ((item.sentence, "  "), (remedy(item) if item.kind == "row" else "", "    "))
+                for line in wrapped(text, indent)
+            ),
+            *(
+                ["", *wrapped(f"claims of the text: {len(audit.claims)}, contradicted: {claims or 'none'}")]
+                if audit.claims
+                else []
+            ),
+            *(
+                line
+                for claim in ranked
+                if claim.verdict in _VERDICTS
+                for line in headed(_claim_lines(claim), _VERDICTS["contradicted"], "contradiction")
+            ),
+            *(indented(f"confirmed: {confirmed}, each in the JSON") if confirmed else []),
+            *(["", "windows recovered from energy over power:"] if audit.windows else []),
+            *(paragraphs(window_sentences(audit), "  ") if audit.windows else []),
+            "",
+            _summary(audit_summary(audit), not audit.contradictions and not audit.contradicted),
+        ]
+    )
     return text if audit.physics is None else text + attainable_text(audit.physics)
 
 
@@ -88,10 +118,12 @@ def _claim_lines(claim: ClaimVerdict) -> list[str]:
 
 def contradictions_text(audit: Audit) -> str:
     """What contradicts itself alone: cells, then claims."""
-    lines = [line for item in audit.contradictions for line in indented(item.sentence)]
+    lines = paragraphs((item.sentence for item in audit.contradictions), "  ")
     lines += [line for claim in audit.contradicted for line in _claim_lines(claim)]
-    beyond = "" if audit.physics is None else unreachable_text(audit.physics)
-    return "".join(f"{line}\n" for line in lines) + beyond
+    if audit.physics is not None:
+        metrics = dict.fromkeys(cell.metric for _, cell in audit.physics.outside)
+        lines += [line for metric in metrics for line in _verdict(audit.physics, metric)]
+    return joined(lines)
 
 
 def audit_record(audit: Audit) -> dict[str, Any]:
@@ -110,7 +142,22 @@ def audit_record(audit: Audit) -> dict[str, Any]:
             "product": known.bounds.product,
             "assumed": known.assumed,
         },
-        "contradictions": [_contradiction_record(item) for item in audit.contradictions],
+        "contradictions": [
+            {
+                "kind": item.kind,
+                **({} if item.load is None else load_record(item.load)),
+                "cells": item.cells,
+                "metric": item.metric,
+                "printed": item.printed,
+                "unit": item.unit,
+                "allowed": _span_record(item.allowed),
+                "missed_by": item.missed_by,
+                "sentence": item.sentence,
+                "repairs": [{"metric": r.metric, "low": r.low, "high": r.high} for r in item.repairs],
+                "line": item.line,
+            }
+            for item in audit.contradictions
+        ],
         "claims": [
             {
                 "verdict": claim.verdict,
@@ -146,41 +193,25 @@ def remedy(item: Contradiction) -> str:
 
 def window_sentences(audit: Audit) -> list[str]:
     """The windows that follow from energies and powers, row by row, and which rows can share one."""
-    found = []
-    for w in audit.windows:
-        span = "none; the stages contradict each other or leave it open"
-        if w.span is not None:
-            middle, half = 0.5 * (w.span.low + w.span.high), 0.5 * (w.span.high - w.span.low)
-            span = f"{w.span.low:.4f} to {w.span.high:.4f} s ({middle:.4f} s +- {percent(half / middle)})"
-        found.append(f"{load_text(w.load)}: {span}")
-    return found + shared_windows(audit)
+    return [f"{load_text(w.load)}: {_window_words(w.span)}" for w in audit.windows] + shared_windows(audit)
+
+
+def _window_words(span: Span | None) -> str:
+    if span is None:
+        return "none; the stages contradict each other or leave it open"
+    middle, half = 0.5 * (span.low + span.high), 0.5 * (span.high - span.low)
+    return f"{span.low:.4f} to {span.high:.4f} s ({middle:.4f} s +- {percent(half / middle)})"
 
 
 def shared_windows(audit: Audit) -> list[str]:
     """Which rows can share one window."""
-    found = []
-    for shared in audit.shared:
-        if len(shared.loads) > 1:
-            loads = ", ".join(load_text(load) for load in shared.loads)
-            span = f"{shared.span.low:.4f} to {shared.span.high:.4f} s"
-            found.append(f"{loads} can share one window: {span}, such as {shared.shortest:g} s")
+    found = [
+        f"{', '.join(map(load_text, shared.loads))} can share one window: {shared.span.low:.4f} to {shared.span.high:.4f} s, "
+        f"such as {shared.shortest:g} s"
+        for shared in audit.shared
+        if len(shared.loads) > 1
+    ]
     return found + ([f"no fewer than {len(audit.shared)} windows fit all rows"] if len(audit.shared) > 1 else [])
-
-
-def _contradiction_record(item: Contradiction) -> dict[str, Any]:
-    return {
-        "kind": item.kind,
-        **({} if item.load is None else load_record(item.load)),
-        "cells": item.cells,
-        "metric": item.metric,
-        "printed": item.printed,
-        "unit": item.unit,
-        "allowed": _span_record(item.allowed),
-        "missed_by": item.missed_by,
-        "sentence": item.sentence,
-        "repairs": [{"metric": r.metric, "low": r.low, "high": r.high} for r in item.repairs],
-        "line": item.line,
-    }
 
 
 def _span_record(span: Span | None) -> tuple[float, float] | None:
@@ -198,23 +229,20 @@ def attainable_text(ranges: AttainableRanges) -> str:
     """What can be reached row by row, how far the table lies outside, and which effects could be why."""
     cells = [cell for row in ranges.rows for cell in row.cells]
     metrics = list(dict.fromkeys(cell.metric for cell in cells))
-    lines = ["", *wrapped(basis(ranges)), *(line for note in ranges.notes for line in wrapped(f"note: {note}"))]
-    for item in ranges.not_judged:
-        lines += wrapped(f"not judged: {load_text(item.load)}: {item.reason}")
+    notes = [*(f"note: {note}" for note in ranges.notes)]
+    notes += [f"not judged: {load_text(item.load)}: {item.reason}" for item in ranges.not_judged]
+    lines = ["", *paragraphs([basis(ranges), *notes])]
     if ranges.rows:
         head = ["ohm", "m/s", *(text for metric in metrics for text in (f" {metric}", "range", "past"))]
         points = _range([100.0 * cell.allowed for cell in cells], ".1f")
-        omit = ("m/s", "range", *metrics[:1])
-        lines += ["", *_columns([head, *(_row(row, metrics) for row in ranges.rows)], omit)]
+        lines += ["", *_columns([head, *(_row(row, metrics) for row in ranges.rows)], ("m/s", "range", *metrics[:1]))]
         lines += indented(
             "past: percentage points beyond the nearer end of the range; in brackets where rounding and repeatability "
             f"({points} points) bridge it"
         )
-    for metric in metrics:
-        lines += ["", *_verdict(ranges, metric)]
-    if not ranges.ok:
-        lines += [*_neither(ranges), *_details(ranges), *_sets(ranges)]
-    return "\n".join([*lines, "", _summary(f"physics: {attainable_summary(ranges)}", ranges.ok)]) + "\n"
+    lines += [line for metric in metrics for line in ("", *_verdict(ranges, metric))]
+    lines += [] if ranges.ok else [*_neither(ranges), *_details(ranges), *_sets(ranges)]
+    return joined([*lines, "", _summary(f"physics: {attainable_summary(ranges)}", ranges.ok)])
 
 
 def attainable_summary(ranges: AttainableRanges) -> str:
@@ -223,12 +251,6 @@ def attainable_summary(ranges: AttainableRanges) -> str:
     if judged and not ranges.ok:
         return f"{outside} of {judged} efficiencies cannot be reached"
     return f"all {judged} efficiencies can be reached" if judged else "no row could be judged"
-
-
-def unreachable_text(ranges: AttainableRanges) -> str:
-    """The efficiencies that the rig cannot reach alone."""
-    metrics = list(dict.fromkeys(cell.metric for _, cell in ranges.outside))
-    return "".join(f"{line}\n" for metric in metrics for line in _verdict(ranges, metric))
 
 
 def basis(ranges: AttainableRanges) -> str:
@@ -254,19 +276,19 @@ def _row(row: AttainableRow, metrics: Sequence[str]) -> list[str]:
         if cell is None:
             texts += ["-", "", ""]
         else:
-            texts += [f"{'~' * cell.derived}{cell.printed:.3f}", f"{cell.low:.3f}-{cell.high:.3f}", _off(cell)]
+            text = f"{100.0 * cell.gap:+.1f}"
+            texts += [
+                f"{'~' * cell.derived}{cell.printed:.3f}",
+                f"{cell.low:.3f}-{cell.high:.3f}",
+                ("0" if float(text) == 0.0 else text if cell.outside else f"({text})"),
+            ]
     return texts
-
-
-def _off(cell: Cell) -> str:
-    text = f"{100.0 * cell.gap:+.1f}"
-    return "0" if float(text) == 0.0 else text if cell.outside else f"({text})"
 
 
 def _verdict(ranges: AttainableRanges, metric: str) -> list[str]:
     """How far the table deviates in one efficiency, and which effects could do that alone."""
     sentences, causes = verdict_sentences(ranges, metric)
-    return [line for text in sentences for line in wrapped(text)] + [line for text in causes for line in indented(text)]
+    return paragraphs(sentences) + paragraphs(causes, "  ")
 
 
 def verdict_sentences(ranges: AttainableRanges, metric: str) -> tuple[list[str], list[str]]:
@@ -275,24 +297,21 @@ def verdict_sentences(ranges: AttainableRanges, metric: str) -> tuple[list[str],
     outside = [cell for cell in judged if cell.outside]
     if not outside:
         return [f"{metric}: all {len(judged)} rows within reach"], []
-    sentences = []
-    for side, cells in (("above", [c for c in outside if c.gap > 0]), ("below", [c for c in outside if c.gap < 0])):
-        if cells:
-            beyond = _range([100.0 * abs(cell.gap) for cell in cells], ".1f")
-            middle = _range([100.0 * abs(cell.printed - cell.nominal) for cell in cells], ".1f")
-            sentences.append(
-                f"{metric}: {len(cells)} of {len(judged)} rows {side} what the rig can reach, by {beyond} points "
-                f"({middle} from the middle payout)"
-            )
+    sentences = [
+        f"{metric}: {len(cells)} of {len(judged)} rows {side} what the rig can reach, by "
+        f"{_range([100.0 * abs(cell.gap) for cell in cells], '.1f')} points "
+        f"({_range([100.0 * abs(cell.printed - cell.nominal) for cell in cells], '.1f')} from the middle payout)"
+        for side, cells in (("above", [c for c in outside if c.gap > 0]), ("below", [c for c in outside if c.gap < 0]))
+        if cells
+    ]
     if metric not in wanted(ranges):
         return sentences, []
-    able: dict[str, list[str]] = {"explains": [], "beyond_plausible": []}
-    for mover in ranges.explanation.suspects:
-        able.setdefault(mover.ability(metric).verdict, []).append(mover.effect)
-    causes = [f"one cause would do, at a plausible value: {', '.join(able['explains']) or 'none'}"]
-    if beyond := ", ".join(able["beyond_plausible"]):
-        causes.append(f"one would do at a value beyond what is plausible: {beyond}")
-    return sentences, causes
+    able, beyond = (
+        ", ".join(one.effect for one in ranges.explanation.suspects if one.ability(metric).verdict == verdict)
+        for verdict in ("explains", "beyond_plausible")
+    )
+    causes = [f"one cause would do, at a plausible value: {able or 'none'}"]
+    return sentences, causes + ([f"one would do at a value beyond what is plausible: {beyond}"] if beyond else [])
 
 
 def wanted(ranges: AttainableRanges) -> list[str]:
@@ -305,21 +324,21 @@ def wanted(ranges: AttainableRanges) -> list[str]:
 def _neither(ranges: AttainableRanges) -> list[str]:
     """Effects that cannot bring any of the efficiencies within reach, and how much of it they take away."""
     metrics = wanted(ranges)
-    parts = []
-    for mover in ranges.explanation.suspects:
-        found = [mover.ability(metric) for metric in metrics]
-        if all(ability.verdict == "no" for ability in found):
-            parts.append((max(one.closed for one in found), mover.effect, [f"{one.closed:.0%}" for one in found]))
-    parts.sort(key=lambda part: (-part[0], part[1]))
-    some = "; ".join(f"{name} {', '.join(shares)}" for most, name, shares in parts if most >= _NOTHING)
-    nothing = ", ".join(name for most, name, _ in parts if most < _NOTHING)
-    sentence = (
-        f"{'explain neither' if len(metrics) > 1 else 'do not explain it'} alone; at a plausible value they take away so "
-        f"much of what is out of reach of {' and of '.join(metrics)}: {some}"
-    )
+    found = [(mover.effect, [mover.ability(m) for m in metrics]) for mover in ranges.explanation.suspects]
+    unable = {name: [one.closed for one in each] for name, each in found if all(one.verdict == "no" for one in each)}
+    ranked = sorted(unable.items(), key=lambda item: (-max(item[1]), item[0]))
+    some = "; ".join(f"{name} {', '.join(map('{:.0%}'.format, c))}" for name, c in ranked if max(c) >= _NOTHING)
+    nothing = ", ".join(name for name, closed in ranked if max(closed) < _NOTHING)
     return [
         "",
-        *(wrapped(sentence) if some else []),
+        *(
+            wrapped(
+                f"{'explain neither' if len(metrics) > 1 else 'do not explain it'} alone; at a plausible value they take away "
+                f"so much of what is out of reach of {' and of '.join(metrics)}: {some}"
+            )
+            if some
+            else []
+        ),
         *(wrapped(f"take away nothing: {nothing}") if nothing else []),
     ]
 
@@ -329,12 +348,11 @@ def _details(ranges: AttainableRanges) -> list[str]:
     metrics = wanted(ranges)
     rows = [["effect", "plausible", *(text for metric in metrics for text in (f"{metric} needs", "closes"))]]
     for mover in ranges.explanation.suspects:
-        found = [mover.ability(metric) for metric in metrics]
+        found, first = [mover.ability(metric) for metric in metrics], mover.fields[0]
         if max(one.closed for one in found) >= _WORTH:
-            first, *others = mover.fields
             span = f"{first.low:g}..{first.high:g}{unit_suffix(first.unit)}"
             needs = [text for one in found for text in (needed_words(ranges, one), f"{one.closed:.0%}")]
-            rows.append([mover.effect, f"{len(mover.fields)} fields" if others else span, *needs])
+            rows.append([mover.effect, f"{len(mover.fields)} fields" if len(mover.fields) > 1 else span, *needs])
     note = indented("needs: from the row that needs least to the one that needs most; * in some rows no value does")
     return ["", *_columns(rows, ("plausible", "closes")), *note] if len(rows) > 1 else []
 
@@ -393,60 +411,154 @@ def attainable_record(ranges: AttainableRanges) -> dict[str, Any]:
         "ok": ranges.ok,
         "deviation_eta": ranges.scatter,
         "notes": ranges.notes,
-        "rows": [_row_record(row) for row in ranges.rows],
+        "rows": [
+            {
+                **load_record(row.load),
+                "window_s": row.window,
+                "speed_mps": [row.speeds.low, row.speeds.high],
+                "efficiencies": {
+                    cell.metric: {
+                        "printed": cell.printed,
+                        "derived": cell.derived,
+                        "allowed": cell.allowed,
+                        "reach": [cell.low, cell.high],
+                        "nominal": cell.nominal,
+                        "standard_uncertainty": cell.u,
+                        "off": cell.gap,
+                        "outside": cell.outside,
+                    }
+                    for cell in row.cells
+                },
+            }
+            for row in ranges.rows
+        ],
         "not_judged": [{**load_record(item.load), "reason": item.reason} for item in ranges.not_judged],
-        "effects": [_mover_record(ranges, mover) for mover in found.suspects],
+        "effects": [
+            {
+                "effect": mover.effect,
+                "stage": mover.stage,
+                "fields": {
+                    field.name: {"unit": field.unit, "absent": field.absent, "plausible": [field.low, field.high]}
+                    for field in mover.fields
+                },
+                "can": {
+                    one.metric: {
+                        "verdict": one.verdict,
+                        "closed": one.closed,
+                        "needed": [
+                            {**load_record(row.load), "value": value}
+                            for row, value in zip(ranges.rows, one.needed, strict=True)
+                        ]
+                        if one.needed
+                        else None,
+                    }
+                    for one in mover.abilities
+                },
+                "best": None if mover.best is None else _values_record(mover.best),
+            }
+            for mover in found.suspects
+        ],
         "sets": [_values_record(values) for values in found.sets],
         "closest": None if found.closest is None else _values_record(found.closest),
-    }
-
-
-def _row_record(row: AttainableRow) -> dict[str, Any]:
-    return {
-        **load_record(row.load),
-        "window_s": row.window,
-        "speed_mps": [row.speeds.low, row.speeds.high],
-        "efficiencies": {
-            cell.metric: {
-                "printed": cell.printed,
-                "derived": cell.derived,
-                "allowed": cell.allowed,
-                "reach": [cell.low, cell.high],
-                "nominal": cell.nominal,
-                "standard_uncertainty": cell.u,
-                "off": cell.gap,
-                "outside": cell.outside,
-            }
-            for cell in row.cells
-        },
-    }
-
-
-def _mover_record(ranges: AttainableRanges, mover: SuspectResult) -> dict[str, Any]:
-    return {
-        "effect": mover.effect,
-        "stage": mover.stage,
-        "fields": {
-            field.name: {"unit": field.unit, "absent": field.absent, "plausible": [field.low, field.high]}
-            for field in mover.fields
-        },
-        "can": {
-            one.metric: {
-                "verdict": one.verdict,
-                "closed": one.closed,
-                "needed": [
-                    {**load_record(row.load), "value": value}
-                    for row, value in zip(ranges.rows, one.needed, strict=True)
-                ]
-                if one.needed
-                else None,
-            }
-            for one in mover.abilities
-        },
-        "best": None if mover.best is None else _values_record(mover.best),
     }
 
 
 def _values_record(values: Values) -> dict[str, Any]:
     names = ("fields", "reported", "left_rms", "out_of_reach", "enough", "plausible", "at_bound")
     return {name: getattr(values, name) for name in names}
+
+
+POINT_AUDIT_SCHEMA = "winchcascade/point-audit/1"
+
+_MOST_SHOWN = 12
+"""Broken laws that the text shows; the JSON has all."""
+
+
+def point_audit_text(audit: PointAudit) -> str:
+    """What a table of operating points contradicts in itself."""
+    table, broken = audit.table, audit.broken
+    more = [f"and {len(broken) - _MOST_SHOWN} more"] if len(broken) > _MOST_SHOWN else []
+    return joined(
+        [
+            *title_lines(table),
+            *paragraphs(law_sentences(audit)),
+            "",
+            f"{len(table.rows)} rows, {audit.laws} cells compared",
+            *paragraphs(unread_sentences(audit)),
+            *paragraphs([*_broken_sentences(audit, _MOST_SHOWN), *more], "  "),
+            "",
+            _summary(point_summary(audit), audit.ok),
+        ]
+    )
+
+
+def law_sentences(audit: PointAudit) -> list[str]:
+    """By which laws the cells of a row are compared."""
+    table = audit.table
+    laws = ", ".join(f"{name} = {column.law.text}" for name, column in table.columns.items() if column.law)
+    bounds = ", ".join(name for name, column in table.columns.items() if column.at_most == 1.0)
+    means = f"{100.0 * table.tolerance:g} %" if table.tolerance else ""
+    heads = (("laws: ", laws), ("at most 1: ", bounds), ("means may differ by ", means))
+    return [f"{head}{text}" for head, text in heads if text]
+
+
+def unread_sentences(audit: PointAudit) -> list[str]:
+    """Which cells hold a text where a number was expected."""
+    unread = audit.table.unread
+    more = f"; and {len(unread) - _MOST_SHOWN} more" if len(unread) > _MOST_SHOWN else ""
+    return [f"not numbers, and not compared: {'; '.join(unread[:_MOST_SHOWN])}{more}"] if unread else []
+
+
+def point_summary(audit: PointAudit) -> str:
+    """How many faults there are."""
+    faults, broken = len(audit.faults), len(audit.broken)
+    found = [f"{faults} column fault{'s'[: faults != 1]}"] if faults else []
+    one = "1 cell that contradicts others"
+    found += [one if broken == 1 else f"{broken} cells that contradict others"] if broken or not found else []
+    return "nothing contradicts itself" if audit.ok else f"found: {', '.join(found)}"
+
+
+def broken_laws_text(audit: PointAudit) -> str:
+    """Column faults and contradictions alone."""
+    return joined(paragraphs(_broken_sentences(audit), "  "))
+
+
+def _broken_sentences(audit: PointAudit, most: int | None = None) -> list[str]:
+    return [*(fault.sentence for fault in audit.faults), *(item.sentence for item in audit.broken[:most])]
+
+
+def point_audit_record(audit: PointAudit) -> dict[str, Any]:
+    """The audit as nested records, schema `winchcascade/point-audit/1`; JSON has null for an open end."""
+    table = audit.table
+    return {
+        "schema": POINT_AUDIT_SCHEMA,
+        "version": __version__,
+        "table": table_record(table),
+        "ok": audit.ok,
+        "rows": len(table.rows),
+        "cells_compared": audit.laws,
+        "cells_not_numbers": [*table.unread],
+        "column_faults": [
+            {
+                "kind": fault.kind,
+                "columns": [*fault.columns],
+                "heads": [table.columns[name].head for name in fault.columns],
+                "broken_before": fault.broken_before,
+                "broken_after": fault.broken_after,
+                "sentence": fault.sentence,
+            }
+            for fault in audit.faults
+        ],
+        "contradictions": [
+            {
+                "row": item.row + 1,
+                "key": {name: cell.value for name, cell in table.rows[item.row].items() if name in table.key},
+                "column": item.column,
+                "printed": item.printed,
+                "unit": table.columns[item.column].unit,
+                "allowed": (item.allowed.low, item.allowed.high),
+                "sentence": item.sentence,
+            }
+            for item in audit.broken
+        ],
+    }

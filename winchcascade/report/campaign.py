@@ -27,18 +27,31 @@ from winchcascade.report.campaign_record import (
     runs_by_load,
     window_text,
 )
-from winchcascade.report.campaign_waves import CampaignWaves, campaign_waves, campaign_waves_section
-from winchcascade.report.digits import interval_text, percent, stated, with_uncertainty
-from winchcascade.report.glossary import symbols_section
+from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
-from winchcascade.report.provenance import data_point, provenance_table
 from winchcascade.report.records import FindingRecord, read_results
-from winchcascade.report.report_model import Note, Picture, Point, Report, Section, Tile, picture, section
+from winchcascade.report.report_model import (
+    ItemTable,
+    Limit,
+    Note,
+    Picture,
+    Point,
+    Report,
+    Section,
+    Table,
+    TableColumn,
+    Tile,
+    data_point,
+    filled,
+    picture,
+    provenance_section,
+    row_limit,
+    section,
+)
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import Limit, Table, TableColumn, make_table, row_limit, rows_of
-from winchcascade.report.tables import decimals_of, metrics_note, unit_of
-from winchcascade.report.wording import SYMBOL
+from winchcascade.report.wave_section import CampaignWaves, campaign_waves, campaign_waves_section
+from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, symbols_section, unit_of
 
 SEED = 20260
 """Seed of the draws from which the probability follows that a load is the best."""
@@ -52,6 +65,7 @@ MOST_RUNS = 150
 """Logs that a table lists; of more the first and the last half of that."""
 
 
+@house_style()
 def make_campaign_report(
     campaign: CampaignRecord, out: Path, *, results: Path | None = None, command: str = ""
 ) -> Report:
@@ -65,11 +79,10 @@ def make_campaign_report(
     waves = None
     if campaign.waves is not UNSET:
         waves = campaign_waves(read_results({run.name: folder / run.result for run in campaign.reduced}))
-    with house_style():
-        model = _model(runs, folder)
-    return campaign_report(campaign, _bins(out, runs), model, command=command, waves=waves)
+    return campaign_report(campaign, _bins(out, runs), _model(runs, folder), command=command, waves=waves)
 
 
+@house_style()
 def campaign_report(
     campaign: CampaignRecord,
     bins: figures.Bins,
@@ -91,36 +104,40 @@ def campaign_report(
     runs, failed = runs_by_load(campaign.reduced), campaign.failed
     loaded = [run for run in runs if not run.open_circuit] or runs
     rigs = sorted({run.rig for run in runs})
-    with house_style():
-        sections = (
-            section(
-                "results", "Energies and efficiencies",
-                _over_load(loaded),
-                energies_table(runs, linked=linked) if runs else None,
-                logs_efficiencies_table(runs) if runs else None,
-                logs_net_table(runs),
-            ),
-            *([] if waves is None else [campaign_waves_section(waves)]),
-            section("speed", "Over generator speed", _over_speed(runs, bins)),
-            *model,
-            section("repeatability", "Repeatability", logs_repeatability_table(runs)),
-            section(
-                "findings", "Logs and findings", logs_table(runs, linked=linked) if runs else Note("No log could be used."),
-                between_table(campaign.between),
-                faults_table(failed),
-            ),
-            *((symbols_section(cascade_of(runs)),) if runs else ()),
-            section("provenance", "Provenance", _provenance(campaign, runs, command)),
-        )  # fmt: skip
+    energies, logs = (_linked(table, runs) if linked else table for table in (energies_table(runs), _LOGS.of(runs)))
     return Report(
         kind="Campaign",
         title=campaign.title,
         subtitle=f"rig {', '.join(rigs)}" if rigs else "",
         tiles=_tiles(loaded),
         points=tuple(_points(runs, failed, loaded)),
-        sections=tuple(s for s in sections if s.blocks),
+        sections=filled(
+            section(
+                "results", "Energies and efficiencies",
+                _over_load(loaded), energies, logs_efficiencies_table(runs), logs_net_table(runs),
+            ),
+            *([] if waves is None else [campaign_waves_section(waves)]),
+            section(
+                "speed", "Over generator speed",
+                picture(
+                    figures.runs_over_speed(runs, bins), "speed",
+                    "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
+                    + (" Logs of one load look alike." if figures.look_alike(runs) else "")
+                    + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
+                    "Curves of binned torque and power over generator speed, one for each run.",
+                ),
+            ),
+            *model,
+            section("repeatability", "Repeatability", logs_repeatability_table(runs)),
+            section(
+                "findings", "Logs and findings", logs or Note("No log could be used."),
+                _BETWEEN.of(campaign.between[: row_limit(MOST_RUNS)]), _FAULTS.of(failed[: row_limit(MOST_RUNS)]),
+            ),
+            *((symbols_section(cascade_of(runs)),) if runs else ()),
+            _provenance(campaign, runs, command),
+        ),
         banner=banner([run.origin for run in runs]),
-    )
+    )  # fmt: skip
 
 
 _NOT_JOINED = (
@@ -138,18 +155,6 @@ def _over_load(loaded: Sequence[LogSummary]) -> Picture | None:
         + (_NOT_JOINED if len(figures.comparable(loaded)) > 1 else "")
         + "Where η_pto is highest, most of the line's energy reaches the DC link.",
         "Points of powers and efficiencies over the load; the values are in the tables.",
-    )
-
-
-def _over_speed(runs: Sequence[LogSummary], bins: figures.Bins) -> Picture | None:
-    """Torque and power over generator speed, and what the figure shows."""
-    return picture(
-        figures.runs_over_speed(runs, bins),
-        "speed",
-        "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
-        + (" Logs of one load look alike." if figures.look_alike(runs) else "")
-        + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
-        "Curves of binned torque and power over generator speed, one for each run.",
     )
 
 
@@ -246,15 +251,13 @@ def _tiles(runs: Sequence[LogSummary]) -> tuple[Tile, ...]:
     if best is not None:
         sure = f"best with a probability of {percent(best.likely) if best.likely < 0.995 else '>99'} %"
         there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
-        tiles.append(Tile("Best load", "", _name(best.run), sure))
-        tiles.append(Tile(SYMBOL[eta], there, _mean(eta, best.run), f"95 %: {_interval(eta, best.run)}"))
-    powered = [
-        (power, run)
-        for run in runs
-        if (power := run.mean.get(field_of(delivered))) is not None and not run.open_circuit
-    ]
-    if powered:
-        _, run = max(powered, key=lambda pair: pair[0])
+        tiles += [
+            Tile("Best load", "", _name(best.run), sure),
+            Tile(SYMBOL[eta], there, _mean(eta, best.run), f"95 %: {_interval(eta, best.run)}"),
+        ]
+    powers = [run.mean.get(field_of(delivered)) for run in runs]
+    powered = [pair for pair in zip(powers, runs, strict=True) if pair[0] is not None and not pair[1].open_circuit]
+    for _, run in sorted(powered, key=lambda pair: -(pair[0] or 0.0))[:1]:
         unknown = run.interval_95.get(field_of(delivered)) is None
         text = "uncertainty unknown" if unknown else f"95 %: {_interval(delivered, run)} W"
         tiles.append(Tile(SYMBOL[delivered], f"largest, at {_name(run)}", f"{_mean(delivered, run)} W", text))
@@ -262,45 +265,51 @@ def _tiles(runs: Sequence[LogSummary]) -> tuple[Tile, ...]:
 
 
 def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Sequence[LogSummary]) -> list[Point]:
-    points, eta = [data_point([run.origin for run in runs])] if runs else [], cascade_of(runs).overall
-    mixed = mixed_windows(runs)
-    points += [Point("Windows", mixed, "warn")] if mixed else []
+    eta, mixed, best = cascade_of(runs).overall, mixed_windows(runs), best_load(loaded)
     total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
-    text = f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete."
-    points.append(Point("Logs", text, "warn" if failed or whole < total else "plain"))
-    best = best_load(loaded)
-    if best is not None:
-        first, second = (f"{_name(run)} with {{}}{_mean(eta, run)}" for run in (best.run, best.following))
-        sure = "" if best.likely > 0.95 else " The uncertainties do not distinguish them."
-        points.append(Point("Best load", f"{first.format(f'{SYMBOL[eta]} = ')}, then {second.format('')}.{sure}"))
     found = [run for run in runs if run.findings]
-    if found:
-        kinds = sorted({kind.replace("_", " ") for run in found for kind in run.findings})
-        points.append(Point("Findings", f"In {len(found)} of {len(runs)} logs: {', '.join(kinds)}.", "warn"))
-    elif runs:
-        points.append(Point("Findings", "No fault found in any log.", "good"))
+    kinds = ", ".join(sorted({kind.replace("_", " ") for run in found for kind in run.findings}))
     worst = [(most, run) for run in loaded if (most := run.max_deviation_percent.get(eta)) is not None]
-    if worst:
-        most, run = max(worst, key=lambda pair: pair[0])
-        points.append(
+    return [
+        *([data_point([run.origin for run in runs])] if runs else []),
+        *([Point("Windows", mixed, "warn")] if mixed else []),
+        Point(
+            "Logs",
+            f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete.",
+            "warn" if failed or whole < total else "plain",
+        ),
+        *([] if best is None else [Point("Best load", _best_words(best, eta))]),
+        *([Point("Findings", f"In {len(found)} of {len(runs)} logs: {kinds}.", "warn")] if found else []),
+        *([Point("Findings", "No fault found in any log.", "good")] if runs and not found else []),
+        *(
             Point("Repeatability", f"{SYMBOL[eta]} deviates from its mean by {most:.2f} % at most, at {_name(run)}.")
-        )
-    return points
+            for most, run in sorted(worst, key=lambda pair: -pair[0])[:1]
+        ),
+    ]
 
 
-def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: str) -> Table:
+def _best_words(best: Best, eta: str) -> str:
+    """The best load and the next one, with their efficiencies."""
+    sure = "" if best.likely > 0.95 else " The uncertainties do not distinguish them."
+    first = f"{_name(best.run)} with {SYMBOL[eta]} = {_mean(eta, best.run)}"
+    return f"{first}, then {_name(best.following)} with {_mean(eta, best.following)}.{sure}"
+
+
+def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: str) -> Section:
     finite = sorted({run.load for run in runs if run.load is not None and math.isfinite(run.load)})
     results = ", ".join(run.result for run in runs)
     if len(results) > LISTED:
         results = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
-    rows = [
-        ("Campaign", campaign.title),
-        ("Data", origin_words([run.origin for run in runs])),
-        ("Logs", f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its result"),
-        ("Results", f"{results}; other files in runs are of other calls" if runs else ""),
-        ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
-    ]
-    return provenance_table(rows, command)
+    return provenance_section(
+        [
+            ("Campaign", campaign.title),
+            ("Data", origin_words([run.origin for run in runs])),
+            ("Logs", f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its result"),
+            ("Results", f"{results}; other files in runs are of other calls" if runs else ""),
+            ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
+        ],
+        command,
+    )
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
@@ -308,20 +317,13 @@ _LOG: TableColumn[LogSummary] = TableColumn("Log", text=True, of=lambda run: run
 _LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=run_load_text)
 _WINDOW: TableColumn[LogSummary] = TableColumn("Window", "s", of=window_text)
 _CYCLES: TableColumn[LogSummary] = TableColumn("Cycles", of=lambda run: run.complete)
+_LISTED_RUNS = Limit(MOST_RUNS, "more, in the dataset")
 
 
-def _table(
-    name: str, caption: str, columns: Sequence[TableColumn[LogSummary]], runs: Sequence[LogSummary], note: str = ""
-) -> Table:
-    """A row for each log, of many for the first and the last ones."""
-    rows = rows_of(columns, runs, Limit(MOST_RUNS, "more, in the dataset"))
-    return make_table(name, caption, columns, rows, note=note)
-
-
-def _linked(table: Table, runs: Sequence[LogSummary]) -> Table:
+def _linked(table: Table | None, runs: Sequence[LogSummary]) -> Table | None:
     """A table whose rows lead to the reports of the logs, unless it lists a part of them alone."""
     links = tuple(f"runs/{quote(run.name)}.html" for run in runs)
-    return replace(table, links=() if len(runs) > MOST_RUNS else links)
+    return None if table is None else replace(table, links=() if len(runs) > MOST_RUNS else links)
 
 
 def _given(runs: Sequence[LogSummary], metrics: Iterable[str]) -> list[str]:
@@ -329,24 +331,27 @@ def _given(runs: Sequence[LogSummary], metrics: Iterable[str]) -> list[str]:
     return [m for m in metrics if any(run.mean.get(field_of(m)) is not None for run in runs)]
 
 
-def _with_uncertainty(metric: str, run: LogSummary) -> str:
-    value, u = run.mean.get(field_of(metric)), run.standard_uncertainty.get(field_of(metric))
-    return with_uncertainty(value, u, decimals_of(metric))
+def _metric_column(metric: str) -> TableColumn[LogSummary]:
+    """Means of a metric with their standard uncertainties."""
+    field, decimals = field_of(metric), decimals_of(metric)
+
+    def text(run: LogSummary) -> NumberText:
+        return with_uncertainty(run.mean.get(field), run.standard_uncertainty.get(field), decimals)
+
+    return TableColumn(SYMBOL[metric], unit_of(metric), of=text)
 
 
-def _metric_columns(metrics: Iterable[str]) -> list[TableColumn[LogSummary]]:
-    """Means of metrics with their standard uncertainties."""
-    return [TableColumn(SYMBOL[m], unit_of(m), of=partial(_with_uncertainty, m)) for m in metrics]
-
-
-def energies_table(runs: Sequence[LogSummary], *, linked: bool = True) -> Table:
+def energies_table(runs: Sequence[LogSummary]) -> Table | None:
     """Mean energies and powers of every log with their standard uncertainties (the layout of Table 2)."""
     cascade = cascade_of(runs)
     given = _given(runs, [f"{kind}_{stage}" for stage in cascade.names for kind in ("energy", "power")])
-    caption = "Mean energies over the integration window and mean powers in it, ± standard uncertainty."
-    columns = [_LOG, _LOAD, _WINDOW, _CYCLES, *_metric_columns(given)]
-    table = _table("energies", caption, columns, runs, metrics_note(cascade, given).strip())
-    return _linked(table, runs) if linked else table
+    return ItemTable(
+        "energies",
+        "Mean energies over the integration window and mean powers in it, ± standard uncertainty.",
+        [_LOG, _LOAD, _WINDOW, _CYCLES, *map(_metric_column, given)],
+        metrics_note(cascade, given).strip(),
+        _LISTED_RUNS,
+    ).of(runs)
 
 
 INTERVALS = (
@@ -356,36 +361,34 @@ INTERVALS = (
 """What the intervals of the means of logs are."""
 
 
-def logs_efficiencies_table(runs: Sequence[LogSummary]) -> Table:
-    """Mean efficiencies of every log with their standard uncertainties and 95 % intervals."""
+def logs_efficiencies_table(runs: Sequence[LogSummary]) -> Table | None:
+    """Mean efficiencies of every log with their standard uncertainties and 95 % intervals; None without logs."""
     cascade = cascade_of(runs)
     given = _given(runs, cascade.ratios)
-    columns = [_LOG, _LOAD, _WINDOW]
-    for m, column in zip(given, _metric_columns(given), strict=True):
-        columns += [column, TableColumn("95 % interval", of=partial(_interval, m))]
-    caption = "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals."
-    note = (
+    pairs = ((_metric_column(m), TableColumn("95 % interval", of=partial(_interval, m))) for m in given)
+    return ItemTable[LogSummary](
+        "efficiencies",
+        "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals.",
+        [_LOG, _LOAD, _WINDOW, *(column for pair in pairs for column in pair)],
         f"{metrics_note(cascade, given)}Errors of the sensors are common to all runs with the same sensors, so differences "
-        f"between loads are better known than each value. {INTERVALS}"
-    )
-    return _table("efficiencies", caption, columns, runs, note)
+        f"between loads are better known than each value. {INTERVALS}",
+        _LISTED_RUNS,
+    ).of(runs)
 
 
 def logs_net_table(runs: Sequence[LogSummary]) -> Table | None:
     """Net energies of whole cycles of every log, means with their standard uncertainties; None where no log has any."""
     given = _given(runs, cascade_of(runs).net_metrics)
-    caption = (
+    ratio = "η_net = E_gen, cycle / E_net. " if "eta_net" in given else ""
+    return ItemTable(
+        "net",
         "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
-        "next onset, ± standard uncertainty."
-    )
-    note = (
-        f"These energies do not depend on the integration window. {_NET_RATIO if 'eta_net' in given else ''}"
-        "The report of each log states why it has none; in open circuit they are not evaluated."
-    )
-    return _table("net", caption, [_LOG, _LOAD, *_metric_columns(given)], runs, note) if given else None
-
-
-_NET_RATIO = "η_net = E_gen, cycle / E_net. "
+        "next onset, ± standard uncertainty.",
+        [_LOG, _LOAD, *map(_metric_column, given)],
+        f"These energies do not depend on the integration window. {ratio}"
+        "The report of each log states why it has none; in open circuit they are not evaluated.",
+        _LISTED_RUNS,
+    ).of(runs if given else ())
 
 
 def logs_repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
@@ -393,34 +396,16 @@ def logs_repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
     several = [run for run in runs if run.complete > 1]
     metrics = cascade_of(runs).metrics
     given = [m for m in metrics if any(_deviation(field_of(m), run) is not None for run in several)]
-    columns = [
-        _LOG,
-        _LOAD,
-        _CYCLES,
-        *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, field_of(m))) for m in given),
-    ]
-    caption = "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean."
-    return _table("repeatability", caption, columns, several) if given else None
+    return ItemTable(
+        "repeatability",
+        "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean.",
+        [_LOG, _LOAD, _CYCLES, *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, field_of(m))) for m in given)],
+        limit=_LISTED_RUNS,
+    ).of(several if given else ())
 
 
 def _deviation(field: str, run: LogSummary) -> float | None:
     return run.max_deviation_percent.get(field)
-
-
-def logs_table(runs: Sequence[LogSummary], *, linked: bool = True) -> Table:
-    """Every log: its cycles, and what was found wrong with it."""
-    columns = [
-        _LOG,
-        _LOAD,
-        _WINDOW,
-        TableColumn("Data", text=True, of=lambda run: KINDS[run.origin.measured]),
-        TableColumn("Complete cycles", of=lambda run: f"{run.complete} of {run.cycles}"),
-        TableColumn("Data lost", "%", of=lambda run: percent(run.removed_share, 2)),
-        TableColumn("Findings", text=True, of=_findings),
-    ]
-    caption = "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings."
-    table = _table("logs", caption, columns, runs)
-    return _linked(table, runs) if linked else table
 
 
 def _findings(run: LogSummary) -> str:
@@ -428,22 +413,39 @@ def _findings(run: LogSummary) -> str:
     return f"{run.finding_count}: {kinds}" if kinds else "none"
 
 
-def between_table(found: Sequence[tuple[str, FindingRecord]]) -> Table | None:
-    """Findings that a log has beside the others; None if there is none."""
-    columns: list[TableColumn[tuple[str, FindingRecord]]] = [
+_LOGS = ItemTable[LogSummary](
+    "logs",
+    "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings.",
+    [
+        _LOG,
+        _LOAD,
+        _WINDOW,
+        TableColumn("Data", text=True, of=lambda run: KINDS[run.origin.measured]),
+        TableColumn("Complete cycles", of=lambda run: f"{run.complete} of {run.cycles}"),
+        TableColumn("Data lost", "%", of=lambda run: percent(run.removed_share, 2)),
+        TableColumn("Findings", text=True, of=_findings),
+    ],
+    limit=_LISTED_RUNS,
+)
+"""Every log: its cycles, and what was found wrong with it."""
+
+_BETWEEN = ItemTable[tuple[str, FindingRecord]](
+    "between",
+    "Logs that lie apart from the others. The data are kept; the operator decides.",
+    [
         TableColumn("Log", text=True, of=lambda one: one[0]),
         TableColumn("Finding", text=True, of=lambda one: f"{one[1].kind.replace('_', ' ')}: {one[1].message}"),
         TableColumn("What to do", text=True, of=lambda one: one[1].action),
-    ]
-    caption = "Logs that lie apart from the others. The data are kept; the operator decides."
-    return make_table("between", caption, columns, rows_of(columns, found[: row_limit(MOST_RUNS)])) if found else None
+    ],
+)
+"""Findings that a log has beside the others."""
 
-
-def faults_table(failed: Sequence[FailedLog]) -> Table | None:
-    """Logs that could not be used, each with its sentence; None if there is none."""
-    columns: list[TableColumn[FailedLog]] = [
+_FAULTS = ItemTable[FailedLog](
+    "faults",
+    "Logs that could not be used.",
+    [
         TableColumn("Log", text=True, of=lambda run: run.name),
         TableColumn("Why", text=True, of=lambda run: run.fault),
-    ]
-    rows = rows_of(columns, failed[: row_limit(MOST_RUNS)])
-    return make_table("faults", "Logs that could not be used.", columns, rows) if failed else None
+    ],
+)
+"""Logs that could not be used, each with its sentence."""

@@ -23,6 +23,7 @@ from winchcascade.report.style import (
     Margins,
     columns_within,
     cut_apart,
+    evenly,
     label_panel,
     lines_within,
     load_style,
@@ -90,10 +91,8 @@ def repeated(runs: Sequence[LogSummary]) -> bool:
 
 def comparable(runs: Sequence[LogSummary]) -> list[list[int]]:
     """Places of the runs that may be joined by a line: those of one window rule and of one kind of data."""
-    found: dict[object, list[int]] = {}
-    for k, run in enumerate(runs):
-        found.setdefault((rule_of(run), run.origin.measured), []).append(k)
-    return list(found.values())
+    kinds = [(rule_of(run), run.origin.measured) for run in runs]
+    return [[k for k, other in enumerate(kinds) if other == kind] for kind in dict.fromkeys(kinds)]
 
 
 def _places(runs: Sequence[LogSummary]) -> list[float] | None:
@@ -159,8 +158,7 @@ def _label_loads(ax: Axes, loads: Sequence[float]) -> None:
 
 def drawn_runs(runs: Sequence[LogSummary]) -> list[LogSummary]:
     """The runs that share a panel: all, or an even selection."""
-    even = np.linspace(0, max(len(runs) - 1, 0), min(len(runs), DRAWN_RUNS)).round().astype(int)
-    return [runs[k] for k in even.tolist()]
+    return evenly(runs, DRAWN_RUNS)
 
 
 def load_names(runs: Sequence[LogSummary]) -> list[str]:

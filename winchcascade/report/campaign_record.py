@@ -1,4 +1,4 @@
-"""The record of a campaign, each log with its means or the reason why it has none; its table in the terminal."""
+"""A campaign: its record, each log with its means or why it has none, its text for the terminal, and its reductions."""
 
 from __future__ import annotations
 
@@ -6,21 +6,31 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
+import numpy as np
 from msgspec import UNSET, UnsetType
+from numpy.typing import NDArray
 
 from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, origin_record
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage, field_of
+from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.run import Units
 from winchcascade.core.version import __version__
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FindingRecord, Interval95, Numbers, RunRecord
+from winchcascade.report.report_model import Limit, TableColumn
 from winchcascade.report.screen import toned
-from winchcascade.report.table_model import Limit, TableColumn
-from winchcascade.report.text_table import at_most, data_lines, headed, listing, metric_steps, wrapped
+from winchcascade.report.text_table import at_most, data_lines, headed, joined, listing, metric_steps, wrapped
 from winchcascade.report.wording import load_words
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib import axes
+else:
+    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
 CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
 
@@ -28,7 +38,6 @@ LISTED_RUNS = Limit(20, "more, in the dataset")
 """Logs that are listed; of more the first and the last half of that."""
 
 MOST_FAULTS = 10
-
 
 MOST_ALTERED = 5
 """Altered files that are named."""
@@ -193,10 +202,7 @@ def rule_of(run: LogSummary) -> str:
 
 def window_rules(runs: Sequence[LogSummary]) -> dict[str, list[LogSummary]]:
     """Logs by the rule of their windows: auto, payout, or a fixed length."""
-    found: dict[str, list[LogSummary]] = {}
-    for run in runs:
-        found.setdefault(rule_of(run), []).append(run)
-    return found
+    return {rule: [run for run in runs if rule_of(run) == rule] for rule in dict.fromkeys(map(rule_of, runs))}
 
 
 def mixed_windows(runs: Sequence[LogSummary]) -> str:
@@ -221,28 +227,30 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
     runs = runs_by_load(campaign.reduced)
     mixed = mixed_windows(runs)
     earlier = f", {kept} of them by an earlier call" if kept else ""
-    lines = wrapped(f"{campaign.title}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}", piped=None)
-    lines += data_lines([run.origin for run in runs]) if runs else []
-    lines += ["", *_table(runs), *_marked(runs), *_between(campaign), ""] if runs else [""]
-    lines += [*headed(wrapped(f"note: windows of {mixed}"), "note", "warning"), ""] if mixed else []
+    lines = [
+        *wrapped(f"{campaign.title}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}", piped=None),
+        *(data_lines([run.origin for run in runs]) if runs else []),
+        "",
+        *([*_table(runs), *_marked(runs), *_between(campaign), ""] if runs else []),
+        *([*headed(wrapped(f"note: windows of {mixed}"), "note", "warning"), ""] if mixed else []),
+    ]
     if campaign.waves is not UNSET:
-        from winchcascade.report.campaign_waves import campaign_waves_lines
+        from winchcascade.report.wave_section import campaign_waves_lines
 
         lines += [*campaign_waves_lines(campaign.waves), ""]
-    lines += altered_lines(altered)
-    lines += _fault_lines(campaign, out)
+    lines += [*altered_lines(altered), *_fault_lines(campaign, out)]
     named = [
         ("index", out / "index.html"),
         ("report", out / "campaign.html"), ("", out / "campaign.pdf"), ("workbook", out / "campaign.xlsx"),
         ("record", out / "campaign.json"), ("tables", out / "dataset"), ("each log", out / "runs"),
     ]  # fmt: skip
     lines += [f"{name + ':' if name else '':<10}{path}" for name, path in named if path.exists()]
-    return "\n".join(lines) + "\n"
+    return joined(lines)
 
 
 def fault_text(campaign: CampaignRecord, out: Path) -> str:
     """Logs that could not be reduced, and why."""
-    return "".join(f"{line}\n" for line in _fault_lines(campaign, out))
+    return joined(_fault_lines(campaign, out))
 
 
 def _fault_lines(campaign: CampaignRecord, out: Path) -> list[str]:
@@ -256,8 +264,11 @@ def altered_lines(altered: Sequence[str]) -> list[str]:
     """One line that names files which were changed after they were made, and so were made again; none if there are none."""
     more = f" and {len(altered) - MOST_ALTERED} more" if len(altered) > MOST_ALTERED else ""
     names = ", ".join(map(one_line, altered[:MOST_ALTERED]))
-    text = f"made again, as the content did not match the digest of the earlier call: {names}{more}"
-    return wrapped(text, piped=None) if altered else []
+    return (
+        wrapped(f"made again, as the content did not match the digest of the earlier call: {names}{more}", piped=None)
+        if altered
+        else []
+    )
 
 
 def named_fault(run: FailedLog) -> str:
@@ -315,11 +326,80 @@ def _marked(runs: Sequence[LogSummary]) -> list[str]:
     """The sentence on the rows that are marked: how many, and with which kinds of findings."""
     found = [run for run in runs if run.findings]
     kinds = ", ".join(sorted({kind for run in found for kind in run.findings}))
-    text = f"! findings in {len(found)} of {len(runs)} logs, listed in each log's report and JSON: {kinds}"
-    return headed(wrapped(text), "!", "warning") if found else []
+    return (
+        headed(
+            wrapped(f"! findings in {len(found)} of {len(runs)} logs, listed in each log's report and JSON: {kinds}"),
+            "!",
+            "warning",
+        )
+        if found
+        else []
+    )
 
 
 def _between(campaign: CampaignRecord) -> list[str]:
     """Findings of single logs beside the others."""
     texts = (one_line(f"{name}: {found.kind}: {found.message}; {found.action}") for name, found in campaign.between)
     return at_most([wrapped(text, "  ") for text in texts], MOST_FAULTS, "more, in the dataset", indent="  ")
+
+
+CampaignTable = Literal["runs", "cycles", "bins", "findings"]
+"""Tables of a campaign as frames."""
+
+CampaignPlot = Literal["power", "efficiency", "speed"]
+"""Plots of a campaign."""
+
+
+class CampaignReduction(msgspec.Struct, frozen=True):
+    """Reductions of the runs of a campaign.
+
+    Parameters
+    ----------
+    summary : means of every run or why it has none, and findings of single runs beside the others
+    records : the JSON of each run as a record, by its name
+    cascades : of the rigs of the runs
+    """
+
+    summary: CampaignRecord
+    records: Mapping[str, RunRecord]
+    cascades: tuple[Cascade, ...] = ()
+
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        return (
+            f"CampaignReduction({self.summary.title!r}, {len(self.records)} of {len(self.summary.runs)} runs reduced)"
+        )
+
+    @property
+    def faults(self) -> dict[str, str]:
+        """Why runs could not be reduced, by their names."""
+        return {run.name: run.fault for run in self.summary.failed}
+
+    @property
+    def bins(self) -> dict[str, list[dict[str, float]]]:
+        """Means of the runs in bins of generator speed that are known, by name and unit."""
+        return {
+            name: [
+                {k: x for k, x in msgspec.structs.asdict(item).items() if isinstance(x, float | int)}
+                for item in record.bins
+            ]
+            for name, record in self.records.items()
+        }
+
+    def to_pandas(self, table: CampaignTable = "runs", units: Units = "si") -> pd.DataFrame:
+        """One table as a frame with the columns of the dataset: a row for each run, or the cycles, bins or findings of all."""
+        from winchcascade.report.frames import campaign_frame
+
+        return campaign_frame(self.records, table, units, self.cascades)
+
+    def plot(self, what: CampaignPlot, ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
+        """Plot mean powers or efficiencies of the runs over their loads, or the power over generator speed; gives the Axes."""
+        from winchcascade.report.plots import plot_campaign
+
+        return plot_campaign(self, what, ax)
+
+    def _repr_html_(self) -> str:
+        """Efficiencies of the runs as a table, for notebooks."""
+        from winchcascade.report.plots import summary_html
+
+        return summary_html(self)

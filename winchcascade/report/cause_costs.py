@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
@@ -15,8 +16,16 @@ from winchcascade.report.cause_words import named
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import NumberText, number
 from winchcascade.report.gap_words import has_own_simulation
-from winchcascade.report.report_model import Picture, Section, picture, section
-from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
+from winchcascade.report.report_model import (
+    Picture,
+    Section,
+    Table,
+    formatted_table,
+    number_column,
+    picture,
+    section,
+    text_column,
+)
 from winchcascade.report.text_table import aligned_lines, table_lines
 from winchcascade.report.wording import SYMBOL, load_words, tex
 
@@ -44,12 +53,13 @@ def load_costs(found: ModelDiagnosis, metric: str | None) -> list[Contribution]:
     The errors of runs of one load are mostly the same, so the bounds of a part are means too.
     """
     runs = loaded_part(found.contributions, metric)
-    table = []
-    for load in sorted({run.load for run in runs if run.load is not None}, reverse=True):
-        own = [run for run in runs if run.load == load]
-        parts = tuple(_mean(alike, "value", "low", "high") for alike in zip(*(run.parts for run in own), strict=True))
-        table.append(msgspec.structs.replace(_mean(own, "as_given", "measured"), parts=parts))
-    return table
+    loads = sorted({run.load for run in runs if run.load is not None}, reverse=True)
+    return [_mean_costs([run for run in runs if run.load == load]) for load in loads]
+
+
+def _mean_costs(runs: Sequence[Contribution]) -> Contribution:
+    parts = tuple(_mean(alike, "value", "low", "high") for alike in zip(*(run.parts for run in runs), strict=True))
+    return msgspec.structs.replace(_mean(runs, "as_given", "measured"), parts=parts)
 
 
 def _mean(alike: Sequence[T], *fields: str) -> T:
@@ -109,11 +119,12 @@ def goal_words(found: ModelDiagnosis) -> str:
 
 def no_energy_words(found: ModelDiagnosis) -> str:
     """Which causes cost no energy."""
-    sentences = []
-    for kind, what in NO_ENERGY.items():
-        names = [found.suspects[cause.effect].label for cause in found.causes if cause.stage == kind]
-        sentences += [f"{name} {what}." for name in names]
-    return " ".join(sentences)
+    return " ".join(
+        f"{found.suspects[cause.effect].label} {what}."
+        for kind, what in NO_ENERGY.items()
+        for cause in found.causes
+        if cause.stage == kind
+    )
 
 
 # -------------------------------------------------------------------------------------------------------------- terminal
@@ -182,13 +193,11 @@ def cost_section(found: ModelDiagnosis) -> Section:
 
 def cost_tables(found: ModelDiagnosis) -> list[Table | None]:
     """The split of every efficiency by load."""
-    return [_cost_table_of(found, metric) for metric in EFFICIENCIES]
+    tables = ((metric, load_costs(found, metric)) for metric in EFFICIENCIES)
+    return [_cost_table_of(found, metric, table) for metric, table in tables if table]
 
 
-def _cost_table_of(found: ModelDiagnosis, metric: str) -> Table | None:
-    table = load_costs(found, metric)
-    if not table:
-        return None
+def _cost_table_of(found: ModelDiagnosis, metric: str, table: Sequence[Contribution]) -> Table | None:
     rows = [
         (
             part_name(found, part) if part.effect is None else named(found, part.effect),
@@ -218,8 +227,9 @@ ABOUT = (
 
 def _beside(part: ContributionPart) -> str:
     """A part with half its interval."""
-    text = f"{points_words(part.value)} ± {number(0.5 * (part.high - part.low), 2)}"
-    return NumberText(text, part.value, part.low, part.high)
+    return NumberText(
+        f"{points_words(part.value)} ± {number(0.5 * (part.high - part.low), 2)}", part.value, part.low, part.high
+    )
 
 
 COLUMNS = 3
@@ -295,16 +305,16 @@ def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequen
         _waterfall(ax, costs, span)
         ax.set_title(load_words(costs.load), loc="left", pad=3)
         ax.set_xlabel(f"{tex(table[0].metric)} (%)")
-    names = [given_head(found), *(part_name(found, part) for part in table[0].parts), word_of(found)]
-    panels[0].set(yticks=range(bars), yticklabels=names, ylim=(bars - 0.45, -0.55))
+    panels[0].set(
+        yticks=range(bars),
+        yticklabels=[given_head(found), *(part_name(found, part) for part in table[0].parts), word_of(found)],
+        ylim=(bars - 0.45, -0.55),
+    )
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:
     """Smallest and largest efficiency that a waterfall passes. [%]"""
-    level, levels = costs.as_given, [costs.as_given, costs.measured]
-    for part in costs.parts:
-        level += part.value
-        levels.append(level)
+    levels = [costs.measured, *accumulate((part.value for part in costs.parts), initial=costs.as_given)]
     return min(levels), max(levels)
 
 

@@ -1,4 +1,4 @@
-"""Sentences about single causes: their numbers, wrong entries, and numbers run by run."""
+"""Sentences about single causes: their numbers, wrong entries, numbers run by run; and those of a winch without a model."""
 
 from __future__ import annotations
 
@@ -10,14 +10,82 @@ from winchcascade.core.quantity import Unit, find_unit
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Reported, Trend
+from winchcascade.diagnosis.line.line_data import CyclePart, beside
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.stability import FEWEST
-from winchcascade.report.diagnosis_names import display_of, number_words, phase_words, probability_words
 from winchcascade.report.digits import significant, upper
-from winchcascade.report.gap_words import NAMES
-from winchcascade.report.line_words import LINE_MEANINGS, LINE_NUMBERS
+from winchcascade.report.gap_words import NAMES, display_of, number_words, phase_words, probability_words
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display, WrongEntry
+
+LINE_NUMBERS = {
+    "drum_inertia": Display("inertia, as a mass on the line", 1.0, "kg", signed=False),
+    "line_friction": Display("constant friction", 1.0, "N", signed=False),
+    "line_drag": Display("drag over speed", 1.0, "N·s/m", signed=False),
+    "force_gain": Display("gain of the force cell", 100.0, "%"),
+    "force_zero": Display("zero of the force cell", 1.0, "N"),
+}
+"""Display of the number of each suspect without a model, in units of the line."""
+
+LINE_MEANINGS = {
+    "drum_inertia": "What turns with the line (drum, gear, machine, tether on the drum) takes power to speed up and gives it "
+    "back.",
+    "line_friction": "A constant friction between line and shaft, against the motion.",
+    "line_drag": "A drag between line and shaft in proportion to the speed.",
+    "force_gain": "The force cell reads too much or too little, by the same share everywhere.",
+    "force_zero": "The force cell reads too much or too little, by the same force everywhere.",
+}
+"""What each suspect is on a winch of which only line and shaft are known."""
+
+
+def cycles_of(found: LineDiagnosis) -> int:
+    """Number of the cycles of all parts."""
+    return sum(len(set(part.cycle.tolist())) for part in found.lines.parts)
+
+
+def part_words(part: CyclePart) -> str:
+    """The cycles of a part and its log."""
+    first, last = int(part.cycle.min()), int(part.cycle.max())
+    return f"{f'cycle {first}' if first == last else f'cycles {first} to {last}'} of {part.run.name}"
+
+
+def flipped_words(found: LineDiagnosis) -> str:
+    """Channels that were logged with the opposite sign, which ingest corrected."""
+    flipped = {
+        f"{run.name}: {finding.message}; {finding.action}": None
+        for run in found.runs
+        for finding in run.findings
+        if finding.kind == "sign_flipped"
+    }
+    return "; ".join(flipped) + "." if flipped else ""
+
+
+def small_words(found: LineDiagnosis) -> str:
+    """What the suspects that are not named would close together."""
+    rest = [name for name in found.lines.names if name not in found.chosen]
+    if not found.causes or not rest:
+        return ""
+    more = 100.0 * (found.choice.error(found.chosen) - found.choice.error(found.choice.best))
+    size = "less than 0.1 %" if more < 0.1 else f"{significant(more, 1)} %"
+    return f"{', '.join(rest)}: {'it' if len(rest) == 1 else 'together they'} would close {size} more"
+
+
+def slope_words(found: LineDiagnosis) -> str:
+    """Over how many samples the acceleration was taken, and why."""
+    lines = found.lines
+    tried = " and ".join(f"{span:g} s" for span in lines.spans)
+    why = f" (of {tried}, the one with which the fit best predicts held-out cycles)" if len(lines.spans) > 1 else ""
+    return f"slope of a local quadratic over {samples_of(found)} samples, {lines.span:g} s{why}"
+
+
+def samples_of(found: LineDiagnosis) -> int:
+    """Samples over which the slope of the velocity is taken."""
+    return 2 * beside(found.lines.parts[0].run, found.lines.span) + 1
+
+
+def set_words(names: Sequence[str]) -> str:
+    """A set of suspects."""
+    return " + ".join(names) if names else "none: line tension times speed"
 
 
 class CauseNumber(NamedTuple):
@@ -50,33 +118,25 @@ def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False
     again : the numbers of a winch without a model as the withheld cycles alone give them
     """
     numbers = []
-    label = found.suspects[cause.effect].label
-    about = (
-        cause.effect,
-        label,
-        cause.stage,
-        probability_words(cause.probability),
-        alternatives_words(cause, ", ") or "none",
-    )
-    for name, value in cause.parameters.items():
-        if isinstance(found, LineDiagnosis):
-            how, value = LINE_NUMBERS[cause.effect], found.again[cause.effect] if again else value
-            text, interval = number_words(how, value, 3)
-            interval = interval if value.high > value.low else "at the end of what is plausible"
-        else:
-            how = display_of(cause.effect, name, value.unit)
-            text, interval = number_words(how, value)
+    for k, (name, value) in enumerate(cause.parameters.items()):
+        line = isinstance(found, LineDiagnosis)
+        value = found.again[cause.effect] if again and isinstance(found, LineDiagnosis) else value
+        how = LINE_NUMBERS[cause.effect] if line else display_of(cause.effect, name, value.unit)
+        text, interval = number_words(how, value, 3 if line else 5)
+        interval = "at the end of what is plausible" if line and value.high <= value.low else interval
         numbers.append(
             CauseNumber(
-                *about[:3],
-                how.what,
-                text,
-                interval + range_words(value),
-                interval.removesuffix(how.unit).rstrip() + range_words(value),
-                *about[3:],
+                effect="" if k else cause.effect,
+                label="" if k else found.suspects[cause.effect].label,
+                stage="" if k else cause.stage,
+                what=how.what,
+                value=text,
+                interval=interval + range_words(value),
+                beside=interval.removesuffix(how.unit).rstrip() + range_words(value),
+                probability="" if k else probability_words(cause.probability),
+                alternatives="" if k else alternatives_words(cause, ", ") or "none",
             )
         )
-        about = ("",) * 5
     return numbers
 
 
@@ -86,10 +146,10 @@ def minor_words(found: DiagnosisResult) -> str:
     for one in found.minor:
         (name, value), effect, largest = next(iter(one.parameters.items())), found.suspects[one.effect], one.largest
         text, _ = number_words(display_of(one.effect, name, value.unit), value)
-        what = largest.name
+        what, size = largest.name, f"{abs(largest.change):.2g}"
         if largest.phase is not None:
             what = f"the mean of {NAMES[largest.name]} in {phase_words(largest.phase)}"
-        size = f"{abs(largest.change):.2g}" if largest.phase is None else f"{100.0 * abs(largest.change):.2g} %"
+            size = f"{100.0 * abs(largest.change):.2g} %"
         texts.append(f"{effect.label} ({one.effect}), {text}, changes {what} by {size} at most")
     return f"Significant but too small to matter: {'; '.join(texts)}." if texts else ""
 

@@ -16,21 +16,20 @@ from matplotlib.figure import Figure
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.report.diagnosis_data import HAUL_IN, OUT, by_load, most_telling, seen_channels
-from winchcascade.report.diagnosis_figures import AFTER, DASHES
+from winchcascade.report.diagnosis_figures import AFTER, DASHES, HAUL_IN, OUT, by_load, most_telling, seen_channels
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, baseline_words
-from winchcascade.report.history_marks import REPAIRED, REPAIRED_HEIGHT, mark_repaired, repaired_spans
 from winchcascade.report.style import (
     COLOURS,
     Margins,
+    evenly,
     label_upright,
     legend_above,
     line_entry,
     patch_entry,
     wide_figure,
 )
-from winchcascade.report.traces import PANELS
+from winchcascade.report.time_histories import PANELS, REPAIRED, REPAIRED_HEIGHT, mark_repaired, repaired_spans
 from winchcascade.report.wording import load_words
 
 MOST_CYCLES = 24
@@ -113,18 +112,11 @@ def chosen_cycles(found: ModelDiagnosis, gaps: dict[tuple[int, int], float]) -> 
     if len(gaps) <= MOST_CYCLES:
         return sorted(gaps)
     each = {k: sorted(cycle for log, cycle in gaps if log == k) for k in by_load(found)}
-    logs = _evenly([k for k, cycles in each.items() if cycles], MOST_CYCLES)
+    logs = evenly([k for k, cycles in each.items() if cycles], MOST_CYCLES)
     share, shown = max(MOST_CYCLES // len(logs), 1), most_telling(found)
     worst = max(gaps, key=lambda pair: (pair[0] == shown, gaps[pair]))
-    chosen = {(k, cycle) for k in logs for cycle in _evenly(each[k], share)}
+    chosen = {(k, cycle) for k in logs for cycle in evenly(each[k], share)}
     return sorted({*chosen, worst})
-
-
-def _evenly(items: Sequence[int], most: int) -> list[int]:
-    """Items that are evenly spread, at most so many, the first and the last among them."""
-    if len(items) <= most:
-        return list(items)
-    return [items[k] for k in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int)).tolist()]
 
 
 def baseline_of(found: ModelDiagnosis, log: int) -> Signal:
@@ -186,19 +178,14 @@ def _averaged(x: Signal, step: int) -> Signal:
 
 def zeros_words(found: ModelDiagnosis, item: CycleHistory) -> str:
     """Which zeros of the sensors of a run are taken off its logged values."""
-    texts = []
-    for k, name in enumerate(CHANNELS):
-        if item.zeros[k] and name in found.data.logs[item.log].run.channels:
-            _, unit, factor = AXES[name]
-            texts.append(f"{NAMES[name]} {significant(float(item.zeros[k]) * factor, 2)} {unit}")
+    texts = [
+        f"{NAMES[name]} {significant(float(zero) * AXES[name][2], 2)} {AXES[name][1]}"
+        for name, zero in zip(CHANNELS, item.zeros, strict=True)
+        if zero and name in found.data.logs[item.log].run.channels
+    ]
     return (
         f"Zeros of the sensors, by the joint fit, are taken off the logged values: {', '.join(texts)}." if texts else ""
     )
-
-
-def panel_channels(found: ModelDiagnosis) -> list[str]:
-    """Channels that have a panel."""
-    return seen_channels(found)
 
 
 def item_words(found: ModelDiagnosis, item: CycleHistory) -> str:
@@ -215,14 +202,10 @@ def histories_json(found: ModelDiagnosis, items: Sequence[CycleHistory], first: 
     first : number of the one that the page shows first
     logged : what the values of the log are called
     """
-    sets, names = [], panel_channels(found)
+    sets, names = [], seen_channels(found)
     for item in items:
         order = " | ".join((logged, baseline_words(found), AFTER)[: len(item.sides)])
-        traces: list[dict[str, object] | None] = []
-        for name in names:
-            k, factor = CHANNELS.index(name), AXES[name][2]
-            columns = np.array([x[:, k] for x in item.sides]) * factor
-            traces.append(None if np.isnan(columns).any() else _packed(columns))
+        curves = (np.array([x[:, CHANNELS.index(name)] for x in item.sides]) * AXES[name][2] for name in names)
         sets.append(
             {
                 "name": item_words(found, item),
@@ -231,7 +214,7 @@ def histories_json(found: ModelDiagnosis, items: Sequence[CycleHistory], first: 
                 "spans": [[name, round(a, 3), round(b, 3)] for name, (a, b) in item.phases.items()],
                 "repaired": [[[round(t, 3) for t in span] for span in item.repaired.get(name, ())] for name in names],
                 "times": _packed(item.t[None]),
-                "traces": traces,
+                "traces": [None if np.isnan(columns).any() else _packed(columns) for columns in curves],
             }
         )
     t = items[first].t
@@ -279,7 +262,7 @@ LINES: tuple[dict[str, Any], ...] = (
 def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Figure:
     """Draw one cycle; what a page exchanges has a name with the number of its panel: `trace-0-1`, `span-0`, `xaxis-0`."""
     any_repaired = any(log.run.gaps for log in found.data.logs)
-    channels = panel_channels(found)
+    channels = seen_channels(found)
     height = HEAD + FOOT + (TITLE + ABOVE + APART + BELOW) * len(channels)
     figure, top, (left, right) = wide_figure(height), height - HEAD, Margins(left=0.125).edges
     for n, name in enumerate(channels):
@@ -306,13 +289,15 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
         else:
             below.set_xlabel(TIME)
     simulated = [line_entry(baseline_words(found), "mech", lw=1.0, ls=DASHES), line_entry(AFTER, "gen", lw=1.2)]
-    entries = [
-        line_entry(word, "ink", lw=0.8),
-        *simulated[: len(item.sides) - 1],
-        patch_entry("payout", "payout", lw=0),
-        *([patch_entry(REPAIRED, "repaired", lw=0)] if any_repaired else []),
-    ]
-    legend_above(figure, entries)
+    legend_above(
+        figure,
+        [
+            line_entry(word, "ink", lw=0.8),
+            *simulated[: len(item.sides) - 1],
+            patch_entry("payout", "payout", lw=0),
+            *([patch_entry(REPAIRED, "repaired", lw=0)] if any_repaired else []),
+        ],
+    )
     for ax in figure.axes:
         ax.yaxis.set_label_coords(-0.7 * left / (right - left), 0.5)
     return figure

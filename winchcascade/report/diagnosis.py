@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_figures as figures
@@ -17,9 +17,12 @@ from winchcascade.report.cause_words import (
     alternatives_words,
     cause_words,
     check_words,
+    cycles_of,
+    flipped_words,
     meaning_words,
     minor_words,
     named,
+    small_words,
     stability_words,
 )
 from winchcascade.report.cycle_histories import (
@@ -38,26 +41,37 @@ from winchcascade.report.diagnosis_causes import (
     threshold_words,
     thresholds,
 )
-from winchcascade.report.diagnosis_data import Sides, most_telling, sides
-from winchcascade.report.diagnosis_method import METHOD, STAGE_BY_STAGE, YARDSTICKS, line_method
-from winchcascade.report.diagnosis_names import apart_words, phase_words, probability_words, share_words
-from winchcascade.report.diagnosis_sections import where_section, which_section
+from winchcascade.report.diagnosis_figures import Sides, most_telling, sides
+from winchcascade.report.diagnosis_tables import where_section, which_section
+from winchcascade.report.diagnosis_words import METHOD, STAGE_BY_STAGE, YARDSTICKS, line_method
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import (
     NAMES,
     about_words,
+    apart_words,
     baseline_words,
     own_simulation_words,
+    phase_words,
+    probability_words,
+    share_words,
     simulated_words,
 )
-from winchcascade.report.glossary import symbols_section
 from winchcascade.report.line_report import line_how_far, line_logs_table, line_where, line_which
-from winchcascade.report.line_words import cycles_of, flipped_words, small_words
-from winchcascade.report.provenance import data_point, file_digest, provenance_table
-from winchcascade.report.report_model import Note, Point, Report, Section, Tile, picture, section
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Tile,
+    data_point,
+    file_digest,
+    pairs_table,
+    picture,
+    provenance_section,
+    section,
+)
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import make_table, text_column
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import load_words, symbols_section
 
 
 def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> Report:
@@ -66,7 +80,21 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
     traces, lead = "", None
     with house_style():
         if isinstance(found, LineDiagnosis):
-            sections = _line_sections(found)
+            sections: tuple[Section, ...] = (
+                line_where(found),
+                line_which(found),
+                line_how_far(found),
+                _next(
+                    found,
+                    "The sharpest next motion.",
+                    "Reel-out in steps of speed, reel-out in steps of line tension, out and back at one speed, and a swinging "
+                    "speed were tried. The difference is what remains of it once the numbers of the other explanation have "
+                    "adapted as far as these logs allow; of motions with about the same difference, the one with the minimum "
+                    "effort is named.",
+                ),
+                _method(line_method(found)),
+                symbols_section(found.rig.cascade, cycles=False, diagnosed=True),
+            )
             size = f"{cycles_of(found)} cycles"
             rig = f"{found.rig.name}: line tension, speed and winch power, no model"
         else:
@@ -89,13 +117,22 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
 
 def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Section, ...]:
     both = sides(found)
+    word, after = words.word_of(found), ", and with the fitted effects" if found.causes else ""
     return (
         _where(found),
         _which(found),
         cost_section(found),
         _how_far(found, both),
         *(_histories(found, item) for item in shown),
-        _over_speed(found, both),
+        section(
+            "speed", "Current, torque and power over speed",
+            picture(
+                figures.over_speed_figure(found, both, word), "speed",
+                f"Payouts at a light, a middle and a heavy load: {word}, {simulated_words(found)}{after} "
+                "(the paper's Figs 18a, 18c and 18d). Means of blocks in bins of 250 rpm.",
+                "Lines of the logs and marks of the simulations over generator speed.",
+            ),
+        ),
         _next(
             found,
             "The sharpest next run.",
@@ -116,40 +153,37 @@ def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Sec
     )  # fmt: skip
 
 
-def _line_sections(found: LineDiagnosis) -> tuple[Section, ...]:
-    return (
-        line_where(found),
-        line_which(found),
-        line_how_far(found),
-        _next(
-            found,
-            "The sharpest next motion.",
-            "Reel-out in steps of speed, reel-out in steps of line tension, out and back at one speed, and a swinging speed "
-            "were tried. The difference is what remains of it once the numbers of the other explanation have adapted as far "
-            "as these logs allow; of motions with about the same difference, the one with the minimum effort is named.",
-        ),
-        _method(line_method(found)),
-        symbols_section(found.rig.cascade, cycles=False, diagnosed=True),
-    )
-
-
 # ---------------------------------------------------------------------------------------------- the page for a decision
 def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[Tile, ...]:
     """Verdict, leading cause, and share that is closed; without a cause, with a model, the size of the gap."""
-    count = len(found.causes)
-    named = "no significant gap" if found.verdict == "no_gap" else "no cause named"
-    if count:
-        named = f"{count} cause{'s' if count > 1 else ''} named"
-    tiles = [Tile("Verdict", "", words.VERDICTS[found.verdict], named)]
-    for lead in found.causes[:1]:
-        label, likely = found.suspects[lead.effect].label, f"probability {probability_words(lead.probability)}"
-        tiles.append(Tile("Leading cause", likely, label, f"{lead.effect}: {cause_words(found, lead)}"))
-    if found.closure is not None:
-        share, interval = share_words(found.closure.share), f"95 %: {words.interval_words(found.closure)}"
-        tiles.append(Tile("Gap closed", f"on held-out {words.phrases_of(found).item}s", share, interval))
-    if not found.causes and not isinstance(found, LineDiagnosis):
-        tiles += _extremes(found)
-    return tuple(tiles)
+    count, closure = len(found.causes), found.closure
+    none = "no significant gap" if found.verdict == "no_gap" else "no cause named"
+    named = f"{count} cause{'s' if count > 1 else ''} named" if count else none
+    return (
+        Tile("Verdict", "", words.VERDICTS[found.verdict], named),
+        *(
+            Tile(
+                "Leading cause",
+                f"probability {probability_words(lead.probability)}",
+                found.suspects[lead.effect].label,
+                f"{lead.effect}: {cause_words(found, lead)}",
+            )
+            for lead in found.causes[:1]
+        ),
+        *(
+            []
+            if closure is None
+            else [
+                Tile(
+                    "Gap closed",
+                    f"on held-out {words.phrases_of(found).item}s",
+                    share_words(closure.share),
+                    f"95 %: {words.interval_words(closure)}",
+                )
+            ]
+        ),
+        *([] if found.causes or isinstance(found, LineDiagnosis) else _extremes(found)),
+    )
 
 
 def _extremes(found: ModelDiagnosis) -> list[Tile]:
@@ -164,8 +198,15 @@ def _extremes(found: ModelDiagnosis) -> list[Tile]:
     if found.remainder is None or not found.remainder.alarms:
         return [*tiles, Tile("Effects tried", "", f"{len(found.suspects)}", "none is named")]
     alarm = found.remainder.alarms[0]
-    what = f"{tables.SIGNS[alarm.kind]}: {about_words(alarm.about, words.files_of(found))}"
-    return [*tiles, Tile("Strongest sign", f"limit {alarm.limit:g}", significant(alarm.size, 2), what)]
+    return [
+        *tiles,
+        Tile(
+            "Strongest sign",
+            f"limit {alarm.limit:g}",
+            significant(alarm.size, 2),
+            f"{tables.SIGNS[alarm.kind]}: {about_words(alarm.about, words.files_of(found))}",
+        ),
+    ]
 
 
 def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
@@ -227,20 +268,18 @@ def _cause_points(found: DiagnosisResult) -> list[Point]:
         names = ", ".join(named(found, cause.effect) for cause in found.causes)
         checks = " ".join(text for cause in found.causes if (text := check_words(found, cause)))
         return [Point("Causes", f"{names}; the table of causes has their numbers. {checks}".rstrip())]
-    points = []
-    for k, cause in enumerate(found.causes, start=1):
-        what, others = meaning_words(found, cause.effect), alternatives_words(cause, " or ")
-        name, numbers = named(found, cause.effect), cause_words(found, cause)
-        text = (
-            f"{name}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}. {check_words(found, cause)}".rstrip()
-        )
-        points.append(
-            Point(
-                f"Cause {k}" if len(found.causes) > 1 else "Cause",
-                f"{text} Or in its place {others}." if others else text,
-            )
-        )
-    return points
+    return [
+        Point(f"Cause {k}" if len(found.causes) > 1 else "Cause", _cause_text(found, cause))
+        for k, cause in enumerate(found.causes, start=1)
+    ]
+
+
+def _cause_text(found: DiagnosisResult, cause: NamedCause) -> str:
+    """What a cause is, its numbers and its alternatives."""
+    what, others = meaning_words(found, cause.effect), alternatives_words(cause, " or ")
+    name, numbers = named(found, cause.effect), cause_words(found, cause)
+    text = f"{name}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}. {check_words(found, cause)}".rstrip()
+    return f"{text} Or in its place {others}." if others else text
 
 
 EXAMPLES = ("copper_heating", "gear_mesh_loss", "line_friction", "precharge")
@@ -369,19 +408,6 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
     )  # fmt: skip
 
 
-def _over_speed(found: ModelDiagnosis, both: Sides) -> Section:
-    word, after = words.word_of(found), ", and with the fitted effects" if found.causes else ""
-    return section(
-        "speed", "Current, torque and power over speed",
-        picture(
-            figures.over_speed_figure(found, both, word), "speed",
-            f"Payouts at a light, a middle and a heavy load: {word}, {simulated_words(found)}{after} "
-            "(the paper's Figs 18a, 18c and 18d). Means of blocks in bins of 250 rpm.",
-            "Lines of the logs and marks of the simulations over generator speed.",
-        ),
-    )  # fmt: skip
-
-
 def _next(found: DiagnosisResult, caption: str, how: str) -> Section:
     """What to test next.
 
@@ -398,8 +424,7 @@ def _next(found: DiagnosisResult, caption: str, how: str) -> Section:
         ("Distinguishes", " from ".join(plan.separates)),
         ("They would differ by", f"{apart_words(plan.expected_z)} standard deviations"),
     )
-    plan_table = make_table("experiment", caption, (text_column("Item"), text_column("Value")), rows)
-    return section("next", "What to test next", plan_table, Note(how))
+    return section("next", "What to test next", pairs_table("experiment", caption, rows), Note(how))
 
 
 def _method(texts: Sequence[str]) -> Section:
@@ -426,4 +451,4 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
         ("Fits", fits),
         ("Seed of the resampled cycles", str(found.seed)),
     ]
-    return section("provenance", "Provenance", logs, provenance_table(rows, command))
+    return provenance_section(rows, command, logs)

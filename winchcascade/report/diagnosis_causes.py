@@ -19,9 +19,9 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause,
 from winchcascade.diagnosis.evidence import Linear
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.cause_words import runs_with_number, shown_as
-from winchcascade.report.diagnosis_data import stator_current
-from winchcascade.report.diagnosis_names import display_of, number_words, probability_words
+from winchcascade.report.diagnosis_figures import stator_current
 from winchcascade.report.digits import MINUS, number, upper
+from winchcascade.report.gap_words import display_of, number_words, probability_words
 from winchcascade.report.style import (
     COLOURS,
     Margins,
@@ -34,7 +34,7 @@ from winchcascade.report.style import (
     patch_entry,
     wide_figure,
 )
-from winchcascade.report.text_runs import text_size
+from winchcascade.report.svg_drawing import text_size
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change, Display, Effect
 from winchcascade.rig.effects.generator import share_of_k_e
@@ -76,12 +76,11 @@ def cause_rows(found: ModelDiagnosis) -> list[Row]:
     rows = []
     for cause in found.causes:
         effect = found.suspects[cause.effect]
-        free = freedom(effect)
-        ends = [with_values(effect, x).reported for x in (free.absent, free.low, free.high)]
-        rows += [
-            Row(cause, name, value, ends[0], min(ends), max(ends), tolerance_of(found, effect))
-            for name, value in cause.parameters.items()
+        ends = [
+            with_values(effect, x).reported for x in (freedom(effect).absent, freedom(effect).low, freedom(effect).high)
         ]
+        known = (ends[0], min(ends), max(ends), tolerance_of(found, effect))
+        rows += [Row(cause, name, value, *known) for name, value in cause.parameters.items()]
     return rows
 
 
@@ -416,12 +415,14 @@ def stability_figure(found: DiagnosisResult) -> Figure | None:
         _run_by_run(ax, found, cause)
     for ax in panels[len(causes) :]:
         ax.set_axis_off()
-    entries = [
-        line_entry("one run alone, 95 %", "ink", marker="o", ms=3.5, lw=1.1),
-        line_entry("joint fit", "gen", lw=1.2),
-        patch_entry("its interval, 95 %", "gen", alpha=0.25, lw=0),
-    ]
-    legend_above(figure, entries)
+    legend_above(
+        figure,
+        [
+            line_entry("one run alone, 95 %", "ink", marker="o", ms=3.5, lw=1.1),
+            line_entry("joint fit", "gen", lw=1.2),
+            patch_entry("its interval, 95 %", "gen", alpha=0.25, lw=0),
+        ],
+    )
     return figure
 
 

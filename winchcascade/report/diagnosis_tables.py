@@ -1,4 +1,4 @@
-"""Tables of the report of a diagnosis."""
+"""Tables of the report of a diagnosis, and the sections that it has with and without a model of the rig."""
 
 from __future__ import annotations
 
@@ -18,11 +18,31 @@ from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import meaning_words, named, numbers_of
 from winchcascade.report.diagnosis_causes import threshold_words, thresholds
 from winchcascade.report.diagnosis_figures import worst_first
-from winchcascade.report.diagnosis_names import nuisance_words, phase_words, probability_words, share_words, signed
 from winchcascade.report.digits import number, significant, uncertain
-from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, baseline_words, differs_words
+from winchcascade.report.gap_words import (
+    NAMES,
+    about_words,
+    alarm_meaning,
+    baseline_words,
+    differs_words,
+    nuisance_words,
+    phase_words,
+    probability_words,
+    share_words,
+    signed,
+)
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.table_model import Table, TableColumn, formatted_table, number_column, row_limit, text_column
+from winchcascade.report.report_model import (
+    Block,
+    Section,
+    Table,
+    TableColumn,
+    formatted_table,
+    number_column,
+    row_limit,
+    section,
+    text_column,
+)
 from winchcascade.report.wording import load_words
 
 MOST_PLACES, MOST_NUISANCES = 12, 10
@@ -82,33 +102,6 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
         "tolerance of that value."
         + (" The table of alternatives lists what would explain the same data about as well." if has_rivals else ""),
     )  # fmt: skip
-
-
-def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
-    """What distinguishes each cause from its alternatives in these logs."""
-    return formatted_table(
-        "rivals",
-        f"Alternatives: {words.phrases_of(found).suspect}s that would {words.phrases_of(found).alike} about as well in place "
-        "of a cause, and where the two predictions differ most.",
-        (
-            text_column("Effect"),
-            text_column("Alternative"),
-            number_column("Probability", "of the alternative"),
-            text_column("What it is"),
-            text_column("They differ most in"),
-        ),
-        [
-            (
-                named(found, cause.effect),
-                named(found, rival.effect),
-                probability_words(rival.probability),
-                meaning_words(found, rival.effect),
-                differs_words(rival.differs),
-            )
-            for cause in found.causes
-            for rival in cause.rivals
-        ],
-    )
 
 
 # --------------------------------------------------------------------------------------------------------------- the map
@@ -177,12 +170,15 @@ def closure_table(found: ModelDiagnosis) -> Table | None:
     """Root mean squares before and after on the withheld logs, beside the noise."""
     if found.closure is None:
         return None
-    rows = []
-    for name, x in found.closure.channels.items():
-        unit, factor = COMPARED[name]
-        values = (significant(v * factor, 2) for v in (x.before, x.after, x.noise))
-        ratios = (significant(v / x.noise, 2) if x.noise else "–" for v in (x.before, x.after))
-        rows.append((NAMES[name], unit, *values, *ratios))
+    rows = [
+        (
+            NAMES[name],
+            COMPARED[name][0],
+            *(significant(v * COMPARED[name][1], 2) for v in (x.before, x.after, x.noise)),
+            *(significant(v / x.noise, 2) if x.noise else "–" for v in (x.before, x.after)),
+        )
+        for name, x in found.closure.channels.items()
+    ]
     loads = ", ".join(load_words(found.data.logs[k].run.load) for k in found.closure.withheld)
     return formatted_table(
         "closure",
@@ -341,19 +337,7 @@ def thresholds_table(found: ModelDiagnosis) -> Table | None:
 
 def diagnosed_logs_table(found: ModelDiagnosis) -> Table | None:
     """Every log: its load, its part in the diagnosis, and its hash."""
-    rows = []
-    for k, log in enumerate(found.data.logs):
-        once = found.closure is not None and k in found.closure.withheld
-        part = "withheld" if k in found.data.withheld else "left out once" if once else "in every fit"
-        rows.append(
-            (
-                log.run.name,
-                load_words(log.run.load),
-                part,
-                f"{log.course.blocks.cycle.max(initial=0)}",
-                log.run.sha256 or "–",
-            )
-        )
+    once = () if found.closure is None else found.closure.withheld
     return formatted_table(
         "logs",
         "Logs of the campaign.",
@@ -364,5 +348,55 @@ def diagnosed_logs_table(found: ModelDiagnosis) -> Table | None:
             number_column("Cycles"),
             text_column("SHA-256"),
         ),
-        rows,
+        [
+            (
+                log.run.name,
+                load_words(log.run.load),
+                "withheld" if k in found.data.withheld else "left out once" if k in once else "in every fit",
+                f"{log.course.blocks.cycle.max(initial=0)}",
+                log.run.sha256 or "–",
+            )
+            for k, log in enumerate(found.data.logs)
+        ],
+    )
+
+
+def where_section(found: ModelDiagnosis | LineDiagnosis, *blocks: Block | None) -> Section:
+    """Where the gap lies."""
+    return section(
+        "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies", *blocks
+    )
+
+
+def which_section(found: ModelDiagnosis | LineDiagnosis, *blocks: Block | None) -> Section:
+    """Causes, what was compared to find them, and alternative explanations."""
+    heading = "Which causes, and how sure" if found.causes else "What was tried"
+    return section(
+        "which",
+        heading,
+        causes_table(found),
+        *blocks,
+        formatted_table(
+            "rivals",
+            f"Alternatives: {words.phrases_of(found).suspect}s that would {words.phrases_of(found).alike} about as well in "
+            "place of a cause, and where the two predictions differ most.",
+            (
+                text_column("Effect"),
+                text_column("Alternative"),
+                number_column("Probability", "of the alternative"),
+                text_column("What it is"),
+                text_column("They differ most in"),
+            ),
+            [
+                (
+                    named(found, cause.effect),
+                    named(found, rival.effect),
+                    probability_words(rival.probability),
+                    meaning_words(found, rival.effect),
+                    differs_words(rival.differs),
+                )
+                for cause in found.causes
+                for rival in cause.rivals
+            ],
+        ),
     )

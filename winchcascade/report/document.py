@@ -17,13 +17,21 @@ from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.wave_energies import wave_energies
 from winchcascade.report import figures, tables
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
-from winchcascade.report.glossary import symbols_section
 from winchcascade.report.model_section import Modelled, modelled, run_section
-from winchcascade.report.provenance import data_point, file_digest, provenance_table
-from winchcascade.report.report_model import Note, Point, Report, Section, Tile, picture, section
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Tile,
+    data_point,
+    file_digest,
+    picture,
+    provenance_section,
+    section,
+)
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import Table
-from winchcascade.report.traces import readout
+from winchcascade.report.time_histories import readout
 from winchcascade.report.wave_text import power_interval
 from winchcascade.report.wording import (
     SYMBOL,
@@ -33,6 +41,8 @@ from winchcascade.report.wording import (
     not_known,
     span_word,
     subscripts_of,
+    symbols_section,
+    unit_of,
     window_words,
 )
 
@@ -82,12 +92,31 @@ def make_report(
     with house_style():
         sections = _sections(reduction, found, model, command)
     subtitle = " · ".join(part for part in (_about(reduction), run.about) if part)
+    n, of = len(reduction.complete), len(reduction.cycles)
+    cycles = f"{n} of {of} complete; integration window: {window_words(reduction.window)}."
+    parts = ", ".join(f"{SYMBOL[m]}: {100.0 * share:.0f} % {name}" for m, share, name in decisive(found.budget))
+    rest = ". ".join(upper(sentence) for sentence in not_known(found.budget))
+    texts = [f"What makes most of the variance: {parts}." if parts else "", f"{rest}." if rest else ""]
+    text = " ".join(text for text in texts if text)
     return Report(
         kind="Reduction of a log",
         title=run.name,
         subtitle=subtitle,
         tiles=_tiles(reduction, found),
-        points=tuple(_points(reduction, found)),
+        points=(
+            data_point([reduction.run.origin]),
+            Point("Cycles", cycles, "plain" if n == of else "warn"),
+            *_best_points(reduction),
+            *_net_points(reduction, found),
+            _log_point(reduction),
+            *([Point("Uncertainty", text, "warn" if found.budget.unknown else "plain")] if text else []),
+            *(
+                [Point("Intervals", tables.interval_type(reduction))]
+                if found.interval_95 and reduction.rig.phases.repeats
+                else []
+            ),
+            *([Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
+        ),
         sections=sections,
         traces=readout(reduction, figures.powers_of(reduction)),
         banner=banner([run.origin]),
@@ -113,36 +142,47 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
             Tile(
                 SYMBOL[m],
                 _name(cascade, m).removesuffix(", per cycle"),
-                f"{tables.whole_text(reduction, m)} {tables.unit_of(m)}".strip(),
+                f"{tables.whole_text(reduction, m)} {unit_of(m)}".strip(),
                 "all cycles together",
             )
             for m in given
         )
-    tiles = []
-    for m in given:
-        unit, interval, u = tables.unit_of(m), found.interval_95.get(m), found.standard[m]
-        scatter = found.budget.repeatability[m]
-        text = "uncertainty unknown"
-        if interval is not None and u:
-            text = f"95 %: {interval_text(interval.low, interval.high, u)} {unit}".strip()
-        elif scatter:
-            text = f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone"
-        value = f"{tables.mean_text(reduction, found, m)} {unit}".strip()
-        tiles.append(Tile(SYMBOL[m], _name(cascade, m), value, text))
-    return tuple(tiles)
+    return tuple(
+        Tile(
+            SYMBOL[m],
+            _name(cascade, m),
+            f"{tables.mean_text(reduction, found, m)} {unit_of(m)}".strip(),
+            _interval_words(found, m),
+        )
+        for m in given
+    )
+
+
+def _interval_words(found: Uncertainty, metric: str) -> str:
+    """The 95 % interval of a mean, or what is known of its uncertainty in its place."""
+    unit, interval, u = unit_of(metric), found.interval_95.get(metric), found.standard[metric]
+    if interval is not None and u:
+        return f"95 %: {interval_text(interval.low, interval.high, u)} {unit}".strip()
+    scatter = found.budget.repeatability[metric]
+    return f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone" if scatter else "uncertainty unknown"
 
 
 def _wave_tiles(reduction: Reduction, etas: Sequence[str]) -> tuple[Tile, ...]:
     """Efficiencies of all waves together, and mean powers of the record where there are fewer than three."""
     found = wave_energies(reduction)
-    tiles = []
-    for eta in (name for name in etas if name in found.efficiency):
-        ratio = found.efficiency[eta]
-        if ratio.value is not None:
-            text = "too few waves for an interval"
-            if ratio.interval is not None:
-                text = f"95 %: {ratio.interval[0]:.3f} to {ratio.interval[1]:.3f}"
-            tiles.append(Tile(SYMBOL[eta], "all waves together", f"{ratio.value:.3f}", text))
+    ratios = ((eta, found.efficiency[eta]) for eta in etas if eta in found.efficiency)
+    tiles = [
+        Tile(
+            SYMBOL[eta],
+            "all waves together",
+            f"{ratio.value:.3f}",
+            "too few waves for an interval"
+            if ratio.interval is None
+            else f"95 %: {ratio.interval[0]:.3f} to {ratio.interval[1]:.3f}",
+        )
+        for eta, ratio in ratios
+        if ratio.value is not None
+    ]
     powers = [
         Tile(
             SYMBOL[f"power_{stage}"],
@@ -173,26 +213,6 @@ def best_and_worst(reduction: Reduction) -> tuple[CycleResult, CycleResult, str]
             ranked = sorted(complete, key=lambda c: c.metrics.value(metric))
             return ranked[-1], ranked[0], metric
     return None
-
-
-def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
-    """What a reader must know after ten seconds, in sentences."""
-    n, of = len(reduction.complete), len(reduction.cycles)
-    cycles = f"{n} of {of} complete; integration window: {window_words(reduction.window)}."
-    return [
-        data_point([reduction.run.origin]),
-        Point("Cycles", cycles, "plain" if n == of else "warn"),
-        *_best_points(reduction),
-        *_net_points(reduction, found),
-        _log_point(reduction),
-        *_uncertainty_points(found),
-        *(
-            [Point("Intervals", tables.interval_type(reduction))]
-            if found.interval_95 and reduction.rig.phases.repeats
-            else []
-        ),
-        *([Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
-    ]
 
 
 def _best_points(reduction: Reduction) -> list[Point]:
@@ -245,14 +265,6 @@ def lost_share(reduction: Reduction) -> float:
     return lost / max(float(run.t[-1] - run.t[0]), step)
 
 
-def _uncertainty_points(found: Uncertainty) -> list[Point]:
-    parts = ", ".join(f"{SYMBOL[m]}: {100.0 * share:.0f} % {name}" for m, share, name in decisive(found.budget))
-    rest = ". ".join(upper(sentence) for sentence in not_known(found.budget))
-    texts = [f"What makes most of the variance: {parts}." if parts else "", f"{rest}." if rest else ""]
-    text = " ".join(text for text in texts if text)
-    return [Point("Uncertainty", text, "warn" if found.budget.unknown else "plain")] if text else []
-
-
 def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command: str) -> tuple[Section, ...]:
     powers = figures.powers_of(reduction)
     sections = (
@@ -267,7 +279,7 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
             "findings", "Findings", tables.findings_table(reduction) or Note("No fault was found in the log.")
         ),
         symbols_section(reduction.rig.cascade),
-        section("provenance", "Provenance", _provenance(reduction, found, command)),
+        _provenance(reduction, found, command),
     )  # fmt: skip
     return tuple(s for s in sections if s.blocks)
 
@@ -400,23 +412,28 @@ _REPAIRED = " Marks at the lower edge: samples of a channel that is shown were r
 _NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 
 
-def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table:
+def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Section:
     """Where every number comes from, so that it can be made again."""
     run, rig = reduction.run, reduction.rig
     load = load_words(run.load, unknown="unknown")
-    rows = [
-        ("Log", run.path or run.name),
-        ("Table in the log", run.table or ""),
-        ("SHA-256 of the log", run.sha256 or "–"),
-        ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {float(run.t[-1] - run.t[0]):.1f} s"),
-        ("Campaign", run.about),
-        ("Data", origin_words([run.origin])),
-        ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
-        ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
-        ("Source of the rig's numbers", rig.source),
-        ("SHA-256 of the rig file", file_digest(rig.path)),
-        ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
-        ("Integration window", reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s"),
-        ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
-    ]
-    return provenance_table(rows, command)
+    return provenance_section(
+        [
+            ("Log", run.path or run.name),
+            ("Table in the log", run.table or ""),
+            ("SHA-256 of the log", run.sha256 or "–"),
+            ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {float(run.t[-1] - run.t[0]):.1f} s"),
+            ("Campaign", run.about),
+            ("Data", origin_words([run.origin])),
+            ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
+            ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
+            ("Source of the rig's numbers", rig.source),
+            ("SHA-256 of the rig file", file_digest(rig.path)),
+            ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
+            (
+                "Integration window",
+                reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s",
+            ),
+            ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
+        ],
+        command,
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from winchcascade.report.text_table import table_lines, wrapped
+from winchcascade.report.text_table import joined, table_lines, wrapped
 from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
 from winchcascade.rig.effects.effect import Effect
 
@@ -14,7 +14,7 @@ def effects_text(name: str | None = None) -> str:
     ------
     OptionError : no effect has that name
     """
-    return "\n".join(_list() if name is None else _sheet(find_effect(name))) + "\n"
+    return joined(_list() if name is None else _sheet(find_effect(name)))
 
 
 def _list() -> list[str]:

@@ -1,10 +1,16 @@
-"""Figures and tables of a report as files of their own, for papers; a file of another origin is never replaced."""
+"""Figures and tables of a report as files of their own, for papers; a file of another origin is never replaced.
+
+A table is written as CSV with numbers in full, and as LaTeX and Markdown with those of the page.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import math
 import re
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,13 +21,162 @@ from winchcascade.core.files import json_bytes, write_set
 from winchcascade.core.jobs import Nobody
 from winchcascade.core.store import digest_of, inside, locked, make_one
 from winchcascade.core.version import __version__
+from winchcascade.report.digits import PLUS_MINUS, NumberText
 from winchcascade.report.report_files import ReportFiles
-from winchcascade.report.report_model import Picture, Report
-from winchcascade.report.table_files import table_files
-from winchcascade.report.table_model import Table, every_row
+from winchcascade.report.report_model import SUBSCRIPTS, Cell, Picture, Report, Table, every_row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+ENDINGS = ("csv", "tex", "md")
+"""Files of a table."""
+
+
+def heads(table: Table) -> list[str]:
+    """Names of the columns with their units; a column that only has a sign is named after the one before it."""
+    names = [f"{table.head[k - 1]} {name}" if name == "±" and k else name for k, name in enumerate(table.head)]
+    return [f"{name} ({unit})" if unit else name for name, unit in zip(names, table.units, strict=True)]
+
+
+# ---------------------------------------------------------------------------------------------------------------- as CSV
+def csv_text(table: Table) -> str:
+    """A table as CSV: one head with units, numbers in full, an interval in columns of its own, nothing for what is unknown."""
+    rows = table.values or table.rows
+    columns = [_spread(name, [row[k] for row in rows]) for k, name in enumerate(heads(table))]
+    names = _apart([name for names, _ in columns for name in names])
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(names)
+    for i in range(len(rows)):
+        writer.writerow([_written(cell) for _, cells in columns for cell in cells[i]])
+    return out.getvalue()
+
+
+def _spread(name: str, cells: Sequence[Cell]) -> tuple[list[str], list[list[Cell]]]:
+    """The columns that hold the values of one: number, ends of the interval, and the unit where rows differ in it."""
+    texts = [cell for cell in cells if isinstance(cell, NumberText)]
+    most, united = max((len(text.values) for text in texts), default=1), any(text.unit for text in texts)
+    ends = [f"{name}, low", f"{name}, high"]
+    if any(text.form == PLUS_MINUS for text in texts):
+        ends = [name, f"{name}, standard uncertainty"]
+    names = {1: [name], 2: ends, 3: [name, *ends]}[most]
+
+    def values(cell: Cell) -> list[Cell]:
+        own, unit = (list(cell.values), cell.unit) if isinstance(cell, NumberText) else ([cell], "")
+        return [*own, *[None] * (most - len(own)), *([unit] if united else [])]
+
+    return [*names, *([f"{name}, unit"] if united else [])], [values(cell) for cell in cells]
+
+
+def _apart(names: Sequence[str]) -> list[str]:
+    """Names of columns, numbered where one comes again, so that each is found by its name."""
+    return [f"{name}, {names[:k].count(name) + 1}" if name in names[:k] else name for k, name in enumerate(names)]
+
+
+def _written(cell: Cell) -> str:
+    if cell is None or cell == "–":
+        return ""
+    if isinstance(cell, str):
+        return cell
+    if isinstance(cell, int):
+        return str(cell)
+    return "" if math.isnan(cell) else repr(float(cell))
+
+
+# -------------------------------------------------------------------------------------------------------------- as LaTeX
+def latex_text(table: Table, label: str, subscripts: Sequence[str] = SUBSCRIPTS) -> str:
+    """A table for LaTeX with the package booktabs: names and units in the head, rows that summarise below a line."""
+    kinds = "".join("l" if k in table.text_columns else "r" for k in range(len(table.head)))
+
+    def row(cells: Sequence[str]) -> str:
+        return f"    {' & '.join(latex(cell, subscripts) for cell in cells)} \\\\"
+
+    rows = [row(cells) for cells in table.rows]
+    if table.summary:
+        rows.insert(len(rows) - table.summary, "    \\midrule")
+    units = [row([f"({unit})" if unit else "" for unit in table.units])] if any(table.units) else []
+    lines = [
+        "% Requires \\usepackage{booktabs}.",
+        "\\begin{table}",
+        "  \\centering",
+        f"  \\caption{{{latex(table.caption, subscripts)}}}",
+        f"  \\label{{tab:{re.sub(r'[^A-Za-z0-9-]+', '-', label).strip('-')}}}",
+        f"  \\begin{{tabular}}{{{kinds}}}",
+        "    \\toprule",
+        row(table.head),
+        *units,
+        "    \\midrule",
+        *rows,
+        "    \\bottomrule",
+        "  \\end{tabular}",
+        *([f"  \\par\\smallskip {latex(table.note, subscripts)}"] if table.note else []),
+        "\\end{table}",
+    ]
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+_SPECIAL = {
+    "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#", "%": r"\%", "_": r"\_",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
+    "|": r"\textbar{}", '"': r"\textquotedbl{}",
+    "\u2212": "$-$", "–": "--", "—": "---", "\u00a0": "~", "…": r"\dots{}", "·": r"$\cdot$", "×": r"$\times$", "±": r"$\pm$",
+    "≤": r"$\leq$", "≥": r"$\geq$", "√": r"$\surd$", "°": r"$^{\circ}$", "→": r"$\rightarrow$", "∞": r"$\infty$",
+    "µ": r"$\mu$", "μ": r"$\mu$", "η": r"$\eta$", "τ": r"$\tau$", "ρ": r"$\rho$", "ω": r"$\omega$", "Ω": r"$\Omega$",
+    "Δ": r"$\Delta$", "σ": r"$\sigma$", "α": r"$\alpha$", "β": r"$\beta$", "φ": r"$\varphi$", "λ": r"$\lambda$",
+}  # fmt: skip
+"""What LaTeX writes for a character that means something else to it, or that its usual fonts do not hold."""
+
+_RAISED = dict(zip("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789", strict=True))
+_GREEK = {"η": r"\eta", "τ": r"\tau"}
+
+
+def latex(text: str, subscripts: Sequence[str] = SUBSCRIPTS) -> str:
+    r"""A text for LaTeX: special characters escaped, symbols with their subscripts and raised numbers in mathematics.
+
+    >>> print(latex("E_line"), latex("50 % of a_b & c"), latex("2.5×10⁻¹³"))
+    $E_{\mathrm{line}}$ 50 \% of a\_b \& c 2.5$\times$10$^{-13}$
+    """
+    symbol = rf"\b(?P<letter>[EPFvpητ])_(?P<low>{'|'.join(map(re.escape, subscripts))})\b"
+    parts, at = [], 0
+    for found in re.finditer(f"{symbol}|(?P<raised>[{''.join(_RAISED)}]+)", text):
+        parts.append(_escaped(text[at : found.start()]))
+        at = found.end()
+        if found["raised"]:
+            parts.append(f"$^{{{''.join(_RAISED[c] for c in found['raised'])}}}$")
+        else:
+            low = found["low"].replace("_", r"\_").replace(" ", r"\ ")
+            parts.append(f"${_GREEK.get(found['letter'], found['letter'])}_{{\\mathrm{{{low}}}}}$")
+    return "".join([*parts, _escaped(text[at:])])
+
+
+def _escaped(text: str) -> str:
+    return "".join(_SPECIAL.get(c, c) for c in re.sub(r"\s+", " ", text))
+
+
+# ------------------------------------------------------------------------------------------------------------ as Markdown
+def markdown_text(table: Table) -> str:
+    """A table for Markdown, under its caption and above its note; what would be markup is escaped."""
+    rules = [":---" if k in table.text_columns else "---:" for k in range(len(table.head))]
+    lines = [f"**Table.** {markdown(table.caption)}", ""]
+    lines += [_line([markdown(head) for head in heads(table)]), _line(rules)]
+    lines += [_line([markdown(cell) for cell in row]) for row in table.rows]
+    lines += ["", markdown(table.note)] if table.note else []
+    return "\n".join(lines) + "\n"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def markdown(text: str) -> str:
+    r"""A text for Markdown.
+
+    >>> print(markdown("a_b | *c*"))
+    a\_b \| \*c\*
+    """
+    return re.sub(r"([\\`*_{}\[\]<>|~#])", r"\\\1", re.sub(r"\s+", " ", text))
+
 
 SCHEMA = "winchcascade/exports/1"
 
@@ -129,7 +284,11 @@ def write_exports(make: Callable[[], Report], files: ReportFiles, name: str, *, 
         report = report or _drawn(make, None)[0]
         texts: Contents = {}
         for table in (b for s in report.sections for b in s.blocks if isinstance(b, Table)):
-            for ending, text in table_files(table, f"{stem}-{table.id}", subscripts=report.subscripts).items():
+            for ending, text in {
+                "csv": csv_text(table),
+                "tex": latex_text(table, f"{stem}-{table.id}", report.subscripts),
+                "md": markdown_text(table),
+            }.items():
                 texts[f"{stem}_{table.id}.{ending}"] = text.encode(), table.caption
         _write(texts, tables, f"tables of {of}", force=force)
 
@@ -140,8 +299,7 @@ Contents = dict[str, tuple[bytes, str]]
 
 def _drawn(make: Callable[[], Report], width: int | None) -> tuple[Report, dict[tuple[str, str], bytes]]:
     """A report with every row of its tables, and its figures at a width [mm] by name and ending; none without a width."""
-    from winchcascade.report.figure_files import figure_files
-    from winchcascade.report.figure_layout import lay_out
+    from winchcascade.report.figure_files import figure_files, lay_out
     from winchcascade.report.style import Format, figure_format
 
     found: dict[tuple[str, str], bytes] = {}
@@ -200,15 +358,11 @@ def _check(path: Path, known: Exported | None, of: str, *, force: bool) -> None:
         raise OutputError(f"{path}: is a folder; expected the name of a file to be free. Choose another folder.")
     if force or not path.exists():
         return
-    if known is None:
-        what = "was not written by winchcascade"
-    elif not _is_own(path, known):
-        what = "was changed since winchcascade wrote it"
-    elif known.of != of:
-        what = f"belongs to the {known.of}"
-    else:
-        return
-    raise OutputError(f"{path}: exists and {what}; choose another folder or add --force.")
+    own = known is not None and _is_own(path, known)
+    what = f"belongs to the {known.of}" if known is not None and own else "was changed since winchcascade wrote it"
+    what = "was not written by winchcascade" if known is None else what
+    if not own or (known is not None and known.of != of):
+        raise OutputError(f"{path}: exists and {what}; choose another folder or add --force.")
 
 
 def _is_own(path: Path, known: Exported) -> bool:

@@ -19,26 +19,12 @@ from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
-from winchcascade.report.glossary import PLACES
-from winchcascade.report.history_marks import (
-    REPAIRED,
-    STRIP,
-    key_above,
-    mark_repaired,
-    name_phases,
-    name_within,
-    phase_entries,
-    power_sources,
-    raise_head,
-    repaired_spans,
-    room_for_names,
-    shade_phases,
-)
 from winchcascade.report.style import (
     COLOURS,
     Margins,
     broken,
     dots,
+    evenly,
     is_narrow,
     label_panel,
     look_of,
@@ -48,8 +34,26 @@ from winchcascade.report.style import (
     wide_figure,
 )
 from winchcascade.report.tables import budgeted
-from winchcascade.report.traces import clock_zero, end_of, envelope, panels_of, time_label
-from winchcascade.report.wording import by_sensor, span_word, tex
+from winchcascade.report.time_histories import (
+    REPAIRED,
+    STRIP,
+    clock_zero,
+    end_of,
+    envelope,
+    key_above,
+    mark_repaired,
+    name_phases,
+    name_within,
+    panels_of,
+    phase_entries,
+    power_sources,
+    raise_head,
+    repaired_spans,
+    room_for_names,
+    shade_phases,
+    time_label,
+)
+from winchcascade.report.wording import PLACES, by_sensor, span_word, tex
 
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""
@@ -140,8 +144,7 @@ def draw_histories(axes: Sequence[Axes], reduction: Reduction, powers: Mapping[s
             _trace(axes[-1], t, x * short, gid=f"trace-power_{stage}", **_stage_style(stage))
         label_panel(axes[-1], ascii_lowercase[rows - 1], "Power", unit=unit)
         axes[-1].legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
-    axes[-1].set_xlabel(time_label(run))
-    axes[-1].set_xlim(t[0], t[-1])
+    axes[-1].set(xlabel=time_label(run), xlim=(t[0], t[-1]))
     shaded = len(reduction.cycles) <= SHADED_CYCLES
     sources = [(name,) for name, *_ in panels] + [power_sources(reduction, powers)] * bool(powers)
     repaired = [repaired_spans(run, source) for source in sources]
@@ -208,8 +211,13 @@ def over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
         means = [(0.5 * (b.rpm_low + b.rpm_high), y * short) for b in bins if (y := b.power.get(stage)) is not None]
         ax.plot(*np.array(means).reshape(-1, 2).T, lw=1.3, **_stage_style(stage))
     ax.set_xlim(min(0.0, bins[0].rpm_low), highest)
-    title = f"{span_word(reduction).capitalize()}s; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm"
-    label_panel(ax, "b", title, x="Generator speed (rpm)", y=f"Power ({unit})")
+    label_panel(
+        ax,
+        "b",
+        f"{span_word(reduction).capitalize()}s; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm",
+        x="Generator speed (rpm)",
+        y=f"Power ({unit})",
+    )
     ax.legend(loc="upper left")
 
 
@@ -297,13 +305,17 @@ def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, s
             lost = mean.get(step.leaving) or joule - after
             words = broken(step.leaves, _LINE_OF_WORDS) if is_narrow() else step.leaves
             leaves = f"{words}:{apart}{significant(lost)} J, {100 * lost / whole:.1f} % of {tex(steps[0].metric)}"
-            eta = next(
-                (n for n, pair in ratios.items() if pair == (following.metric, step.metric)),
-                "",
-            )
+            eta = next((n for n, pair in ratios.items() if pair == (following.metric, step.metric)), "")
             goes_on = "" if (value := mean.get(eta)) is None else f"{tex(eta)} = {value:.3f}"
-        text = f"{tex(step.metric)} = {texts.get(step.metric) or significant(joule, 4)} J\n{step.where}"
-        flow.append(_Flow(joule, step.stage, text, leaves, goes_on))
+        flow.append(
+            _Flow(
+                joule,
+                step.stage,
+                f"{tex(step.metric)} = {texts.get(step.metric) or significant(joule, 4)} J\n{step.where}",
+                leaves,
+                goes_on,
+            )
+        )
     return flow
 
 
@@ -329,8 +341,7 @@ def _draw_flow(ax: Axes, flow: Sequence[_Flow], lowest: float) -> None:
         ax.text((begin + end) / 2, top - after / 2, item.goes_on, ha="center", va="center", fontsize=9)
         turn = begin + _TURN * (end - begin) + (h - after) / 2
         ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=size - 0.5)
-    ax.set_xlim(-0.9, 11.2)
-    ax.set_ylim(lowest, 1.62)
+    ax.set(xlim=(-0.9, 11.2), ylim=(lowest, 1.62))
 
 
 def _leaving(begin: float, turn: float, low: float, high: float) -> PathPatch:
@@ -396,8 +407,7 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     rows, margins = -(-len(columns) // 2), _MARGINS._replace(head=0.42)
     gaps = {"hspace": 0.36, "wspace": 0.24}
     figure, axes = panel_figure(0.5 + 1.55 * rows, rows, 2, margins=margins, gaps=gaps, share="x")
-    even = np.linspace(0, len(cycles) - 1, min(len(cycles), OVERLAID)).round().astype(int).tolist()
-    chosen = [cycles[k] for k in even if cycles[k].cycle not in (best, worst)]
+    chosen = [c for c in evenly(cycles, OVERLAID) if c.cycle not in (best, worst)]
     chosen += [c for number in (worst, best) for c in cycles if c.cycle == number]
     parts = [(c, slice(*np.searchsorted(run.t, (c.phases.onset - 1.0, end_of(c))).tolist())) for c in chosen]
     longest = max(min(end_of(c), float(run.t[-1])) - c.phases.onset for c in chosen)
@@ -424,9 +434,8 @@ def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> dict
         return {"color": COLOURS["line"], "lw": 1.1, "label": f"best, cycle {best}"}
     if c.cycle == worst:
         return {"color": COLOURS["mech"], "lw": 1.1, "ls": (0, (4, 1.2)), "label": f"worst, cycle {worst}"}
-    if not c.complete:
-        return {"color": COLOURS["soft"], "lw": 0.7, "ls": ":", "label": "incomplete"}
-    return {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles" if best else "complete"}
+    label = ("other cycles" if best else "complete") if c.complete else "incomplete"
+    return {"color": COLOURS["soft"], "lw": 0.7, "ls": "-" if c.complete else ":", "label": label}
 
 
 def stage_of(cascade: Cascade, metric: str) -> str:

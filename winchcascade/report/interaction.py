@@ -30,58 +30,8 @@ _POINT = 72.0
 """Points in an inch."""
 
 
-class AxisMarks(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One axis: its limits as drawn, its id, its label, and the number of the first panel that shares it.
-
-    `texts` are its ticks where they are words or chosen values.
-    """
-
-    low: float
-    high: float
-    id: str
-    label: str
-    shared: int
-    log: bool = False
-    texts: tuple[tuple[float, str], ...] = ()
-
-
-class SecondMarks(msgspec.Struct, frozen=True):
-    """A second horizontal axis of a panel: its id and its limits as drawn."""
-
-    id: str
-    low: float
-    high: float
-
-
-class PanelMarks(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One panel: its box [pt from the upper left corner], its axes, and its artists by the axes that move them.
-
-    `moved` are ids of artists in data coordinates on both axes, `along_x` and `along_y` those on one axis alone.
-    """
-
-    box: tuple[float, float, float, float]
-    title: str
-    x: AxisMarks
-    y: AxisMarks
-    moved: tuple[str, ...] = ()
-    along_x: tuple[str, ...] = ()
-    along_y: tuple[str, ...] = ()
-    second: SecondMarks | None = None
-
-
-class SeriesMarks(msgspec.Struct, frozen=True):
-    """One entry of the legends: its text, ids of its entries in them, and ids of what it names."""
-
-    name: str
-    keys: tuple[str, ...]
-    ids: tuple[str, ...]
-
-
-class FigureMarks(msgspec.Struct, frozen=True):
-    """Panels and series of a figure."""
-
-    panels: tuple[PanelMarks, ...]
-    series: tuple[SeriesMarks, ...]
+Marks = dict[str, object]
+"""Description of a part of a figure, as the page reads it."""
 
 
 def mark(figure: Figure) -> str:
@@ -90,11 +40,15 @@ def mark(figure: Figure) -> str:
     if not axes:
         return ""
     panels = tuple(_panel(figure, axes, k) for k in range(len(axes)))
-    return msgspec.json.encode(FigureMarks(panels, tuple(_series(figure, axes)))).decode()
+    return msgspec.json.encode({"panels": panels, "series": _series(figure, axes)}).decode()
 
 
 # ------------------------------------------------------------------------------------------------------------ the panels
-def _panel(figure: Figure, axes: Sequence[Axes], k: int) -> PanelMarks:
+def _panel(figure: Figure, axes: Sequence[Axes], k: int) -> Marks:
+    """One panel: its box [pt from the upper left corner], its axes, and its artists by the axes that move them.
+
+    `moved` are ids of artists in data coordinates on both axes, `along_x` and `along_y` those on one axis alone.
+    """
     ax, (wide, high) = axes[k], figure.get_size_inches() * _POINT
     box = ax.get_position()
     ids: dict[tuple[bool, ...], list[str]] = {}
@@ -103,18 +57,19 @@ def _panel(figure: Figure, axes: Sequence[Axes], k: int) -> PanelMarks:
             artist.set_gid(f"item-{k}-{n}")
         along = tuple(artist.get_transform().contains_branch_seperately(ax.transData))
         ids.setdefault(along, []).append(str(artist.get_gid()))
-    return PanelMarks(
-        box=(
-            _short(box.x0 * wide), _short((1.0 - box.y1) * high), _short(box.width * wide), _short(box.height * high)
-        ),
-        title=_plain(ax.get_title(loc="left")),
-        x=_axis(ax.xaxis, ax.get_xlim(), ax.get_shared_x_axes().get_siblings(ax), axes, f"xaxis-{k}"),
-        y=_axis(ax.yaxis, ax.get_ylim(), ax.get_shared_y_axes().get_siblings(ax), axes, f"yaxis-{k}"),
-        moved=tuple(ids.get((True, True), ())),
-        along_x=tuple(ids.get((True, False), ())),
-        along_y=tuple(ids.get((False, True), ())),
-        second=_second(ax, k),
-    )  # fmt: skip
+    given = {
+        "moved": ids.get((True, True)),
+        "along_x": ids.get((True, False)),
+        "along_y": ids.get((False, True)),
+        "second": _second(ax, k),
+    }
+    return {
+        "box": [_short(x) for x in (box.x0 * wide, (1.0 - box.y1) * high, box.width * wide, box.height * high)],
+        "title": _plain(ax.get_title(loc="left")),
+        "x": _axis(ax.xaxis, ax.get_xlim(), ax.get_shared_x_axes().get_siblings(ax), axes, f"xaxis-{k}"),
+        "y": _axis(ax.yaxis, ax.get_ylim(), ax.get_shared_y_axes().get_siblings(ax), axes, f"yaxis-{k}"),
+        **{name: value for name, value in given.items() if value},
+    }
 
 
 def _artists(ax: Axes) -> Iterator[Artist]:
@@ -122,9 +77,11 @@ def _artists(ax: Axes) -> Iterator[Artist]:
     yield from (*ax.lines, *ax.patches, *ax.collections, *ax.texts)
 
 
-def _axis(
-    axis: Axis, limits: tuple[float, float], siblings: Sequence[Axes], axes: Sequence[Axes], name: str
-) -> AxisMarks:
+def _axis(axis: Axis, limits: tuple[float, float], siblings: Sequence[Axes], axes: Sequence[Axes], name: str) -> Marks:
+    """One axis: its limits as drawn, its id, its label, and the number of the first panel that shares it.
+
+    `log` states a logarithmic scale, `texts` are its ticks where they are words or chosen values.
+    """
     if axis.get_gid() is None:
         axis.set_gid(name)
     texts: tuple[tuple[float, str], ...] = ()
@@ -132,19 +89,23 @@ def _axis(
         values = [float(v) for v in axis.get_majorticklocs()]
         written = axis.get_major_formatter().format_ticks(values)
         texts = tuple((v, _plain(text)) for v, text in zip(values, written, strict=True) if text)
-    shared = min(axes.index(ax) for ax in siblings if ax in axes)
-    return AxisMarks(
-        _short(limits[0]), _short(limits[1]), str(axis.get_gid()), _plain(axis.get_label_text()), shared,
-        axis.get_scale() == "log", texts,
-    )  # fmt: skip
+    return {
+        "low": _short(limits[0]),
+        "high": _short(limits[1]),
+        "id": str(axis.get_gid()),
+        "label": _plain(axis.get_label_text()),
+        "shared": min(axes.index(ax) for ax in siblings if ax in axes),
+        **({"log": True} if axis.get_scale() == "log" else {}),
+        **({"texts": texts} if texts else {}),
+    }
 
 
-def _second(ax: Axes, k: int) -> SecondMarks | None:
-    """Second axis above a panel, whose scale is proportional to the first."""
+def _second(ax: Axes, k: int) -> Marks | None:
+    """Second axis above a panel, whose scale is proportional to the first: its id and its limits as drawn."""
     for child in ax.child_axes:
         child.xaxis.set_gid(f"second-{k}")
         ends = child._functions[0](np.array(ax.get_xlim()))  # type: ignore[attr-defined]  # its limits are set when it is drawn
-        return SecondMarks(f"second-{k}", _short(float(ends[0])), _short(float(ends[1])))
+        return {"id": f"second-{k}", "low": _short(float(ends[0])), "high": _short(float(ends[1]))}
     return None
 
 
@@ -183,23 +144,19 @@ def _look(artist: Artist) -> _Look | None:
         alone = artist.get_linestyle() in ("None", "", " ")
         colour = artist.get_markeredgecolor() if alone else artist.get_color()
         dashes: Any = "" if alone else getattr(artist, "_unscaled_dash_pattern", ("", None))
-        return _Look(False, _hex(colour), marker, str(dashes))
+        return _Look(False, to_hex(colour), marker, str(dashes))
     if isinstance(artist, Patch):
-        return _Look(True, _hex(artist.get_facecolor()), "", artist.get_hatch() or "")
+        return _Look(True, to_hex(artist.get_facecolor()), "", artist.get_hatch() or "")
     if isinstance(artist, Collection):
         lines = isinstance(artist, LineCollection)
         colours = artist.get_edgecolor() if lines else artist.get_facecolor()
         first = np.atleast_2d(np.asarray(colours, dtype=float))[:1]
-        return _Look(not lines, _hex(first[0]), "", "" if lines else artist.get_hatch() or "") if first.size else None
+        return _Look(not lines, to_hex(first[0]), "", "" if lines else artist.get_hatch() or "") if first.size else None
     return None
 
 
-def _hex(colour: Any) -> str:
-    return to_hex(colour).lower()
-
-
-def _series(figure: Figure, axes: Sequence[Axes]) -> list[SeriesMarks]:
-    """Entries of all legends with what they name; entries of one text are one series.
+def _series(figure: Figure, axes: Sequence[Axes]) -> list[Marks]:
+    """Entries of all legends: their text, ids of their entries, ids of what they name; those of one text are one series.
 
     The legend of a panel names what is in that panel first, then what the legends of the other panels leave unnamed.
     """
@@ -222,7 +179,7 @@ def _series(figure: Figure, axes: Sequence[Axes]) -> list[SeriesMarks]:
                 keys, ids = found.setdefault(entry.name, ({}, {}))
                 keys |= dict.fromkeys(entry.keys)
                 ids[gid] = None
-    return [SeriesMarks(name, tuple(keys), tuple(ids)) for name, (keys, ids) in found.items()]
+    return [{"name": name, "keys": list(keys), "ids": list(ids)} for name, (keys, ids) in found.items()]
 
 
 class _LegendEntry(NamedTuple):

@@ -6,23 +6,29 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.diagnosis_result import Names
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report.cause_words import LINE_MEANINGS, set_words
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
-from winchcascade.report.diagnosis_names import (
+from winchcascade.report.diagnosis_tables import where_section, which_section
+from winchcascade.report.digits import number, significant, upper
+from winchcascade.report.gap_words import (
     phase_words,
     probability_words,
     share_words,
     signed,
 )
-from winchcascade.report.diagnosis_sections import where_section, which_section
-from winchcascade.report.digits import number, significant, upper
-from winchcascade.report.line_words import LINE_MEANINGS, set_words
-from winchcascade.report.report_model import Section, picture, section
+from winchcascade.report.report_model import (
+    Section,
+    Table,
+    formatted_table,
+    number_column,
+    picture,
+    section,
+    text_column,
+)
 from winchcascade.report.style import COLOURS, Margins, label_panel, legend_above, line_entry, panel_figure, wide_figure
-from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
 
 
 def line_where(found: LineDiagnosis) -> Section:
@@ -84,11 +90,13 @@ MOST_SETS = 12
 
 def line_suspects_table(found: LineDiagnosis) -> Table | None:
     """What each suspect is, and what it closes alone and is worth beside the others."""
-    choice, rows = found.choice, []
-    for name in found.lines.names:
+    choice = found.choice
+
+    def worth(name: str) -> float:
+        """Error that one more or one less suspect beside the causes makes. [%]"""
         other = tuple(n for n in found.lines.names if (n in found.chosen) != (n == name))
-        worth = (100.0 if name in found.chosen else -100.0) * (choice.error(other) - choice.error(found.chosen))
-        rows.append((name, LINE_MEANINGS[name], share_words(1.0 - choice.error((name,))), f"{number(worth, 1)} %"))
+        return (100.0 if name in found.chosen else -100.0) * (choice.error(other) - choice.error(found.chosen))
+
     return formatted_table(
         "suspects",
         "What each suspect closes alone, and beside the causes.",
@@ -96,7 +104,10 @@ def line_suspects_table(found: LineDiagnosis) -> Table | None:
             text_column("Suspect"), text_column("What it is"), number_column("Closes alone", "of the squared error"),
             number_column("Beside the causes", "with it, or lost without it"),
         ),
-        rows,
+        [
+            (name, LINE_MEANINGS[name], share_words(1.0 - choice.error((name,))), f"{number(worth(name), 1)} %")
+            for name in found.lines.names
+        ],
         "Shares of the squared error on held-out cycles. A share below zero predicts worse than nothing.",
     )  # fmt: skip
 
@@ -273,14 +284,12 @@ def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
     return figure
 
 
-def sets_of(found: LineDiagnosis) -> list[Names]:
-    """Sets that show what each cause closes: none, each cause alone, the chosen ones, and all suspects."""
-    return list(dict.fromkeys([(), *((cause.effect,) for cause in found.causes), found.chosen, found.lines.names]))
-
-
 def closed_bars(found: LineDiagnosis) -> Figure | None:
     """Draw the squared error of sets of causes on held-out cycles, over that without any."""
-    sets, every = sets_of(found), found.lines.names
+    sets, every = (
+        list(dict.fromkeys([(), *((cause.effect,) for cause in found.causes), found.chosen, found.lines.names])),
+        found.lines.names,
+    )
     figure, (ax,) = panel_figure(0.45 + 0.3 * len(sets), margins=Margins(left=0.3, head=0.06, foot=0.4))
     for row, names in enumerate(sets):
         left = 100.0 * found.choice.error(names)

@@ -16,9 +16,8 @@ from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.loss_points import LossPoints, columns_at
 from winchcascade.report.loss_map_text import coefficients_table, loss_points_words
-from winchcascade.report.provenance import data_point, provenance_table
 from winchcascade.report.publish import publish
-from winchcascade.report.report_model import Report, Section, picture, section
+from winchcascade.report.report_model import Report, Section, data_point, picture, provenance_section, section
 from winchcascade.report.style import COLOURS, Margins, house_style, panel_figure
 
 DOTS = 1500
@@ -66,16 +65,13 @@ def with_loss_map(report: Report, found: LossMap) -> Report:
 
 def campaign_loss_map_report(found: LossMap, title: str, origins: Sequence[Origin], command: str) -> Report:
     """The loss map of a whole campaign as a report of its own."""
-    provenance = section(
-        "provenance", "Provenance", provenance_table([("Logs", ", ".join(found.points.logs))], command)
-    )
     return Report(
         kind="Loss map of a campaign",
         title=title,
         subtitle=f"{len(found.points.logs)} logs",
         tiles=(),
         points=(data_point(origins),),
-        sections=(loss_map_section(found), provenance),
+        sections=(loss_map_section(found), provenance_section([("Logs", ", ".join(found.points.logs))], command)),
         banner=banner(origins),
     )
 

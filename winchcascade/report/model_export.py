@@ -29,7 +29,6 @@ CURRENT_STEP = 0.25
 
 RPM_PER_RAD_S = 30.0 / math.pi
 
-
 UNITS = {
     "winch": {
         "r_drum": "m", "inertia": "kg.m2", "friction": "N.m", "drag": "N.m.s/rad", "layering": "1/m", "stribeck": "N.m",

@@ -146,8 +146,7 @@ def _panel(
         )  # fmt: skip
     if letter:
         label_panel(ax, letter, shown.title)
-    ax.set_xlabel(shown.over)
-    ax.set_ylabel(f"{shown.symbol} ({unit})" if shown.symbol else axis_label(shown.title, unit))
+    ax.set(xlabel=shown.over, ylabel=f"{shown.symbol} ({unit})" if shown.symbol else axis_label(shown.title, unit))
     if name == "resistance_ohm":
         ax.set_ylim(0.0, 1.12 * max(max(c.log + c.simulated) for _, _, c in curves))
     elif name == "eta_gen":
@@ -159,13 +158,15 @@ def _panel(
 def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool, sampled: bool) -> None:
     """Add the legend of lines, markers and shades above the panels; of several logs name each."""
     one = drawn[0] if len(drawn) == 1 else Drawn("", {}, simulated="ink")
-    entries = [
-        *([samples_entry(f"{word}, samples", "soft")] if sampled else []),
-        line_entry(f"{word}, means" if sampled else word, one.log, lw=1.2),
-        line_entry("simulated, means" if sampled else "simulated", one.simulated, ls="none", **_mark(one.mark)),
-        *([patch_entry("over rated speed", "over")] if shaded else []),
-    ]
-    legend_above(figure, entries)
+    legend_above(
+        figure,
+        [
+            *([samples_entry(f"{word}, samples", "soft")] if sampled else []),
+            line_entry(f"{word}, means" if sampled else word, one.log, lw=1.2),
+            line_entry("simulated, means" if sampled else "simulated", one.simulated, ls="none", **_mark(one.mark)),
+            *([patch_entry("over rated speed", "over")] if shaded else []),
+        ],
+    )
     if len(drawn) > 1:
         legend_above(figure, _loads(drawn), line=1)
 
@@ -270,7 +271,18 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
     names : what stands left of each bar, of one line or two
     """
     present = [g for g in GROUPS if any(abs(b.shares[g]) >= NOTHING for b in budgets)]
-    entries = _entries(present, budgets, word)
+    entries = [
+        *(
+            patch_entry(GROUPS[name].name, _LOOK[name][0], hatch=_LOOK[name][1], ec=COLOURS["paper"], lw=0.5)
+            for name in present
+        ),
+        line_entry("shaft, simulated", lw=1.1),
+        *(
+            line_entry(f"{what}, {word}", marker=mark, **_POINT)
+            for stage, (mark, what) in _POINTS.items()
+            if any(stage in b.log for b in budgets)
+        ),
+    ]
     head, foot = 0.16 + 0.17 * -(-len(entries) // 7), 0.42
     widest = max(text_width(line) for name in names for line in name.split("\n"))
     height, left = head + foot + _PITCH * (len(names) + 0.1), max(0.125, (widest + _BESIDE) / WIDTH)
@@ -324,19 +336,3 @@ def _bar(ax: Axes, row: float, budget: LossBudget, present: Sequence[str]) -> No
 
 _POINT: dict[str, Any] = {"color": COLOURS["ink"], "ls": "none", "ms": 4.2, "mew": 0.9, "mfc": COLOURS["paper"]}
 """Style of a point of the log."""
-
-
-def _entries(present: Sequence[str], budgets: Sequence[LossBudget], word: str) -> list[Entry]:
-    """What the legend names: the parts, then stroke and points."""
-    return [
-        *(
-            patch_entry(GROUPS[name].name, _LOOK[name][0], hatch=_LOOK[name][1], ec=COLOURS["paper"], lw=0.5)
-            for name in present
-        ),
-        line_entry("shaft, simulated", lw=1.1),
-        *(
-            line_entry(f"{what}, {word}", marker=mark, **_POINT)
-            for stage, (mark, what) in _POINTS.items()
-            if any(stage in b.log for b in budgets)
-        ),
-    ]

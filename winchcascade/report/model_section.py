@@ -24,15 +24,25 @@ from winchcascade.report.model_account import (
     Account,
     ChannelDifference,
     LossBudget,
+    ModelComparison,
     abscissas,
     account_of,
+    compare_with_baseline,
     quantities,
     speed_width,
 )
-from winchcascade.report.model_data import ModelComparison, compare_with_baseline
-from winchcascade.report.report_model import Block, Note, Picture, Section, picture, section
+from winchcascade.report.report_model import (
+    Block,
+    Note,
+    Picture,
+    Section,
+    Table,
+    TableColumn,
+    make_table,
+    picture,
+    section,
+)
 from winchcascade.report.style import cut_apart
-from winchcascade.report.table_model import Table, TableColumn, make_table
 from winchcascade.report.wording import load_words
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")
@@ -189,9 +199,10 @@ def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
     """
     given = [log._replace(account=replace(log.account, word=word)) for log in logs if not log.account.why]
     left_out = [log for log in logs if log.account.why]
-    blocks: list[Block | None] = [Note(_reasons(left_out, alone=not given))] if left_out else []
-    if given:
-        blocks += [Note(_aim(word)), *_campaign_pictures(given), *_campaign_tables(given)]
+    blocks: list[Block | None] = [
+        *([Note(_reasons(left_out, alone=not given))] if left_out else []),
+        *([Note(_aim(word)), *_campaign_pictures(given), *_campaign_tables(given)] if given else []),
+    ]
     return section("model", _words(word).heading, *blocks) if blocks else None
 
 
@@ -288,14 +299,10 @@ def shown_words(names: Sequence[str]) -> str:
     """
     over = " over generator speed"
     words = [SHOWN[name].what for name in names]
-    if all(w.endswith(over) for w in words):
-        words = [w.removesuffix(over) for w in words]
-    else:
-        over = ""
-    if len(names) > 1:
-        words = [f"{w} ({letter})" for letter, w in zip("abcdefgh", words, strict=False)]
-    text = ", ".join(words) + over
-    return f"{upper(text)}."
+    shared = over if all(w.endswith(over) for w in words) else ""
+    letters = [f" ({letter})" if len(names) > 1 else "" for letter in "abcdefgh"[: len(names)]]
+    text = ", ".join(f"{w.removesuffix(shared)}{letter}" for w, letter in zip(words, letters, strict=True))
+    return f"{upper(text + shared)}."
 
 
 def _simulated_with(accounts: Sequence[Account]) -> str:
@@ -337,12 +344,13 @@ def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], account
         f"; points below it: shares of the {words.logged} energy of the line that reach {reached}" if reached else ""
     )
     bleed = "; in open circuit the DC link feeds its bleed alone" if any(a.open_circuit for a in accounts) else ""
-    caption = (
+    return _picture(
+        figures.budget_bars(names, budgets, word=accounts[0].word),
+        "model-budget",
         f"Simulated loss budget ({_simulated_with(accounts)}): where the energy of the simulated line goes within the "
         "integration window, as a mean over the cycles; beside each bar that energy. The stroke across a bar is what reaches "
-        f"the torque sensor{points}. Inertia is that of rotor and drum{bleed}."
+        f"the torque sensor{points}. Inertia is that of rotor and drum{bleed}.",
     )
-    return _picture(figures.budget_bars(names, budgets, word=accounts[0].word), "model-budget", caption)
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
@@ -358,12 +366,12 @@ def _differences_table(
     names = [name for name in COMPARED if any(name in account.differences for account in accounts)]
     if not names:
         return None
-    note = "".join(f"{_CALLED[name]}. " for name in names if name in _CALLED)
-    note += "A bias below zero: the simulation lies above the log."
-    if any(account.open_circuit for account in accounts):
-        note += " In open circuit torque and Idc are not compared."
-    if any(account.cycles < account.total for account in accounts):
-        note += " Of a long log the first complete cycles are compared."
+    notes = (
+        *(f"{_CALLED[name]}." for name in names if name in _CALLED),
+        "A bias below zero: the simulation lies above the log.",
+        "In open circuit torque and Idc are not compared." if any(a.open_circuit for a in accounts) else "",
+        "Of a long log the first complete cycles are compared." if any(a.cycles < a.total for a in accounts) else "",
+    )
     return make_table(
         "differences",
         f"{_words(accounts[0].word).table} − simulated over the payouts: mean (bias) and root mean square (rms).",
@@ -384,7 +392,7 @@ def _differences_table(
             )
             for first, a in zip(firsts, accounts, strict=True)
         ],
-        note=note,
+        note=" ".join(filter(None, notes)),
     )
 
 

@@ -1,23 +1,27 @@
-"""Plots of results on axes of your own, or on new ones that a notebook shows; drawn by the functions of the reports."""
+"""Results in a notebook: plots on axes of your own or on new ones, and summaries as HTML, both made as in the reports."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.errors import OptionError, check_choice
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report.campaign_record import CampaignReduction
+from winchcascade.report.publish import table_html
 from winchcascade.report.style import COLOURS, figure_width, house_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from winchcascade.comparison.comparison_result import Comparison
-    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-    from winchcascade.reduction.reduction_result import Reduction
-    from winchcascade.report.campaign_reduction import CampaignReduction
+    from winchcascade.report.report_model import Table
+
 
 Plot = Callable[[Any], None]
 """What draws on one Axes, or on an array of them."""
@@ -38,20 +42,27 @@ def plot_reduction(reduction: Reduction, what: str, ax: Axes | None = None) -> A
         rows = 1 if ax is not None else figures.history_rows(reduction, powers)
         draw: Plot = lambda axes: figures.draw_histories(np.ravel(axes).tolist(), reduction, powers)  # noqa: E731
         return _drawn(draw, ax, rows=rows, height=2.9 if rows == 1 else 1.2, share={"sharex": "col"})
-    lacking = {
-        "power": "" if powers and reduction.cycles else "a cycle and a power",
-        "speed": "" if reduction.bins else "the speed of the generator in a complete cycle",
-        "efficiency": ""
-        if figures.known_ratios(reduction) and reduction.complete
-        else "an efficiency of a complete cycle",
-    }[what]
-    _require(what, lacking)
-    plots: dict[str, Plot] = {
-        "power": lambda one: figures.one_cycle(one, reduction, powers),
-        "speed": lambda one: figures.over_speed(one, reduction, powers),
-        "efficiency": lambda one: _efficiencies(one, reduction),
+    efficient = bool(figures.known_ratios(reduction) and reduction.complete)
+    plots: dict[str, tuple[Plot, bool, str]] = {
+        "power": (
+            lambda one: figures.one_cycle(one, reduction, powers),
+            bool(powers and reduction.cycles),
+            "a cycle and a power",
+        ),
+        "speed": (
+            lambda one: figures.over_speed(one, reduction, powers),
+            bool(reduction.bins),
+            "the speed of the generator in a complete cycle",
+        ),
+        "efficiency": (
+            lambda one: _efficiencies(one, reduction),
+            efficient,
+            "an efficiency of a complete cycle",
+        ),
     }
-    return _drawn(plots[what], ax)
+    draw, given, needed = plots[what]
+    _require(what, "" if given else needed)
+    return _drawn(draw, ax)
 
 
 def _efficiencies(ax: Axes, reduction: Reduction) -> None:
@@ -119,8 +130,8 @@ def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axe
     the Axes, an array with one for each efficiency, (n,), if none was given: with one given, that of the whole cascade, or else
     the first, alone is drawn
     """
-    from winchcascade.report import comparison_figures as figures
-    from winchcascade.report.comparison_words import drawn_metrics
+    from winchcascade.report import comparison_report as figures
+    from winchcascade.report.comparison_text import drawn_metrics
 
     check_choice("plot", what, ("efficiency",), "plot of this result")
     metrics = drawn_metrics(found)
@@ -162,3 +173,49 @@ def _drawn(
         if rows == 1 and title.startswith("("):  # the letter of a panel among others
             found[0].set_title(title.partition(") ")[2], loc="left", pad=3)
     return found[0] if rows == 1 else found  # type: ignore[no-any-return]
+
+
+def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:
+    """The heading and the main table of a result as HTML without scripts; every text is escaped."""
+    return table_html(*_heading_and_table(result))
+
+
+@singledispatch
+def _heading_and_table(result: object) -> tuple[str, Table | None]:
+    """What the result is of, in one line, and its main table; None where it has none."""
+    raise TypeError(f"no table of a {type(result).__name__}")
+
+
+@_heading_and_table.register(Reduction)
+def _(result: Reduction) -> tuple[str, Table | None]:
+    from winchcascade.reduction.montecarlo import uncertainty
+    from winchcascade.report.tables import cycles_table
+
+    return repr(result), cycles_table(result, uncertainty(result))
+
+
+@_heading_and_table.register(CampaignReduction)
+def _(result: CampaignReduction) -> tuple[str, Table | None]:
+    from winchcascade.report.campaign import logs_efficiencies_table
+    from winchcascade.report.campaign_record import runs_by_load
+
+    return repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced))
+
+
+@_heading_and_table.register(Comparison)
+def _(result: Comparison) -> tuple[str, Table | None]:
+    from winchcascade.report.comparison_report import differences_table
+    from winchcascade.report.comparison_text import headline_metrics
+
+    heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
+    return heading, differences_table("efficiencies", result, headline_metrics(result))
+
+
+@_heading_and_table.register(DiagnosisResult)
+def _(result: DiagnosisResult) -> tuple[str, Table | None]:
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.report.diagnosis_tables import causes_table
+
+    assert isinstance(result, ModelDiagnosis | LineDiagnosis)  # there are no others
+    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)

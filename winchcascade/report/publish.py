@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from winchcascade.core.files import write_content
-from winchcascade.report.provenance import made_at
-from winchcascade.report.report_model import SUBSCRIPTS, Report
+from winchcascade.report.report_model import SUBSCRIPTS, Report, Table, made_at
 from winchcascade.report.style import COLOURS
-from winchcascade.report.table_model import Table
 
 if TYPE_CHECKING:
     import jinja2

@@ -22,7 +22,6 @@ from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, Operat
 from winchcascade.reduction.uncertainty import BudgetRow, shares
 
 if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Channel, Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -241,6 +240,8 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
     """The record of the reduction of one log with its uncertainty."""
     found = found or uncertainty(reduction)
     run = reduction.run
+    known, names = found.budget, tuple(dict.fromkeys((*ALL_METRICS, *reduction.rig.cascade.metrics)))
+    freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
     return RunRecord(
         schema=SCHEMA,
         version=__version__,
@@ -268,7 +269,20 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         max_deviation_percent=reduction.max_deviation_percent.fields(),
         standard_uncertainty=found.standard.fields(),
         interval_95=_intervals(found.interval_95),
-        uncertainty=_uncertainty(found, reduction.rig),
+        uncertainty=UncertaintyRecord(
+            seed=found.seed,
+            draws=found.draws,
+            stated={field_of(name): found.method.get(name) for name in names},
+            sensors=known.sensors.fields(names),
+            repeatability=known.repeatability.fields(names),
+            monte_carlo=found.drawn.fields(names),
+            interval_95_sensors=_intervals(found.interval_95_sensors, names),
+            degrees_of_freedom=freedom.fields(names),
+            budget=tuple(_budget_row(row, known.mean, reduction.rig.known_channels, names) for row in known.rows),
+            taken_as_exact=tuple(known.exact),
+            without_accuracy=tuple(known.unknown),
+            undetermined=tuple(field_of(name) for name in known.undetermined),
+        ),
         total=reduction.total.fields(),
         bins=tuple(bin_record(b, reduction.rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
@@ -309,26 +323,6 @@ def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetTyp
 def _intervals(intervals: Mapping[str, Interval], names: Sequence[str] = ALL_METRICS) -> dict[str, Interval95 | None]:
     """95 % intervals under the names of written files, None for a metric that has none."""
     return {field_of(m): None if (ends := intervals.get(m)) is None else (ends.low, ends.high) for m in names}
-
-
-def _uncertainty(found: Uncertainty, rig: Rig) -> UncertaintyRecord:
-    """The uncertainty of the means, of the paper's metrics and of those of the stages that a rig file configures."""
-    known, names = found.budget, tuple(dict.fromkeys((*ALL_METRICS, *rig.cascade.metrics)))
-    freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
-    return UncertaintyRecord(
-        seed=found.seed,
-        draws=found.draws,
-        stated={field_of(name): found.method.get(name) for name in names},
-        sensors=known.sensors.fields(names),
-        repeatability=known.repeatability.fields(names),
-        monte_carlo=found.drawn.fields(names),
-        interval_95_sensors=_intervals(found.interval_95_sensors, names),
-        degrees_of_freedom=freedom.fields(names),
-        budget=tuple(_budget_row(row, known.mean, rig.known_channels, names) for row in known.rows),
-        taken_as_exact=tuple(known.exact),
-        without_accuracy=tuple(known.unknown),
-        undetermined=tuple(field_of(name) for name in known.undetermined),
-    )
 
 
 def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], names: Sequence[str]) -> BudgetRecord:

@@ -1,10 +1,19 @@
-"""Where the files of a report are written."""
+"""Where the files of a report are written, and which function makes the report of a result."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING
 
 import msgspec
+
+from winchcascade.core.errors import OptionError
+
+if TYPE_CHECKING:
+    from winchcascade.reduction.reduction_result import Reduction
+    from winchcascade.report.campaign_record import CampaignReduction
+    from winchcascade.report.report_model import Report
 
 
 class ReportFiles(msgspec.Struct, frozen=True):
@@ -24,3 +33,50 @@ class ReportFiles(msgspec.Struct, frozen=True):
     def wanted(self) -> bool:
         """Whether anything is to be written."""
         return any(path is not None for path in self.by_option.values())
+
+
+_MAKERS = {
+    "Audit": "audit_report:audit_report",
+    "Calibration": "calibration_sheet:calibration_report",
+    "CampaignReduction": "report_files:_of_campaign",
+    "Check": "check_report:check_report",
+    "Comparison": "comparison_report:make_comparison_report",
+    "DiagnosisResult": "diagnosis:make_diagnosis_report",
+    "PointAudit": "audit_report:point_audit_report",
+    "Reduction": "report_files:_of_reduction",
+    "Score": "trial_report:make_trial_report",
+    "Simulation": "simulation_report:simulation_report",
+}
+"""What makes the report of a result, by the name of its class: a result that is made has imported its own modules alone."""
+
+
+def report_of(result: object, *, command: str = "") -> Report:
+    """Make the report of a result.
+
+    Parameters
+    ----------
+    command : as it was given, to be given again
+    """
+    maker = next((_MAKERS[kind.__name__] for kind in type(result).__mro__ if kind.__name__ in _MAKERS), None)
+    if maker is None:
+        raise OptionError(
+            f"write_report: {type(result).__name__} has no report; expected the result of reduce, compare, calibrate, "
+            "simulate, audit, or of open_campaign(...).reduce(), .diagnose() or .check()."
+        )
+    report: Report = resolve_name(f"winchcascade.report.{maker}")(result, command=command)
+    return report
+
+
+def _of_reduction(result: Reduction, *, command: str) -> Report:
+    from winchcascade.reduction.montecarlo import uncertainty
+    from winchcascade.report.document import make_report
+
+    return make_report(result, uncertainty(result), command=command)
+
+
+def _of_campaign(result: CampaignReduction, *, command: str) -> Report:
+    from winchcascade.report.campaign import campaign_report
+    from winchcascade.report.wave_section import campaign_waves
+
+    waves = campaign_waves(result.records.items())
+    return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)

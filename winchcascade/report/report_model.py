@@ -1,16 +1,206 @@
-"""The content of a report: sections of tables and figures, made once, which HTML and PDF only lay out."""
+"""The content of a report: sections of tables, figures and notes, made once, which HTML and PDF only lay out."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, Literal, TypeVar
 
 import msgspec
 
+from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.version import __version__
-from winchcascade.report.table_model import Table
+from winchcascade.report.digits import NumberText, common_decimals, number, upper
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+Cell = str | float | None
+"""Value of a cell: a number, a text that is formatted already, or None for what does not exist."""
+
+T = TypeVar("T")
+
+LONG = 32
+"""A column with a longer text than this is one of sentences. [characters]"""
+
+
+class Table(msgspec.Struct, frozen=True, tag="table"):
+    """Rows of texts under a head of names and units; `summary` rows at the end stand apart.
+
+    `text_columns` are set to the left, all others are numbers. `note` follows the table. `links` are addresses that the
+    first cell of each row leads to, none or one for every row. `values` are the cells before they are rounded, for tables
+    in files of their own.
+    """
+
+    id: str
+    caption: str
+    head: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    text_columns: tuple[int, ...] = (0,)
+    summary: int = 0
+    note: str = ""
+    links: tuple[str, ...] = ()
+    values: tuple[tuple[Cell, ...], ...] = ()
+
+    def is_long(self, column: int) -> bool:
+        """Whether a column holds sentences, which may be broken into lines."""
+        return any(len(row[column]) > LONG for row in self.rows)
+
+
+class TableColumn(msgspec.Struct, Generic[T], frozen=True):
+    """Column of a table: its name, its unit, the decimals of its numbers, and the cell that it has for the item of a row.
+
+    `text` columns are aligned to the left, all others to the right.
+    """
+
+    name: str
+    unit: str = ""
+    decimals: int = 0
+    text: bool = False
+    of: Callable[[T], Cell] | None = None
+
+
+_EVERY_ROW: ContextVar[bool] = ContextVar("every_row", default=False)
+
+
+@contextmanager
+def every_row() -> Iterator[None]:
+    """Make tables with all their rows within this context: a file has no page that a long one would fill."""
+    token = _EVERY_ROW.set(True)
+    try:
+        yield
+    finally:
+        _EVERY_ROW.reset(token)
+
+
+def row_limit(most: int | None) -> int | None:
+    """Rows that a table lists at most: what is given, or no limit where every row is wanted."""
+    return None if _EVERY_ROW.get() else most
+
+
+class Limit(msgspec.Struct, frozen=True):
+    """How many items a table lists: of more than `most`, the first and the last half of that. `more` names the others."""
+
+    most: int
+    more: str = "more"
+
+
+def rows_of(
+    columns: Sequence[TableColumn[T]], items: Sequence[T], limit: Limit | None = None
+) -> list[tuple[Cell, ...]]:
+    """Cells of the columns for each item, as many as the limit allows.
+
+    >>> rows_of([TableColumn("k", of=int), TableColumn("text", of=str)], range(9), Limit(2))
+    [(0, '0'), ('… 7 more', ''), (8, '8')]
+    """
+    most = None if limit is None else row_limit(limit.most)
+    rows = [
+        tuple(column.of(item) for column in columns if column.of is not None)
+        for item in (items if most is None or len(items) <= most else [*items[: most // 2], *items[-(most // 2) :]])
+    ]
+    if limit is not None and most is not None and len(items) > most:
+        rows.insert(most // 2, (f"… {len(items) - most} {limit.more}", *[""] * (len(columns) - 1)))
+    return rows
+
+
+def with_common_decimals(
+    columns: Sequence[TableColumn[T]], rows: Sequence[Sequence[Cell]]
+) -> tuple[tuple[Cell, ...], ...]:
+    """Rows whose numbers with an uncertainty have the same decimals in each column, unless the rows differ in their units."""
+    cells = [list(row) for row in rows]
+    if not any(column.name.lower() == ROW_UNIT.lower() for column in columns):
+        for k in range(len(columns)):
+            decimals = common_decimals(row[k] for row in cells)
+            for row in cells if decimals is not None else ():
+                cell = row[k]
+                if isinstance(cell, NumberText) and cell.decimals is not None and decimals is not None:
+                    row[k] = cell.at(decimals)
+    return tuple(tuple(row) for row in cells)
+
+
+ROW_UNIT = "Unit"
+"""Name of a column that states the unit of its row."""
+
+
+def make_table(
+    name: str,
+    caption: str,
+    columns: Sequence[TableColumn[T]],
+    rows: Iterable[Sequence[Cell]],
+    *,
+    below: Sequence[Sequence[Cell]] = (),
+    note: str = "",
+) -> Table:
+    """A table of cells under the names and units of its columns; texts of cells stay, numbers get the decimals of the column.
+
+    Parameters
+    ----------
+    below : rows that summarise the others
+    """
+    values = with_common_decimals(columns, [*rows, *below])
+    return Table(
+        id=name,
+        caption=caption,
+        head=tuple(column.name for column in columns),
+        units=tuple(column.unit for column in columns),
+        rows=tuple(
+            tuple(
+                str(cell if isinstance(cell, str) else number(cell, column.decimals))
+                for cell, column in zip(row, columns, strict=True)
+            )
+            for row in values
+        ),
+        values=values,
+        text_columns=tuple(k for k, column in enumerate(columns) if column.text),
+        summary=len(below),
+        note=note,
+    )
+
+
+class ItemTable(msgspec.Struct, Generic[T], frozen=True):
+    """Declaration of a table with a row for each item: its name, its caption and its columns.
+
+    `limit` is how many items it lists.
+    """
+
+    name: str
+    caption: str
+    columns: Sequence[TableColumn[T]]
+    note: str = ""
+    limit: Limit | None = None
+
+    def of(self, items: Sequence[T]) -> Table | None:
+        """The table of some items, as many as the limit allows; None without items."""
+        return self.always(items) if items else None
+
+    def always(self, items: Sequence[T], below: Sequence[Sequence[Cell]] = ()) -> Table:
+        """The table of some items, also without any; `below` are rows that summarise the others."""
+        rows = rows_of(self.columns, items, self.limit)
+        return make_table(self.name, self.caption, self.columns, rows, below=below, note=self.note)
+
+
+def text_column(name: str, unit: str = "") -> TableColumn[object]:
+    """A column of texts."""
+    return TableColumn(name, unit, text=True)
+
+
+def number_column(name: str, unit: str = "") -> TableColumn[object]:
+    """A column of numbers that are formatted already."""
+    return TableColumn(name, unit)
+
+
+def formatted_table(
+    name: str, caption: str, columns: Sequence[TableColumn[T]], rows: Sequence[Sequence[str]], note: str = ""
+) -> Table | None:
+    """A table of texts; None without rows."""
+    return make_table(name, caption, columns, rows, note=note) if rows else None
+
 
 Tone = Literal["plain", "good", "warn"]
 
@@ -68,6 +258,11 @@ def section(name: str, heading: str, *blocks: Block | None) -> Section:
     return Section(name, heading, tuple(b for b in blocks if b is not None))
 
 
+def filled(*sections: Section) -> tuple[Section, ...]:
+    """Those of some sections that have blocks."""
+    return tuple(s for s in sections if s.blocks)
+
+
 class Tile(msgspec.Struct, frozen=True):
     """One number of the summary: its name, value, 95 % interval, and what it is."""
 
@@ -118,3 +313,56 @@ class Report(msgspec.Struct, frozen=True):
     links: tuple[Link, ...] = ()
     lead: Picture | None = None
     generator: str = f"winchcascade/{__version__}"
+
+
+def data_point(origins: Sequence[Origin]) -> Point:
+    """State whether the data are measured and where they come from; a warning where any are not measured."""
+    words = origin_words(origins)
+    text = words if words.endswith(".") else f"{words}."
+    made = any(origin.measured is False for origin in origins)
+    return Point("Data", upper(text), "warn" if made else "plain")
+
+
+def provenance_section(rows: Sequence[tuple[str, str]], command: str, *before: Table | None) -> Section:
+    """Where every number comes from: items with their values, those without one left out, and how the report was made.
+
+    Parameters
+    ----------
+    before : tables that stand before that of the items
+    """
+    import platform
+
+    import numpy
+
+    versions = f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"
+    made = (
+        ("Made by", versions),
+        ("Command", command),
+        ("Made on", made_at().strftime("%Y-%m-%d %H:%M:%S UTC")),
+    )
+    given = [row for row in (*rows, *made) if row[1]]
+    return section(
+        "provenance", "Provenance", *before, pairs_table("provenance", "What the report was made from, and how.", given)
+    )
+
+
+def pairs_table(
+    name: str, caption: str, rows: Sequence[Sequence[Cell]], heads: tuple[str, str] = ("Item", "Value")
+) -> Table:
+    """A table of two columns of texts."""
+    return make_table(name, caption, [text_column(head) for head in heads], rows)
+
+
+def made_at() -> datetime:
+    """Give the time of making, or SOURCE_DATE_EPOCH where a build must be repeatable; UTC, whole seconds."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    given = epoch.isdigit() and len(epoch) <= 11
+    now = datetime.fromtimestamp(int(epoch), UTC) if given else datetime.now(UTC)
+    return now.replace(microsecond=0)
+
+
+def file_digest(path: str) -> str:
+    """SHA-256 of a rig file, nothing for a built-in one."""
+    from winchcascade.core.store import digest_of
+
+    return digest_of(Path(path).read_bytes()) if Path(path).is_file() else ""

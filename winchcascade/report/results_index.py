@@ -9,9 +9,18 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
-from winchcascade.report.provenance import data_point
-from winchcascade.report.report_model import Link, Point, Report, Section, section
-from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
+from winchcascade.report.report_model import (
+    Link,
+    Point,
+    Report,
+    Section,
+    Table,
+    data_point,
+    formatted_table,
+    number_column,
+    section,
+    text_column,
+)
 
 INDEX = "index.html"
 """Name of the page in a results folder."""

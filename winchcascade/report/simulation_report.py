@@ -15,17 +15,26 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.document import histories_section
 from winchcascade.report.figures import powers_of
-from winchcascade.report.glossary import PLACES, symbols_section
-from winchcascade.report.provenance import data_point, provenance_table
-from winchcascade.report.report_model import Point, Report, Tile, section
+from winchcascade.report.report_model import (
+    ItemTable,
+    Point,
+    Report,
+    Table,
+    TableColumn,
+    Tile,
+    data_point,
+    filled,
+    provenance_section,
+    section,
+)
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import Table, TableColumn, items_table, make_table
 from winchcascade.report.terminal import LEDGER_WORDS, energy_shares, energy_span
-from winchcascade.report.traces import readout
-from winchcascade.report.wording import load_words, subscripts_of
+from winchcascade.report.time_histories import readout
+from winchcascade.report.wording import PLACES, load_words, subscripts_of, symbols_section
 from winchcascade.rig.simulate import Simulation
 
 
+@house_style()
 def simulation_report(
     simulation: Simulation,
     *,
@@ -46,31 +55,38 @@ def simulation_report(
     """
     run, name = simulation.run, "" if rig is None else rig.name
     found = reduce(run, rig=_as_simulated(simulation, rig or built_in()), window=window)
-    shares = energy_shares(simulation)
-    joule = dict(shares)
+    joule = dict(energy_shares(simulation))
     line = joule.get("line", 0.0)
-    with house_style():
-        sections = (
-            section("energies", "Energies", _ledger(shares, line)),
-            section("stages", "Stages", _stages(found)),
-            histories_section(found),
-            symbols_section(found.rig.cascade, cycles=False),
-            section("provenance", "Provenance", _provenance(simulation, source or run.path, name, effects, command)),
-        )
     load = load_words(run.load, before="load ", unknown="load unknown")
     about = (load, f"with {effects}" if effects else "", f"rig {name}" if name else "", run.about)
-    shown = [part for part in ("line", "gas", "dc") if part in joule]
     return Report(
         kind="Simulation of a rig",
         title=run.name,
         subtitle=" · ".join(part for part in about if part),
-        tiles=tuple(_tile(part, joule[part], line) for part in shown if line),
+        tiles=tuple(_tile(part, joule[part], line) for part in ("line", "gas", "dc") if part in joule and line),
         points=(
             data_point([run.origin]),
             Point("Energies", f"They count {energy_span(simulation)}."),
             Point("Effects", f"{upper(effects)}." if effects else "None beyond the model of the rig file."),
         ),
-        sections=tuple(s for s in sections if s.blocks),
+        sections=filled(
+            section("energies", "Energies", _ledger(joule, line)),
+            section("stages", "Stages", _stages(found)),
+            histories_section(found),
+            symbols_section(found.rig.cascade, cycles=False),
+            provenance_section(
+                [
+                    ("Line motion from", source or run.path),
+                    ("SHA-256 of that file", run.sha256),
+                    ("Load", load_words(run.load, unknown="unknown")),
+                    ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
+                    ("Step of the simulation", f"{1e3 * simulation.motion.step:.3g} ms"),
+                    ("Rig", name),
+                    ("Effects", effects or "none"),
+                ],
+                command,
+            ),
+        ),
         traces=readout(found, powers_of(found)),
         banner=banner([run.origin]),
         subscripts=subscripts_of(found.rig.cascade),
@@ -84,43 +100,33 @@ def _as_simulated(simulation: Simulation, rig: Rig) -> Rig:
 
 
 def _tile(name: str, joule: float, line: float) -> Tile:
-    share = f"{100.0 * joule / line:.1f} % of the line"
-    return Tile(name, LEDGER_WORDS[name], f"{number(joule, 0)} J", share)
+    return Tile(name, LEDGER_WORDS[name], f"{number(joule, 0)} J", f"{100.0 * joule / line:.1f} % of the line")
 
 
-def _ledger(shares: list[tuple[str, float]], line: float) -> Table:
-    columns: list[TableColumn[tuple[str, float]]] = [
-        TableColumn("Energy", text=True, of=lambda item: item[0]),
-        TableColumn("Value", "J", of=lambda item: NumberText(f"{item[1]:.0f}", item[1])),
-        TableColumn("Share of the line", "%", 1, of=lambda item: 100.0 * item[1] / line if line else None),
-        TableColumn("What it is", text=True, of=lambda item: LEDGER_WORDS[item[0]]),
-    ]
-    found = items_table("ledger", "Where the energy of the line went.", columns, shares)
-    return found or make_table("ledger", "No energy was moved.", columns, [])
+def _ledger(joule: dict[str, float], line: float) -> Table:
+    return ItemTable[tuple[str, float]](
+        "ledger",
+        "Where the energy of the line went." if joule else "No energy was moved.",
+        [
+            TableColumn("Energy", text=True, of=lambda item: item[0]),
+            TableColumn("Value", "J", of=lambda item: NumberText(f"{item[1]:.0f}", item[1])),
+            TableColumn("Share of the line", "%", 1, of=lambda item: 100.0 * item[1] / line if line else None),
+            TableColumn("What it is", text=True, of=lambda item: LEDGER_WORDS[item[0]]),
+        ],
+    ).always(list(joule.items()))
 
 
 def _stages(found: Reduction) -> Table | None:
     """Powers of each stage over the whole motion: largest, smallest, and the energies delivered and returned."""
     t = found.run.t
-    columns: list[TableColumn[tuple[str, Signal]]] = [
-        TableColumn("Stage", text=True, of=lambda item: PLACES.get(item[0], item[0])),
-        TableColumn("Largest power", "W", 1, of=lambda item: float(item[1].max())),
-        TableColumn("Smallest power", "W", 1, of=lambda item: float(item[1].min())),
-        TableColumn("Energy delivered", "J", of=lambda item: float(np.trapezoid(item[1].clip(0.0), t))),
-        TableColumn("Energy returned", "J", of=lambda item: float(np.trapezoid((-item[1]).clip(0.0), t))),
-    ]
-    return items_table("stages", "Powers of the stages over the whole motion.", columns, list(powers_of(found).items()))
-
-
-def _provenance(simulation: Simulation, source: str, rig: str, effects: str, command: str) -> Table:
-    run = simulation.run
-    rows = [
-        ("Line motion from", source),
-        ("SHA-256 of that file", run.sha256),
-        ("Load", load_words(run.load, unknown="unknown")),
-        ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
-        ("Step of the simulation", f"{1e3 * simulation.motion.step:.3g} ms"),
-        ("Rig", rig),
-        ("Effects", effects or "none"),
-    ]
-    return provenance_table(rows, command)
+    return ItemTable[tuple[str, Signal]](
+        "stages",
+        "Powers of the stages over the whole motion.",
+        [
+            TableColumn("Stage", text=True, of=lambda item: PLACES.get(item[0], item[0])),
+            TableColumn("Largest power", "W", 1, of=lambda item: float(item[1].max())),
+            TableColumn("Smallest power", "W", 1, of=lambda item: float(item[1].min())),
+            TableColumn("Energy delivered", "J", of=lambda item: float(np.trapezoid(item[1].clip(0.0), t))),
+            TableColumn("Energy returned", "J", of=lambda item: float(np.trapezoid((-item[1]).clip(0.0), t))),
+        ],
+    ).of(list(powers_of(found).items()))

@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 import matplotlib
 import numpy as np
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from winchcascade.report.text_runs import FONT, text_size
+from winchcascade.report.svg_drawing import FONT, text_size
 
 logging.getLogger("matplotlib").setLevel(logging.ERROR)  # what it says of its own caches and settings is not our user's
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from winchcascade.core.run import Signal
+
+T = TypeVar("T")
 
 WIDTH = 6.7
 """Width of a figure of a report: that of a page of A4 between its margins. [in]"""
@@ -398,6 +400,16 @@ def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> 
         handles, texts, loc="upper left", ncols=columns_within(texts), columnspacing=1.1, handlelength=2.0,
         bbox_to_anchor=(0.01, 1.0 - LINE * line / float(figure.get_figheight())), borderaxespad=0.1,
     )  # fmt: skip
+
+
+def evenly(items: Sequence[T], most: int) -> list[T]:
+    """Items that are evenly spread, at most so many, the first and the last among them.
+
+    >>> evenly("abcdefg", 3), evenly("ab", 3)
+    (['a', 'd', 'g'], ['a', 'b'])
+    """
+    even = np.linspace(0, max(len(items) - 1, 0), min(len(items), most)).round().astype(int)
+    return [items[k] for k in even.tolist()]
 
 
 def readable(unit: str, *signals: Signal) -> tuple[float, str]:

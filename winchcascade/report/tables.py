@@ -9,7 +9,7 @@ from typing import Literal
 
 from msgspec.structs import asdict
 
-from winchcascade.core.cascade import PAPER, Cascade
+from winchcascade.core.cascade import PAPER
 from winchcascade.core.quantity import find_unit, si_unit
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Channel, Finding
@@ -28,19 +28,30 @@ from winchcascade.report.digits import (
     stated,
     uncertain,
 )
-from winchcascade.report.table_model import (
+from winchcascade.report.report_model import (
     ROW_UNIT,
+    ItemTable,
     Limit,
     Table,
     TableColumn,
     formatted_table,
-    items_table,
     make_table,
     row_limit,
     rows_of,
 )
-from winchcascade.report.traces import clock_zero
-from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name, span_word
+from winchcascade.report.time_histories import clock_zero
+from winchcascade.report.wording import (
+    SYMBOL,
+    decimals_of,
+    label,
+    metrics_note,
+    net_reasons,
+    not_known,
+    of_phase,
+    source_name,
+    span_word,
+    unit_of,
+)
 
 LISTED_CYCLES = Limit(60)
 """Cycles that a table lists; of more the first and the last half of that."""
@@ -55,16 +66,6 @@ TOGETHER = 3
 
 MOST_BINS = 80
 """Bins that a table lists; of more an even selection."""
-
-
-def unit_of(metric: str) -> str:
-    """Unit of a metric, "" for an efficiency."""
-    return {"energy": "J", "power": "W"}.get(metric.partition("_")[0], "")
-
-
-def decimals_of(metric: str) -> int:
-    """Decimals of a metric whose uncertainty is unknown."""
-    return 3 if metric.startswith("eta") else 0
 
 
 def mean_text(reduction: Reduction, found: Uncertainty, metric: str) -> str:
@@ -110,21 +111,19 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     n = len(reduction.complete)
     more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
-    columns: list[TableColumn[CycleResult]] = [
-        _CYCLE,
-        TableColumn("Window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset),
-        *_metric_columns(reduction, found, given),
-    ]
-    return make_table(
+    return ItemTable[CycleResult](
         "cycles",
         f"Cycles: energies E over the integration window,{'' if apart else ' mean powers P in it,'} efficiencies η."
         + incomplete,
-        columns,
-        rows_of(columns, reduction.cycles, LISTED_CYCLES),
-        below=_means(reduction, found, given, n),
-        note=metrics_note(cascade, given)
+        [
+            _CYCLE,
+            TableColumn("Window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset),
+            *_metric_columns(reduction, found, given),
+        ],
+        metrics_note(cascade, given)
         + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
-    )
+        LISTED_CYCLES,
+    ).always(reduction.cycles, _means(reduction, found, given, n))
 
 
 def powers_table(reduction: Reduction, found: Uncertainty) -> Table | None:
@@ -133,13 +132,10 @@ def powers_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     given = _given(reduction, [m for m in cascade.metrics if m.startswith("power")])
     if len(cascade.stages) <= TOGETHER or not given:
         return None
-    return make_table(
-        "mean-powers",
-        "Mean powers P in the integration window.",
-        columns := [_CYCLE, *_metric_columns(reduction, found, given)],
-        rows_of(columns, reduction.cycles, LISTED_CYCLES),
-        below=[(row[0], *row[2:]) for row in _means(reduction, found, given, len(reduction.complete))],
-    )
+    below = [(row[0], *row[2:]) for row in _means(reduction, found, given, len(reduction.complete))]
+    columns = [_CYCLE, *_metric_columns(reduction, found, given)]
+    table = ItemTable("mean-powers", "Mean powers P in the integration window.", columns, limit=LISTED_CYCLES)
+    return table.always(reduction.cycles, below)
 
 
 def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
@@ -150,20 +146,21 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     reasons = net_reasons(reduction.cycles)
     missing = f"Without net energies: {'; '.join(reasons[:MOST_REASONS])}. " if reasons else ""
     ratio = "; η_net = E_gen, cycle / E_net" if "eta_net" in given else ""
-    columns: list[TableColumn[CycleResult]] = [
-        _CYCLE,
-        TableColumn("Onset to onset", "s", 2, of=lambda c: c.net.end - c.net.begin),
-        *_metric_columns(reduction, found, given),
-    ]
-    return make_table(
+    return ItemTable[CycleResult](
         "net",
         "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset.",
-        columns,
-        rows_of(columns, reduction.cycles, LISTED_CYCLES),
-        below=_means(reduction, found, given, sum(c.metrics.energy_net is not None for c in reduction.complete)),
-        note=f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
+        [
+            _CYCLE,
+            TableColumn("Onset to onset", "s", 2, of=lambda c: c.net.end - c.net.begin),
+            *_metric_columns(reduction, found, given),
+        ],
+        f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
         "E_net, its gain does not.",
+        LISTED_CYCLES,
+    ).always(
+        reduction.cycles,
+        _means(reduction, found, given, sum(c.metrics.energy_net is not None for c in reduction.complete)),
     )
 
 
@@ -179,16 +176,6 @@ def _means(reduction: Reduction, found: Uncertainty, given: Sequence[str], n: in
         ("largest deviation (%)", n > 1 and repeats, lambda m: number(getattr(reduction.max_deviation_percent, m), 2)),
     )
     return [(name, "", *map(text, given)) for name, wanted, text in rows if wanted and given]
-
-
-def metrics_note(cascade: Cascade, given: Sequence[str]) -> str:
-    """What the symbols of some metrics mean."""
-    stages = [
-        f"{s.name}, {s.where}" for s in cascade.stages if f"energy_{s.name}" in given or f"power_{s.name}" in given
-    ]
-    ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in cascade.ratios.items() if m in given]
-    subscripts = f"Subscripts: {'; '.join(stages)}" if stages else ""
-    return "".join(f"{text}. " for text in (subscripts, ", ".join(ratios)) if text)
 
 
 def end_text(found: Uncertainty, metric: str, end: Literal["low", "high"]) -> str:
@@ -276,25 +263,23 @@ def _phases_table(
 
 def bins_table(reduction: Reduction) -> Table | None:
     """Mean powers in bins of generator speed; None where that speed is unknown."""
-    columns: list[TableColumn[Bin]] = [
-        TableColumn(
-            "Generator speed", "rpm", text=True, of=lambda b: f"{number(b.rpm_low, 0)} to {number(b.rpm_high, 0)}"
-        ),
-        TableColumn("Samples", of=lambda b: b.count),
-    ]
-    for stage in (s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)):
-        columns += _power_columns(stage)
+    stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
     shown = reduction.bins[:: max(1, -(-len(reduction.bins) // (row_limit(MOST_BINS) or len(reduction.bins) or 1)))]
-    return items_table(
+    return ItemTable[Bin](
         "bins",
         f"Mean powers of the {span_word(reduction)}s in bins of generator speed, with the standard error of their samples.",
-        columns,
-        shown if len(columns) > 2 else (),
+        [
+            TableColumn(
+                "Generator speed", "rpm", text=True, of=lambda b: f"{number(b.rpm_low, 0)} to {number(b.rpm_high, 0)}"
+            ),
+            TableColumn("Samples", of=lambda b: b.count),
+            *(column for stage in stages for column in _power_columns(stage)),
+        ],
         note=(
             "" if len(shown) == len(reduction.bins) else f"{len(shown)} of {len(reduction.bins)} bins, evenly chosen. "
         )
         + "The standard error takes samples as independent, which smooth motion makes too small.",
-    )
+    ).of(shown if stages else ())
 
 
 def _power_columns(stage: str) -> list[TableColumn[Bin]]:
@@ -342,47 +327,43 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
     """Scatter of the complete cycles: largest deviation, which cycle has it, and s/sqrt(N); None for fewer than two."""
     mean, scatter = reduction.mean, found.budget.repeatability
     values = {m: {c.cycle: x for c in reduction.complete if (x := getattr(c.metrics, m)) is not None} for m in mean}
-    columns: list[TableColumn[str]] = [
-        *_METRIC,
-        TableColumn("Mean", of=partial(mean_text, reduction, found)),
-        TableColumn("Minimum", of=lambda m: stated(min(values[m].values()), scatter[m], decimals_of(m))),
-        TableColumn("Maximum", of=lambda m: stated(max(values[m].values()), scatter[m], decimals_of(m))),
-        TableColumn("Largest deviation", "%", 2, of=reduction.max_deviation_percent.get),
-        TableColumn("in cycle", of=lambda m: f"{max(values[m], key=lambda k: abs(values[m][k] - mean.value(m)))}"),
-        TableColumn("s", of=lambda m: uncertain(scatter.value(m) * math.sqrt(len(values[m])))),
-        TableColumn("s/√N", of=lambda m: uncertain(scatter[m])),
-    ]
-    return items_table(
+    return ItemTable[str](
         "repeatability",
         f"Repeatability of {len(reduction.complete)} complete cycles.",
-        columns,
-        [m for m in mean if scatter[m] is not None and len(values[m]) > 1],
+        [
+            *_METRIC,
+            TableColumn("Mean", of=partial(mean_text, reduction, found)),
+            TableColumn("Minimum", of=lambda m: stated(min(values[m].values()), scatter[m], decimals_of(m))),
+            TableColumn("Maximum", of=lambda m: stated(max(values[m].values()), scatter[m], decimals_of(m))),
+            TableColumn("Largest deviation", "%", 2, of=reduction.max_deviation_percent.get),
+            TableColumn("in cycle", of=lambda m: f"{max(values[m], key=lambda k: abs(values[m][k] - mean.value(m)))}"),
+            TableColumn("s", of=lambda m: uncertain(scatter.value(m) * math.sqrt(len(values[m])))),
+            TableColumn("s/√N", of=lambda m: uncertain(scatter[m])),
+        ],
         note="The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
         "s/√N: of the mean of the N cycles; of net energies, of those that are whole.",
-    )
+    ).of([m for m in mean if scatter[m] is not None and len(values[m]) > 1])
 
 
 def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval; None without any."""
     mean, u, known, alone = reduction.mean, found.standard, found.budget, found.interval_95_sensors
     sensors, scatter, freedom = known.sensors, known.repeatability, known.freedom
-    columns: list[TableColumn[str]] = [
-        *_METRIC,
-        TableColumn("Mean", of=lambda m: stated(mean[m], u[m], decimals_of(m))),
-        TableColumn("u, sensors", of=lambda m: uncertain(sensors[m])),
-        TableColumn("u, cycles", of=lambda m: uncertain(scatter[m])),
-        TableColumn("u", of=lambda m: uncertain(u[m])),
-        TableColumn("ν", of=lambda m: _freedom_text(freedom[m])),
-        TableColumn("95 % interval", of=lambda m: _span(found.interval_95.get(m), u[m])),
-        TableColumn("these cycles alone", of=lambda m: _span(alone.get(m), sensors[m])),
-    ]
-    return items_table(
+    return ItemTable[str](
         "uncertainty",
         "Standard uncertainty u of the means and 95 % intervals.",
-        columns,
-        [m for m in mean if mean[m] is not None and found.method],
+        [
+            *_METRIC,
+            TableColumn("Mean", of=lambda m: stated(mean[m], u[m], decimals_of(m))),
+            TableColumn("u, sensors", of=lambda m: uncertain(sensors[m])),
+            TableColumn("u, cycles", of=lambda m: uncertain(scatter[m])),
+            TableColumn("u", of=lambda m: uncertain(u[m])),
+            TableColumn("ν", of=lambda m: _freedom_text(freedom[m])),
+            TableColumn("95 % interval", of=lambda m: _span(found.interval_95.get(m), u[m])),
+            TableColumn("these cycles alone", of=lambda m: _span(alone.get(m), sensors[m])),
+        ],
         note=_how_stated(reduction, found),
-    )
+    ).of([m for m in mean if mean[m] is not None and found.method])
 
 
 def _freedom_text(freedom: float | None) -> str:
@@ -468,20 +449,18 @@ def _about(row: BudgetRow, channels: Mapping[str, Channel]) -> tuple[str, str, s
 
 def sensors_table(reduction: Reduction) -> Table | None:
     """Sensors of the channels of the log, as the rig file states them."""
-    columns: list[TableColumn[tuple[str, Sensor]]] = [
-        TableColumn("Channel", text=True, of=lambda item: item[0]),
-        TableColumn("Instrument", text=True, of=lambda item: item[1].instrument or "–"),
-        TableColumn("Range", text=True, of=lambda item: _range(item[1])),
-        TableColumn("Accuracy", text=True, of=lambda item: _accuracy(item[1])),
-        TableColumn("From", text=True, of=lambda item: item[1].source or "–"),
-    ]
-    return items_table(
+    return ItemTable[tuple[str, Sensor]](
         "sensors",
         "Sensors, as the rig file states them; accuracies are limits.",
-        columns,
-        [(name, sensor) for name, sensor in reduction.rig.sensors.items() if name in reduction.run.channels],
+        [
+            TableColumn("Channel", text=True, of=lambda item: item[0]),
+            TableColumn("Instrument", text=True, of=lambda item: item[1].instrument or "–"),
+            TableColumn("Range", text=True, of=lambda item: _range(item[1])),
+            TableColumn("Accuracy", text=True, of=lambda item: _accuracy(item[1])),
+            TableColumn("From", text=True, of=lambda item: item[1].source or "–"),
+        ],
         note=_from(reduction.rig.source).strip(),
-    )
+    ).of([(name, sensor) for name, sensor in reduction.rig.sensors.items() if name in reduction.run.channels])
 
 
 def _in_unit(value: float, sensor: Sensor) -> str:

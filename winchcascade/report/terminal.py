@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.montecarlo import stated_uncertainty
-from winchcascade.report.screen import Tone, toned
-from winchcascade.report.table_model import Limit, TableColumn
+from winchcascade.report.report_model import Limit, TableColumn
+from winchcascade.report.screen import toned
 from winchcascade.report.text_table import (
     at_most,
     data_lines,
     headed,
+    joined,
     listing,
     metric_steps,
     plain_cell,
@@ -66,24 +67,24 @@ def reduction_text(reduction: Reduction) -> str:
     phases = _PHASES if span_word(reduction) == "payout" else (*_PHASES[:2], length, *_PHASES[3:])
     lines += listing([*phases, *powers], reduction.cycles, _CYCLES, used=True, omit=[*_LESS, *inner])
     if reduction.rig.phases.source == "waves":
-        lines += ["", *_waves(reduction)]
+        from winchcascade.reduction.wave_energies import wave_energies
+        from winchcascade.report.wave_text import wave_lines
+
+        lines += ["", *wave_lines(wave_energies(reduction))]
     parts = ", ".join(f"{metric} {share:.0%} {name}" for metric, share, name in decisive(known))
     sentences = [*([f"most of the variance: {parts}"] if parts else []), *not_known(known)]
     lines += ["", *(wrapped(f"uncertainty: {'; '.join(sentences)}", piped=_PIPED) if sentences else [])]
     quality = reduction.quality
     lines.append(f"findings: {toned(f'{len(quality)}', 'warning') if quality else toned('none', 'good')}")
     blocks = [
-        headed(wrapped(_finding(finding, reduction.run.samples), "  ", _PIPED), finding.kind, tone_of(finding.kind))
+        headed(
+            wrapped(_finding(finding, reduction.run.samples), "  ", _PIPED),
+            finding.kind,
+            "contradiction" if finding.kind in _CONTRADICTIONS else "warning",
+        )
         for finding in quality
     ]
-    return "\n".join([*lines, *at_most(blocks, _MOST_FINDINGS, "more, all in --json", "  ")]) + "\n"
-
-
-def _waves(reduction: Reduction) -> list[str]:
-    from winchcascade.reduction.wave_energies import wave_energies
-    from winchcascade.report.wave_text import wave_lines
-
-    return wave_lines(wave_energies(reduction))
+    return joined([*lines, *at_most(blocks, _MOST_FINDINGS, "more, all in --json", "  ")])
 
 
 _CYCLE: TableColumn[CycleResult] = TableColumn("cycle", of=label)
@@ -98,9 +99,14 @@ def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
     below += _means(reduction, uncertainties, names, n, [""])
     if n > 1 and reduction.window in ("payout", "whole"):  # windows differ in length, so sums show what a mean does not
         below.append(["all together", "", *_texts(reduction.total, names, _decimals(reduction), 3)])
-    columns = [_CYCLE, window, *_columns(reduction, names)]
-    omit = ["window", *metric_steps(cascade.energies, cascade.ratios)]
-    lines = listing(columns, reduction.cycles, _CYCLES, below=below, used=True, omit=omit)
+    lines = listing(
+        [_CYCLE, window, *_columns(reduction, names)],
+        reduction.cycles,
+        _CYCLES,
+        below=below,
+        used=True,
+        omit=["window", *metric_steps(cascade.energies, cascade.ratios)],
+    )
     return [*lines, *_both_ways(reduction)]
 
 
@@ -123,8 +129,9 @@ def _net(reduction: Reduction, uncertainties: Metrics) -> list[str]:
     if any(c.metrics.energy_net is not None for c in reduction.cycles):
         n = sum(c.metrics.energy_net is not None for c in reduction.complete)
         below = _means(reduction, uncertainties, names, n, [])
-        columns = [_CYCLE, *_columns(reduction, names)]
-        lines += listing(columns, reduction.cycles, _CYCLES, below=below, used=True, omit=_LESS_NET)
+        lines += listing(
+            [_CYCLE, *_columns(reduction, names)], reduction.cycles, _CYCLES, below=below, used=True, omit=_LESS_NET
+        )
     reasons = [wrapped(f"no net energy, {sentence}", piped=_PIPED) for sentence in net_reasons(reduction.cycles)]
     return lines + at_most(reasons, _MOST_REASONS, "more reasons, all in --json", "  ")
 
@@ -192,11 +199,6 @@ _CONTRADICTIONS = {"load_mismatch", "unit_conflict", "speed_mismatch", "clock_mi
 """Findings of which two statements contradict each other."""
 
 
-def tone_of(kind: str) -> Tone:
-    """Colour of a finding."""
-    return "contradiction" if kind in _CONTRADICTIONS else "warning"
-
-
 def _title(reduction: Reduction) -> list[str]:
     run, rig = reduction.run, reduction.rig
     table = "" if run.table is None else f", table {one_line(run.table)!r}"
@@ -213,9 +215,9 @@ def _title(reduction: Reduction) -> list[str]:
 
 def _load(reduction: Reduction) -> str:
     run = reduction.run
-    if run.load is None:
-        return "load unknown" if "vdc" in run.channels else ""
-    return f"{load_words(run.load, 'ohm', before='load ')} ({one_line(run.load_source)})"
+    unknown = "load unknown" if "vdc" in run.channels else ""
+    known = f"{load_words(run.load, 'ohm', before='load ')} ({one_line(run.load_source)})"
+    return unknown if run.load is None else known
 
 
 def _duration(run: Run) -> str:
@@ -247,17 +249,21 @@ def simulation_text(simulation: Simulation) -> str:
     run, shares = simulation.run, energy_shares(simulation)
     line = dict(shares).get("line", 0.0)
     load = load_words(run.load, "ohm", before="load ")
-    rows = [
-        ("energy", "J", "share", "what it is"),
-        *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-", LEDGER_WORDS[n]) for n, e in shares),
-    ]
-    lines = [
-        *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
-        *wrapped(f"energies: {energy_span(simulation)}; share: of the energy of the line"),
-        "",
-        *table_lines(rows, left=(0, 3), omit=("what it is",)),
-    ]
-    return "\n".join(lines) + "\n"
+    return joined(
+        [
+            *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
+            *wrapped(f"energies: {energy_span(simulation)}; share: of the energy of the line"),
+            "",
+            *table_lines(
+                [
+                    ("energy", "J", "share", "what it is"),
+                    *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-", LEDGER_WORDS[n]) for n, e in shares),
+                ],
+                left=(0, 3),
+                omit=("what it is",),
+            ),
+        ]
+    )
 
 
 def energy_shares(simulation: Simulation) -> list[tuple[str, float]]:

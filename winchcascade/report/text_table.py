@@ -7,8 +7,8 @@ from pathlib import Path
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.plain_text import one_line
+from winchcascade.report.report_model import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
 from winchcascade.report.screen import PIPED, Tone, length, line_width, table_width, toned, without_tones
-from winchcascade.report.table_model import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
 
 
 def aligned_lines(
@@ -177,6 +177,16 @@ def wrapped(text: str, indent: str = "", piped: int | None = PIPED) -> list[str]
     width = line_width(piped or length(whole) + len(indent) + 1)
     lines = textwrap.wrap(whole, width, initial_indent=indent, subsequent_indent=f"{indent}  ", break_on_hyphens=False)
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
+
+
+def joined(lines: Iterable[str]) -> str:
+    """Lines as a text, each with its end."""
+    return "".join(f"{line}\n" for line in lines)
+
+
+def paragraphs(texts: Iterable[str], indent: str = "") -> list[str]:
+    """Sentences, each in lines that fit into the terminal."""
+    return [line for text in texts for line in wrapped(text, indent)]
 
 
 def indented(text: str) -> list[str]:

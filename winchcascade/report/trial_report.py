@@ -21,12 +21,24 @@ from winchcascade.blind.score import (
     taken_as,
 )
 from winchcascade.core.campaign_file import Origin, banner
-from winchcascade.report.diagnosis_names import display_of
 from winchcascade.report.digits import MINUS, number, places, significant
-from winchcascade.report.provenance import provenance_table
-from winchcascade.report.report_model import Note, Point, Report, Tile, picture, section
+from winchcascade.report.gap_words import display_of
+from winchcascade.report.report_model import (
+    ItemTable,
+    Note,
+    Point,
+    Report,
+    TableColumn,
+    Tile,
+    filled,
+    formatted_table,
+    number_column,
+    picture,
+    provenance_section,
+    section,
+    text_column,
+)
 from winchcascade.report.style import COLOURS, Margins, house_style, legend_above, panel_figure
-from winchcascade.report.table_model import Table, TableColumn, make_table, rows_of
 from winchcascade.report.trial_text import (
     HIDDEN,
     closure_sentence,
@@ -40,11 +52,21 @@ from winchcascade.report.trial_text import (
 )
 
 
+@house_style()
 def make_trial_report(score: Score, *, command: str = "") -> Report:
     """Make the rows and figures of the report of a trial."""
-    with house_style():
-        sections = (
-            section("totals", "Outcome", totals_table(score), strengths_table(score)),
+    return Report(
+        kind="Trial of the diagnosis",
+        title=f"{len(score.cases)} cases with withheld answers",
+        subtitle="Campaigns of an independent twin of the rig",
+        tiles=_tiles(score),
+        points=_points(score),
+        sections=filled(
+            section(
+                "totals", "Outcome",
+                _TOTALS.always([row for row in totals(score) if row[1].of]),
+                _STRENGTHS.of([(f"{strength:g}", count) for strength, count in score.strengths.items()]),
+            ),
             section(
                 "taken", "What each effect is taken for",
                 picture(
@@ -53,7 +75,7 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
                     "named, in a frame it is wrong. Several: more than one effect was named. Pairs are in the table.",
                     "Matrix of counts; the same numbers are in the table below.",
                 ),
-                taken_table(score),
+                _TAKEN.always(taken_rows(score)),
             ),
             section(
                 "parameters", "Numbers of the named effects",
@@ -63,21 +85,23 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
                     "intervals: of twenty intervals nineteen should hold the truth, which lies at zero.",
                     "Points with bars about zero; the numbers are in the table below.",
                 ),
-                parameters_table(score),
+                formatted_table(
+                    "parameters", "Numbers of the effects that were named, beside the truth.", _PARAMETERS,
+                    [(case.case, *_parameter(p)) for case in score.cases for p in case.parameters],
+                ),
             ),
-            section("closure", "Share of the gap that was closed", closures_table(score)),
-            section("cases", "Cases", cases_table(score)),
-            section("provenance", "Provenance", _provenance(score, command)),
-        )  # fmt: skip
-    return Report(
-        kind="Trial of the diagnosis",
-        title=f"{len(score.cases)} cases with withheld answers",
-        subtitle="Campaigns of an independent twin of the rig",
-        tiles=_tiles(score),
-        points=_points(score),
-        sections=tuple(s for s in sections if s.blocks),
+            section(
+                "closure", "Share of the gap that was closed",
+                _CLOSURES.of([c for c in score.cases if c.share_claimed is not None or c.closure.share is not None])
+                or Note("No diagnosis claims to have closed anything."),
+            ),
+            section("cases", "Cases", _CASES.always(score.cases)),
+            provenance_section(
+                [("SHA-256 of the sealed answers", score.sealed_sha256), ("Seed", str(score.seed))], command
+            ),
+        ),
         banner=banner([Origin(False, ORIGIN)]),
-    )
+    )  # fmt: skip
 
 
 def _tiles(score: Score) -> tuple[Tile, ...]:
@@ -94,9 +118,9 @@ def _tiles(score: Score) -> tuple[Tile, ...]:
 
 
 def _points(score: Score) -> tuple[Point, ...]:
-    wrong, alarms = score.count("misnamed", *HIDDEN), score.count("false_alarm", "none")
+    wrong, alarms, missing = score.count("misnamed", *HIDDEN), score.count("false_alarm", "none"), score.missing
     silent, abstained = score.count("silent", *HIDDEN), score.count("abstained", *HIDDEN)
-    points = [
+    return (
         Point(
             "Wrong names",
             f"{wrong.part} of {wrong.of} cases with an injected effect were given another name.",
@@ -109,19 +133,11 @@ def _points(score: Score) -> tuple[Point, ...]:
             "warn" if alarms.part else "good",
         ),
         Point("Gap closed", closure_sentence(score)),
-    ]
-    if score.missing.part:
-        points.append(Point("Missing", f"{score.missing.part} of {score.missing.of} cases have no diagnosis.", "warn"))
-    return tuple(points)
-
-
-def _provenance(score: Score, command: str) -> Table:
-    return provenance_table(
-        [
-            ("SHA-256 of the sealed answers", score.sealed_sha256),
-            ("Seed", str(score.seed)),
-        ],
-        command,
+        *(
+            [Point("Missing", f"{missing.part} of {missing.of} cases have no diagnosis.", "warn")]
+            if missing.part
+            else []
+        ),
     )
 
 
@@ -136,55 +152,37 @@ def _count_columns(name: str, unit: str, cases: str) -> list[TableColumn[tuple[s
     ]
 
 
-def totals_table(score: Score) -> Table:
-    """What came of all cases."""
-    columns = _count_columns("Outcome", "", "Cases")
-    note = (
-        "Misnamed: another effect was named; silent: no gap was seen; abstained: a gap was seen and left unexplained. "
-        "Outsiders hide something that is not in the catalogue: they are recognised if their gap is not called explained."
-    )
-    rows = rows_of(columns, [row for row in totals(score) if row[1].of])
-    return make_table("totals", "What came of the cases.", columns, rows, note=note)
+_TOTALS = ItemTable(
+    "totals",
+    "What came of the cases.",
+    _count_columns("Outcome", "", "Cases"),
+    note="Misnamed: another effect was named; silent: no gap was seen; abstained: a gap was seen and left unexplained. "
+    "Outsiders hide something that is not in the catalogue: they are recognised if their gap is not called explained.",
+)
 
+_STRENGTHS = ItemTable(
+    "strengths",
+    "Single effects named, by the strength of the effect.",
+    _count_columns("Strength", "of full", "Named"),
+    note="Full strength is the size at which an effect was chosen to stand clearly out of what is not known of the rig.",
+)
 
-def strengths_table(score: Score) -> Table | None:
-    """Single effects that were named, by strength; None without any."""
-    columns = _count_columns("Strength", "of full", "Named")
-    rows = rows_of(columns, [(f"{strength:g}", count) for strength, count in score.strengths.items()])
-    caption = "Single effects named, by the strength of the effect."
-    note = (
-        "Full strength is the size at which an effect was chosen to stand clearly out of what is not known of the rig."
-    )
-    return make_table("strengths", caption, columns, rows, note=note) if rows else None
-
-
-def _text_columns(*names: str) -> list[TableColumn[str]]:
-    return [TableColumn(name, text=True) for name in names]
-
-
-def taken_table(score: Score) -> Table:
-    """What each injected effect was taken for."""
-    columns: list[TableColumn[tuple[str, ...]]] = [
+_TAKEN = ItemTable[tuple[str, ...]](
+    "taken",
+    "What was injected, how often, how often it was named, and what it was taken for otherwise.",
+    [
         TableColumn("Injected", text=True, of=lambda row: row[0]),
         TableColumn("Cases", of=lambda row: row[1]),
         TableColumn("Named", of=lambda row: row[2]),
         TableColumn("Otherwise taken for", "(cases)", text=True, of=lambda row: "–" if row[3] == "-" else row[3]),
-    ]
-    caption = "What was injected, how often, how often it was named, and what it was taken for otherwise."
-    note = f"“{NO_GAP}” is right where nothing is injected, “{UNEXPLAINED}” where the cause is outside the catalogue."
-    return make_table("taken", caption, columns, rows_of(columns, taken_rows(score)), note=note)
+    ],
+    note=f"“{NO_GAP}” is right where nothing is injected, “{UNEXPLAINED}” where the cause is outside the catalogue.",
+)
 
-
-def parameters_table(score: Score) -> Table | None:
-    """Numbers of the named effects beside the truth; None without any."""
-    rows = [(case.case, *_parameter(p)) for case in score.cases for p in case.parameters]
-    columns = [
-        *_text_columns("Case", "Effect", "What changes"),
-        *(TableColumn(name) for name in ("Truth", "Found", "95 % interval")),
-        *_text_columns("Holds the truth"),
-    ]
-    caption = "Numbers of the effects that were named, beside the truth."
-    return make_table("parameters", caption, columns, rows) if rows else None
+_PARAMETERS = (
+    text_column("Case"), text_column("Effect"), text_column("What changes"), number_column("Truth"), number_column("Found"),
+    number_column("95 % interval"), text_column("Holds the truth"),
+)  # fmt: skip
 
 
 def _parameter(p: ParameterScore) -> tuple[str, ...]:
@@ -206,38 +204,32 @@ _CASE: tuple[TableColumn[CaseScore], ...] = (
     TableColumn("Injected", text=True, of=lambda case: hidden_words(case).replace(" x ", " × ")),
 )
 
-
-def closures_table(score: Score) -> Table | Note:
-    """How much each diagnosis closed, as claimed and as computed again."""
-    claimed = [case for case in score.cases if case.share_claimed is not None or case.closure.share is not None]
-    columns: list[TableColumn[CaseScore]] = [
+_CLOSURES = ItemTable[CaseScore](
+    "closure",
+    "Share of the explainable gap that was closed on withheld logs: as claimed, and from the predicted logs.",
+    [
         *_CASE,
         TableColumn("Claimed", of=lambda case: _share(case.share_claimed)),
         TableColumn("Computed again", of=lambda case: case.closure.fault or _share(case.closure.share)),
-    ]
-    caption = "Share of the explainable gap that was closed on withheld logs: as claimed, and from the predicted logs."
-    note = (
-        "Computed from means over blocks of 0.4 s while the line moves, the zeros of the sensors sought alike before and "
-        "after; the noise is that of the blocks themselves."
-    )
-    if not claimed:
-        return Note("No diagnosis claims to have closed anything.")
-    return make_table("closure", caption, columns, rows_of(columns, claimed), note=note)
+    ],
+    note="Computed from means over blocks of 0.4 s while the line moves, the zeros of the sensors sought alike before and "
+    "after; the noise is that of the blocks themselves.",
+)
 
 
 def _share(value: float | None) -> str:
     return "–" if value is None else share_text(value)
 
 
-def cases_table(score: Score) -> Table:
-    """Every case."""
-    columns: list[TableColumn[CaseScore]] = [
+_CASES = ItemTable[CaseScore](
+    "cases",
+    "Every case: what was injected, the outcome, and the diagnosis.",
+    [
         *_CASE,
         TableColumn("Outcome", text=True, of=lambda case: case.outcome.replace("_", " ")),
         TableColumn("Diagnosis", text=True, of=said_words),
-    ]
-    caption = "Every case: what was injected, the outcome, and the diagnosis."
-    return make_table("cases", caption, columns, rows_of(columns, score.cases))
+    ],
+)
 
 
 # --------------------------------------------------------------------------------------------------------- the figures

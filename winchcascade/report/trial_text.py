@@ -13,7 +13,7 @@ from winchcascade.blind.trial import TrialProgress
 from winchcascade.core.campaign_file import Origin
 from winchcascade.report.campaign_record import altered_lines
 from winchcascade.report.screen import toned
-from winchcascade.report.text_table import data_lines, file_lines, headed, indented, table_lines, wrapped
+from winchcascade.report.text_table import data_lines, file_lines, headed, indented, joined, table_lines, wrapped
 
 HIDDEN = ("single", "pair")
 """Kinds of cases that hide effects of the catalogue."""
@@ -66,20 +66,18 @@ def closure_sentence(score: Score) -> str:
     both = [(case.closure.share, case.share_claimed) for case in score.cases]
     apart = [100.0 * abs(found - said) for found, said in both if found is not None and said is not None]
     faults = sum(case.closure.fault is not None for case in score.cases)
-    sentences = []
-    if shares:
-        wide = sum(share > WIDELY for share in shares)
-        sentences.append(
-            f"Where the effect was named, {share_text(median(shares))} of the gap is closed on withheld logs (median of "
-            f"{len(shares)} cases; {share_text(min(shares))} at least; above {100 * WIDELY:g} % in {wide})."
-        )
-    if apart:
-        sentences.append(
-            f"The claims deviate by {median(apart):.1f} percentage points (median), by {max(apart):.1f} at most."
-        )
-    if faults:
-        sentences.append(f"{faults} cases have no usable predictions.")
-    return " ".join(sentences) or "There is no prediction to compute it from."
+    wide = sum(share > WIDELY for share in shares)
+    sentences = (
+        f"Where the effect was named, {share_text(median(shares))} of the gap is closed on withheld logs (median of "
+        f"{len(shares)} cases; {share_text(min(shares))} at least; above {100 * WIDELY:g} % in {wide})."
+        if shares
+        else "",
+        f"The claims deviate by {median(apart):.1f} percentage points (median), by {max(apart):.1f} at most."
+        if apart
+        else "",
+        f"{faults} cases have no usable predictions." if faults else "",
+    )
+    return " ".join(filter(None, sentences)) or "There is no prediction to compute it from."
 
 
 def share_text(value: float) -> str:
@@ -103,12 +101,15 @@ def hidden_order(score: Score) -> list[str]:
 
 def taken_rows(score: Score) -> list[tuple[str, str, str, str]]:
     """By what was injected: how many cases, how many were named, and what the others were taken for."""
-    rows = []
-    for hidden in hidden_order(score):
-        row = score.taken_for[hidden]
-        others = [f"{name} ({n})" for name, n in sorted(row.items(), key=lambda x: -x[1]) if name != hidden]
-        rows.append((hidden, str(sum(row.values())), str(row.get(hidden, 0)), ", ".join(others) or "-"))
-    return rows
+    return [
+        (
+            hidden,
+            str(sum(row.values())),
+            str(row.get(hidden, 0)),
+            ", ".join(f"{name} ({n})" for name, n in sorted(row.items(), key=lambda x: -x[1]) if name != hidden) or "-",
+        )
+        for hidden, row in ((hidden, score.taken_for[hidden]) for hidden in hidden_order(score))
+    ]
 
 
 # -------------------------------------------------------------------------------------------------------- the terminal
@@ -117,29 +118,32 @@ def trial_text(score: Score, place: Path) -> str:
     wrong = [case for case in score.cases if not case.went_well and case.outcome != "missing"]
     cases = [(f"  {c.case}", hidden_words(c), c.outcome.replace("_", " "), said_words(c)) for c in wrong]
     head = ("  injected", "cases", "named", "otherwise taken for (cases)")
-    lines = [
-        *wrapped(f"trial {place}: {len(score.cases)} cases, seed {score.seed}", piped=None),
-        *wrapped(f"answers: SHA-256 {score.sealed_sha256}", piped=None),
-        *data_lines([Origin(False, ORIGIN)], None),
-        "",
-        *_aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of], _COUNTS, _LESS),
-        "",
-        "single effects named, by strength:",
-        *_aligned(
-            [(f"  {strength:g}", *count_cells(count)) for strength, count in score.strengths.items()], _COUNTS, _LESS
-        ),
-        "",
-        "closure, computed again from the predictions:",
-        *indented(closure_sentence(score)),
-        "",
-        "what each was taken for:",
-        *_aligned([head, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))]),
-        "",
-        *(wrapped("cases that were not named, misnamed or reported without a cause:") if wrong else []),
-        *(_aligned(cases, ("case", "injected", "outcome", "diagnosis"), ("injected",)) if wrong else []),
-        *([] if wrong else [toned(_ALL_WELL, "good")]),
-    ]
-    return "\n".join(lines) + "\n"
+    return joined(
+        [
+            *wrapped(f"trial {place}: {len(score.cases)} cases, seed {score.seed}", piped=None),
+            *wrapped(f"answers: SHA-256 {score.sealed_sha256}", piped=None),
+            *data_lines([Origin(False, ORIGIN)], None),
+            "",
+            *_aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of], _COUNTS, _LESS),
+            "",
+            "single effects named, by strength:",
+            *_aligned(
+                [(f"  {strength:g}", *count_cells(count)) for strength, count in score.strengths.items()],
+                _COUNTS,
+                _LESS,
+            ),
+            "",
+            "closure, computed again from the predictions:",
+            *indented(closure_sentence(score)),
+            "",
+            "what each was taken for:",
+            *_aligned([head, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))]),
+            "",
+            *(wrapped("cases that were not named, misnamed or reported without a cause:") if wrong else []),
+            *(_aligned(cases, ("case", "injected", "outcome", "diagnosis"), ("injected",)) if wrong else []),
+            *([] if wrong else [toned(_ALL_WELL, "good")]),
+        ]
+    )
 
 
 _COUNTS, _LESS = ("counted", "cases", "share", "95 %"), ("95 %", "share")
@@ -154,19 +158,19 @@ def dealt_text(done: TrialProgress, place: Path) -> str:
         *wrapped(f"{place}: {done.made} cases dealt, {done.kept} were there already", piped=None),
         *wrapped(f"answers sealed in {SEALED}: SHA-256 {done.sha256}", piped=None),
     ]
-    return "\n".join(lines + _faults(done)) + "\n"
+    return joined(lines + _faults(done))
 
 
 def diagnosed_text(done: TrialProgress, place: Path) -> str:
     """What a call of diagnose came to; nothing of the answers."""
     lines = wrapped(f"{place}: {done.made} cases diagnosed, {done.kept} were already", piped=None)
     lines += [*altered_lines(done.altered), *_faults(done)]
-    return "\n".join(lines) + "\n" + file_lines("files:", [place / "diagnoses", place / "predictions"])
+    return joined(lines) + file_lines("files:", [place / "diagnoses", place / "predictions"])
 
 
 def faults_text(done: TrialProgress) -> str:
     """Cases that failed, and why."""
-    return "".join(f"{line}\n" for line in _faults(done))
+    return joined(_faults(done))
 
 
 def _faults(done: TrialProgress) -> list[str]:

@@ -13,8 +13,8 @@ from winchcascade.core.cascade import field_of
 from winchcascade.reduction.wave_bootstrap import DRAWS, FEWEST, SEED, EnergyError, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
 from winchcascade.report.digits import NumberText, interval_text, significant
-from winchcascade.report.table_model import Limit, Table, TableColumn, items_table
-from winchcascade.report.text_table import indented, listing, metric_steps, plain_cell, wrapped
+from winchcascade.report.report_model import ItemTable, Limit, Table, TableColumn
+from winchcascade.report.text_table import indented, listing, metric_steps, paragraphs, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 
 MOST_CLASSES = 40
@@ -30,7 +30,7 @@ def wave_lines(found: WaveEnergies) -> list[str]:
         power = found.power.get(stage, RatioOfSums(watt))
         interval = _interval(power, lambda low, high, u: f"{interval_text(low, high, u)} W", _unknown(found, (stage,)))
         lines += indented(f"P_{stage} {significant(watt, 4)} W, mean of the record{interval}")
-    lines += [line for name, eta in found.efficiency.items() for line in indented(f"{name} {_ratio(found, name, eta)}")]
+    lines += paragraphs((f"{name} {_ratio(found, name, eta)}" for name, eta in found.efficiency.items()), "  ")
     columns: list[TableColumn[WaveClass]] = [
         TableColumn("payout", unit, text=True, of=lambda c: _range(c.payout)),
         TableColumn("period", "s", text=True, of=lambda c: _range(c.period)),
@@ -87,45 +87,46 @@ def _efficiency(name: str) -> Any:
 
 def classes_table(found: WaveEnergies) -> Table | None:
     """Energies and efficiencies by classes of payout and period."""
-    columns: list[TableColumn[WaveClass]] = [
-        TableColumn("Payout", found.payout_unit, text=True, of=lambda c: _range(c.payout)),
-        TableColumn("Period", "s", text=True, of=lambda c: _range(c.period)),
-        TableColumn("Waves", of=lambda c: c.count),
-        *(TableColumn(SYMBOL[f"energy_{stage}"], "J", of=_energy(stage)) for stage in found.energy),
-        *(TableColumn(SYMBOL[name], "", 3, of=_efficiency(name)) for name in found.efficiency),
-    ]
-    return items_table(
+    return ItemTable[WaveClass](
         "wave-classes",
         "Waves by payout, the travel of the positive half, and period: energies of all waves of a class, ratios of these sums.",
-        columns,
-        found.classes,
+        [
+            TableColumn("Payout", found.payout_unit, text=True, of=lambda c: _range(c.payout)),
+            TableColumn("Period", "s", text=True, of=lambda c: _range(c.period)),
+            TableColumn("Waves", of=lambda c: c.count),
+            *(TableColumn(SYMBOL[f"energy_{stage}"], "J", of=_energy(stage)) for stage in found.energy),
+            *(TableColumn(SYMBOL[name], "", 3, of=_efficiency(name)) for name in found.efficiency),
+        ],
         limit=Limit(MOST_CLASSES, "classes"),
-    )
+    ).of(found.classes)
 
 
 def record_table(found: WaveEnergies) -> Table | None:
     """Energy and mean power of each stage over the record, and over its waves."""
-    columns: list[TableColumn[str]] = [
-        TableColumn("Stage", text=True, of=str),
-        TableColumn("Energy of the record", "J", of=lambda s: significant(found.record_energy[s], 5)),
-        TableColumn("Mean power of the record", "W", of=lambda s: significant(found.record_power.get(s), 4)),
-        TableColumn("95 %", "W", text=True, of=lambda s: power_interval(found, s)),
-        TableColumn("u of waves", "W", of=lambda s: _two_digits(found.power[s].u_waves if s in found.power else None)),
-        TableColumn("u of sensors", "W", of=lambda s: _two_digits(found.power[s].u_sensors if s in found.power else None)),
-        TableColumn(
-            "Energy of the waves", "J",
-            of=lambda s: significant(float(found.energy[s].sum()), 5) if s in found.energy else None,
-        ),
-    ]  # fmt: skip
-    return items_table(
+    return ItemTable[str](
         "wave-record",
         f"The whole record of {found.record_duration:.1f} s, and its {found.cycle.size} complete waves."
         if len(found.counts) == 1
         else f"The records of {len(found.counts)} logs, {found.record_duration:.1f} s, and their {found.cycle.size} waves.",
-        columns,
-        list(found.record_energy),
+        [
+            TableColumn("Stage", text=True, of=str),
+            TableColumn("Energy of the record", "J", of=lambda s: significant(found.record_energy[s], 5)),
+            TableColumn("Mean power of the record", "W", of=lambda s: significant(found.record_power.get(s), 4)),
+            TableColumn("95 %", "W", text=True, of=lambda s: power_interval(found, s)),
+            TableColumn(
+                "u of waves", "W", of=lambda s: _two_digits(found.power[s].u_waves if s in found.power else None)
+            ),
+            TableColumn(
+                "u of sensors", "W", of=lambda s: _two_digits(found.power[s].u_sensors if s in found.power else None)
+            ),
+            TableColumn(
+                "Energy of the waves",
+                "J",
+                of=lambda s: significant(float(found.energy[s].sum()), 5) if s in found.energy else None,
+            ),
+        ],
         note=f"95 % intervals of the mean powers, with standard uncertainties u, by the waves and the sensors.{_not_in(found)}",
-    )
+    ).of(list(found.record_energy))
 
 
 def power_interval(found: WaveEnergies, stage: str) -> NumberText | None:
@@ -147,24 +148,22 @@ def _two_digits(u: float | None) -> NumberText | None:
 
 def wave_efficiencies_table(found: WaveEnergies) -> Table | None:
     """Efficiencies of all waves together with their intervals."""
-    columns: list[TableColumn[tuple[str, RatioOfSums]]] = [
-        TableColumn("Efficiency", text=True, of=lambda e: SYMBOL[e[0]]),
-        TableColumn("Ratio of sums", "", 3, of=lambda e: e[1].value),
-        TableColumn("95 %, from", "", 3, of=lambda e: None if e[1].interval is None else e[1].interval[0]),
-        TableColumn("to", "", 3, of=lambda e: None if e[1].interval is None else e[1].interval[1]),
-        TableColumn("u of waves", "", 4, of=lambda e: e[1].u_waves),
-        TableColumn("u of sensors", "", 4, of=lambda e: e[1].u_sensors),
-        TableColumn("Block", "waves", 0, of=lambda e: e[1].block),
-    ]
-    return items_table(
+    return ItemTable[tuple[str, RatioOfSums]](
         "wave-efficiencies",
         "Efficiencies of all waves together, with standard uncertainties u.",
-        columns,
-        list(found.efficiency.items()),
+        [
+            TableColumn("Efficiency", text=True, of=lambda e: SYMBOL[e[0]]),
+            TableColumn("Ratio of sums", "", 3, of=lambda e: e[1].value),
+            TableColumn("95 %, from", "", 3, of=lambda e: None if e[1].interval is None else e[1].interval[0]),
+            TableColumn("to", "", 3, of=lambda e: None if e[1].interval is None else e[1].interval[1]),
+            TableColumn("u of waves", "", 4, of=lambda e: e[1].u_waves),
+            TableColumn("u of sensors", "", 4, of=lambda e: e[1].u_sensors),
+            TableColumn("Block", "waves", 0, of=lambda e: e[1].block),
+        ],
         note=f"How waves differ is resampled by a circular block bootstrap with {DRAWS} draws and seed {SEED}, as waves that "
         "follow each other are not independent; the length of the blocks follows from the autocorrelation. The errors of the "
         f"sensors are drawn from their budget and added.{_not_in(found)}",
-    )
+    ).of(list(found.efficiency.items()))
 
 
 def _not_in(found: WaveEnergies) -> str:

@@ -9,7 +9,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.calibrate import Calibration
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.campaign_reduction import CampaignReduction
+from winchcascade.report.campaign_record import CampaignReduction
 from winchcascade.rig.simulate import Simulation
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.check import Check
@@ -33,7 +33,7 @@ def write_report(result: Result, path: str | Path, *, force: bool = False) -> Pa
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
     from winchcascade.report.publish import publish
-    from winchcascade.report.reports_by_result import report_of
+    from winchcascade.report.report_files import report_of
 
     path = Path(path)
     ending = path.suffix.casefold()
