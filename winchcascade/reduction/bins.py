@@ -115,7 +115,7 @@ def bin_powers(
             x = stream(part)[rows]
             total[0] += np.bincount(number, weights=x, minlength=count.size)
             total[1] += np.bincount(number, weights=x * x, minlength=count.size)
-    found = {name: _mean_and_error(*total, count) for name, (_, total) in sums.items()}
+    found = {name: _mean_and_error(total[0], total[1], count) for name, (_, total) in sums.items()}
     bins = []
     for k in np.flatnonzero(count).tolist():
         mean = {name: float(found[name][0][k]) if name in found else None for name in powers}

@@ -96,7 +96,8 @@ def find_bends(x: Signal) -> Bends:
         return Bends(x, place, Usual(0.0, 0.0, 0.0), np.empty(0, dtype=np.intp))
     some = x[:: max(1, x.size // 20_000)]  # without a few wild values
     noise = positive_median(np.abs(np.diff(x[:ENOUGH], 2)))
-    usual = Usual(*quantiles_in_place(some.copy(), [0.005, 0.995]), noise)
+    low, high = quantiles_in_place(some.copy(), [0.005, 0.995])
+    usual = Usual(low, high, noise)
     found = []
     for start in range(0, x.size - 2, _BLOCK):
         step = np.diff(x[start : start + _BLOCK + 2])
