@@ -1,5 +1,5 @@
 """`python -m winchcascade` is the command line."""
 
-from winchcascade.cli.entry import main
+from winchcascade.cli.entry import run
 
-main()
+run()

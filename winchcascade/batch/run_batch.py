@@ -36,6 +36,7 @@ from winchcascade.core.store import (
     with_digest,
 )
 from winchcascade.core.version import __version__
+from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.report.campaign_record import (
@@ -77,11 +78,22 @@ class Order(msgspec.Struct, frozen=True):
     beside: tuple[str, ...] = ()
 
 
+class Brief(msgspec.Struct, frozen=True):
+    """What a campaign needs of the result of one log: digest of its JSON, its summary and efficiencies, and whether it has
+    waves."""
+
+    digest: str
+    summary: LogSummary
+    efficiency: LogEfficiency | None
+    waves: bool
+
+
 class Made(msgspec.Struct, frozen=True):
-    """Files made of one log, by their ending; empty where they are written already."""
+    """Files made of one log, by their ending, empty where they are written already, and what the campaign needs of them."""
 
     name: str
     files: dict[str, bytes]
+    brief: Brief
 
 
 def reduce_log(order: Order) -> Made:
@@ -92,7 +104,8 @@ def reduce_log(order: Order) -> Made:
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
     found = uncertainty(reduction)
-    record = {k: part for k, part in asdict(reduction_record(reduction, found)).items() if part is not UNSET}
+    whole = reduction_record(reduction, found)
+    record = {k: part for k, part in asdict(whole).items() if part is not UNSET}
     files: dict[str, bytes] = {}
     if order.reports:
         from winchcascade.report.document import make_report
@@ -111,11 +124,16 @@ def reduce_log(order: Order) -> Made:
     made_by = {"key": work.key, "reports": list(order.reports), "files": digests}
     made_by |= {"beside": list(order.beside)} if order.beside else {}
     files["json"] = with_digest(record, "batch", made_by)
-    made = Made(work.name, files)
+    made = Made(work.name, files, _brief(work, whole, digest_of(files["json"])))
     if order.folder is None:
         return made
     write_made(made, Path(order.folder))
-    return Made(work.name, {})
+    return replace(made, files={})
+
+
+def _brief(work: Work, record: RunRecord, digest: str) -> Brief:
+    summary = log_summary(work.name, one_line(work.address), record)
+    return Brief(digest, summary, log_efficiency(work.name, record), record.waves is not UNSET)
 
 
 def write_made(made: Made, folder: Path) -> None:
@@ -209,11 +227,13 @@ def run_batch(
         _check_own(out, todo, force=force)
         watch.begin(len(plan.work) - len(todo), len(todo))
         faults: dict[str, str] = {}
+        briefs: dict[str, Brief] = {}
         folder = None if workers.scheduler is not None else str(runs)
         orders = {work.name: Order(work, products.reports, folder, products.command, products.beside) for work in todo}
         for name, outcome in workers.run(reduce_log, orders, watch):
             if outcome.value is not None:
                 write_made(outcome.value, runs)
+                briefs[name] = outcome.value.brief
                 continue
             faults[name] = outcome.fault or ""
             if outcome.rejected and not _is_of(orders[name].work, runs):
@@ -226,7 +246,7 @@ def run_batch(
             kept=len(plan.work) - len(todo),
             altered=tuple(f"runs/{name}.json" for name, state in states.items() if state == "altered"),
         )
-        return _put_together(plan, batch, products)
+        return _put_together(plan, batch, products, briefs)
 
 
 def _check_own(out: Path, todo: Sequence[Work], *, force: bool) -> None:
@@ -260,13 +280,20 @@ def _is_of(work: Work, runs: Path) -> bool:
     return not now or (isinstance(kept, _Kept) and kept.log.sha256 == now)
 
 
-def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
+def _put_together(plan: Plan, batch: Batch, products: Products, briefs: Mapping[str, Brief]) -> Batch:
     """Write the files of the whole campaign: dataset, workbook, report and last the summary; nothing if nothing has changed.
 
     All are made in a scratch folder and put in place together, so that a disk that is full leaves the earlier ones.
+
+    Parameters
+    ----------
+    briefs : of the logs that this call has reduced
     """
     out, reports = batch.folder, products.reports
-    digests = {f"runs/{path.name}": digest_of(path.read_bytes()) for path in batch.results.values()}
+    digests = {
+        f"runs/{path.name}": briefs[name].digest if name in briefs else digest_of(path.read_bytes())
+        for name, path in batch.results.items()
+    }
     state = _state(plan, batch, digests, products.beside)
     wanted = [*DATASET, *(f"campaign.{e}" for e in reports), *(["campaign.xlsx"] if products.workbook else [])]
     wanted += ["index.html"] if "html" in reports else []
@@ -281,7 +308,7 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
             record = msgspec.json.decode((out / "campaign.json").read_bytes(), type=dict[str, Any])
             return replace(batch, summary=campaign_from(record))
         stay = {name: known[name] for name in CAMPAIGN_FILES if name in known and name not in [*lost, *wanted]}
-    campaign = campaign_record(plan, batch, state)
+    campaign = campaign_record(plan, batch, state, briefs)
     try:
         (out / "dataset").mkdir(exist_ok=True)
         with scratch_folder(out) as made:
@@ -326,17 +353,25 @@ def _state(plan: Plan, batch: Batch, digests: Mapping[str, str], beside: Sequenc
     return digest_of(repr((plan.title, __version__, logs, sorted(digests.items()), beside)).encode())
 
 
-def campaign_record(plan: Plan, batch: Batch, state: str) -> CampaignRecord:
-    """Put the results of a batch into the record of its campaign, with findings of single logs beside the others."""
+def campaign_record(plan: Plan, batch: Batch, state: str, briefs: Mapping[str, Brief]) -> CampaignRecord:
+    """Put the results of a batch into the record of its campaign, with findings of single logs beside the others.
+
+    Parameters
+    ----------
+    briefs : of the logs that this call has reduced; the other results are read
+    """
     logs: dict[str, LogSummary] = {}
     with_waves = False
     efficiencies = []
     for work in plan.work:
         if work.name in batch.results:
-            record = msgspec.json.decode(batch.results[work.name].read_bytes(), type=RunRecord)
-            logs[work.name] = log_summary(work.name, one_line(work.address), record)
-            efficiencies.append(log_efficiency(work.name, record))
-            with_waves = with_waves or record.waves is not UNSET
+            brief = briefs.get(work.name)
+            if brief is None:
+                content = batch.results[work.name].read_bytes()
+                brief = _brief(work, msgspec.json.decode(content, type=RunRecord), digest_of(content))
+            logs[work.name] = brief.summary
+            efficiencies.append(brief.efficiency)
+            with_waves = with_waves or brief.waves
     between = tuple(findings_between(efficiencies))
     for name, finding in between:
         run = logs[name]

@@ -116,7 +116,8 @@ def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
     >>> integrals(np.array([0.0, 1.0, 2.0]), x.__getitem__, np.array([[0.5, 1.5]])).tolist()
     [2.0]
     """
-    return np.asarray(integrals_of(t, [stream], windows)[0])
+    whole: Signal = integrals_of(t, [stream], windows)[0]
+    return whole
 
 
 def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
@@ -136,7 +137,8 @@ def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signa
 
 def running(t: Signal, stream: Stream, ends: Index) -> Signal:
     """Integrate a signal from the first of some samples, (k,) in rising order, to each of them, (k,)."""
-    return np.asarray(_running(t, [stream], ends)[0])
+    whole: Signal = _running(t, [stream], ends)[0]
+    return whole
 
 
 def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:

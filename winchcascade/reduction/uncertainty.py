@@ -130,7 +130,9 @@ def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
     products = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     channels = dict.fromkeys(name for product in products.values() if product for name in product.channels)
     streams = [run.channels[name].__getitem__ for name in channels]
-    whole = integrals_of(run.t, streams, np.concatenate(list(spans.values()))).reshape(len(channels), len(spans), -1)
+    whole = integrals_of(run.t, streams, np.concatenate(list(spans.values()))).reshape(
+        len(channels), len(spans), len(cycles)
+    )
     alone = {name: dict(zip(spans, of_spans, strict=True)) for name, of_spans in zip(channels, whole, strict=True)}
     stages = {}
     for part, (stage, span) in rig.cascade.parts.items():
