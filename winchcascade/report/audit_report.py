@@ -15,6 +15,7 @@ from winchcascade.report.report_model import (
     Table,
     TableColumn,
     Tone,
+    filled,
     provenance_section,
     section,
 )
@@ -97,7 +98,7 @@ def _report(
         subtitle=" · ".join(part for part in (table.name, table.source) if part),
         tiles=(),
         points=points,
-        sections=tuple(s for s in (*sections, provenance_section(words.table_rows(table), command)) if s.blocks),
+        sections=filled(*sections, provenance_section(words.table_rows(table), command)),
     )
 
 

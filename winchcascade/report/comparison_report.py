@@ -51,6 +51,7 @@ from winchcascade.report.report_model import (
     TableColumn,
     Tile,
     data_point,
+    filled,
     picture,
     provenance_section,
     section,
@@ -78,18 +79,18 @@ _METRIC: TableColumn[DifferenceRow] = TableColumn("Metric", text=True, of=lambda
 _UNIT: TableColumn[DifferenceRow] = TableColumn("Unit", text=True, of=lambda row: unit_of(row.of.metric) or "1")
 
 
+@house_style()
 def make_comparison_report(found: Comparison, gate: Gate | None = None, *, command: str = "") -> Report:
     """Make the rows and the figure of the report of a comparison."""
     etas, others = headline_metrics(found), other_metrics(found)
     runs = [*found.a.runs, *found.b.runs]
-    with house_style():
-        figure = picture(
-            difference_figure(found, drawn_metrics(found)), "differences",
-            "Differences B − A of the efficiencies with 95 % intervals. A marker is full where the interval excludes zero."
-            + (f" {MOST_DRAWN} runs, evenly chosen." if len(drawn(found)) < len(found.runs) else ""),
-            "Points with intervals about a line at zero, one panel for each efficiency; the values are in the table.",
-        )  # fmt: skip
-    sections = (
+    figure = picture(
+        difference_figure(found, drawn_metrics(found)), "differences",
+        "Differences B − A of the efficiencies with 95 % intervals. A marker is full where the interval excludes zero."
+        + (f" {MOST_DRAWN} runs, evenly chosen." if len(drawn(found)) < len(found.runs) else ""),
+        "Points with intervals about a line at zero, one panel for each efficiency; the values are in the table.",
+    )  # fmt: skip
+    sections = filled(
         section(
             "efficiencies", "Efficiencies", figure,
             differences_table("efficiencies", found, etas), None if gate is None else gate_table(gate),
@@ -121,7 +122,7 @@ def make_comparison_report(found: Comparison, gate: Gate | None = None, *, comma
         subtitle=f"B − A of {len(found.runs)} run{'s' * (len(found.runs) > 1)}, matched {MATCHED[found.matched_by]}",
         tiles=_tiles(found),
         points=tuple(_points(found, gate, etas)),
-        sections=tuple(s for s in sections if s.blocks),
+        sections=sections,
         banner=banner([run.origin for run in runs]),
         subscripts=tuple(dict.fromkeys(s for run in runs for s in subscripts_of(run.cascade))),
     )

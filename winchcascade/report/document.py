@@ -26,6 +26,7 @@ from winchcascade.report.report_model import (
     Tile,
     data_point,
     file_digest,
+    filled,
     picture,
     provenance_section,
     section,
@@ -78,6 +79,7 @@ def report_maker(
     return make
 
 
+@house_style()
 def make_report(
     reduction: Reduction, found: Uncertainty, *, model: Modelled | None = None, command: str = ""
 ) -> Report:
@@ -88,10 +90,6 @@ def make_report(
     model : the log beside its simulation; simulated here with the numbers of the rig file if not given
     """
     run = reduction.run
-    model = model or modelled(reduction)
-    with house_style():
-        sections = _sections(reduction, found, model, command)
-    subtitle = " · ".join(part for part in (_about(reduction), run.about) if part)
     n, of = len(reduction.complete), len(reduction.cycles)
     cycles = f"{n} of {of} complete; integration window: {window_words(reduction.window)}."
     parts = ", ".join(f"{SYMBOL[m]}: {100.0 * share:.0f} % {name}" for m, share, name in decisive(found.budget))
@@ -101,7 +99,7 @@ def make_report(
     return Report(
         kind="Reduction of a log",
         title=run.name,
-        subtitle=subtitle,
+        subtitle=" · ".join(part for part in (_about(reduction), run.about) if part),
         tiles=_tiles(reduction, found),
         points=(
             data_point([reduction.run.origin]),
@@ -117,7 +115,7 @@ def make_report(
             ),
             *([Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
         ),
-        sections=sections,
+        sections=_sections(reduction, found, model or modelled(reduction), command),
         traces=readout(reduction, figures.powers_of(reduction)),
         banner=banner([run.origin]),
         subscripts=subscripts_of(reduction.rig.cascade),
@@ -267,7 +265,7 @@ def lost_share(reduction: Reduction) -> float:
 
 def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command: str) -> tuple[Section, ...]:
     powers = figures.powers_of(reduction)
-    sections = (
+    return filled(
         _results(reduction, found),
         histories_section(reduction),
         _powers(reduction, powers),
@@ -281,7 +279,6 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
         symbols_section(reduction.rig.cascade),
         _provenance(reduction, found, command),
     )  # fmt: skip
-    return tuple(s for s in sections if s.blocks)
 
 
 def histories_section(reduction: Reduction) -> Section:

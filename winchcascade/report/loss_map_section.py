@@ -32,27 +32,27 @@ _HEAT = LinearSegmentedColormap.from_list("loss", ["#fff3d6", "#f2a65a", "#b8432
 _GOOD = LinearSegmentedColormap.from_list("efficiency", ["#4a1230", "#3a7fc4", "#8fd3b6", "#fdf3b4"])
 
 
+@house_style()
 def loss_map_section(found: LossMap) -> Section:
     """Heat map, efficiencies and coefficients."""
     into, out = found.points.stages
     words = loss_points_words(found)
-    with house_style():
-        return section(
-            "loss-map", "Loss map",
-            picture(
-                loss_figure(found), "loss-heat",
-                f"Power that is lost from {into} to {out} over torque and speed of the shaft, and the operating points that it "
-                f"was fitted to, {words}. Outside of the hull of the points the map has no value.",
-                "Heat map of the fitted loss with dots at the operating points; the coefficients are in the table.",
-            ),
-            picture(
-                efficiency_figure(found.points), "loss-efficiency",
-                f"Efficiency from {into} to {out} at the operating points; dashed: lines of constant power at the shaft. Power "
-                "that rotor, shaft and capacitor take up is subtracted from what goes in.",
-                "Dots over speed and torque, coloured by efficiency, with lines of constant power.",
-            ),
-            coefficients_table(found),
-        )  # fmt: skip
+    return section(
+        "loss-map", "Loss map",
+        picture(
+            loss_figure(found), "loss-heat",
+            f"Power that is lost from {into} to {out} over torque and speed of the shaft, and the operating points that it "
+            f"was fitted to, {words}. Outside of the hull of the points the map has no value.",
+            "Heat map of the fitted loss with dots at the operating points; the coefficients are in the table.",
+        ),
+        picture(
+            efficiency_figure(found.points), "loss-efficiency",
+            f"Efficiency from {into} to {out} at the operating points; dashed: lines of constant power at the shaft. Power "
+            "that rotor, shaft and capacitor take up is subtracted from what goes in.",
+            "Dots over speed and torque, coloured by efficiency, with lines of constant power.",
+        ),
+        coefficients_table(found),
+    )  # fmt: skip
 
 
 def with_loss_map(report: Report, found: LossMap) -> Report:
