@@ -158,9 +158,8 @@ def audit_command(
     from winchcascade.report.audit_text import audit_record, audit_text, contradictions_text
     from winchcascade.report.point_audit_text import broken_laws_text, point_audit_record, point_audit_text
     from winchcascade.report.progress import Progress
-    from winchcascade.tables.audit import Audit
+    from winchcascade.tables.audit import Audit, audit
     from winchcascade.tables.point_table import open_table
-    from winchcascade.tables.table_audit import audit
 
     if rig is not None and not physics:
         raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
