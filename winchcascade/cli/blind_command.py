@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from winchcascade.cli.command_list import CommandList
+from winchcascade.cli.app import CommandList
 from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, SchedulerOption, valued_option
 from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, report_maker_of, show, write_reports
 from winchcascade.cli.report_options import NO_REPORT, report_options
