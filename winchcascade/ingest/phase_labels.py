@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.phase_rule import PhaseRule
+from winchcascade.core.rig_file import PhaseRule
 from winchcascade.core.run import Signal
 from winchcascade.ingest.assign import listed
 from winchcascade.ingest.dialects import Header, read_header

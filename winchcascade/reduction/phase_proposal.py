@@ -9,8 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.integrate import median
-from winchcascade.core.phase_rule import PhaseRule
-from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_file import PhaseRule, Rig
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.phase_sources import Motion, smoothed_motion
 from winchcascade.reduction.phased_run import PhasedRun

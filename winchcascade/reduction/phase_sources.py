@@ -14,8 +14,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.core.phase_rule import PhaseSource
-from winchcascade.core.rig_file import Rig, Thresholds
+from winchcascade.core.rig_file import PhaseSource, Rig, Thresholds
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps, gap_limits
