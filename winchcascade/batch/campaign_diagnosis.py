@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.line.line_closure import LineClosure
+    from winchcascade.diagnosis.line.line_diagnose import LineClosure
     from winchcascade.diagnosis.suspects import Suspects
 
 

@@ -7,8 +7,7 @@ from winchcascade.diagnosis.block_means import BLOCK, LEAST_SAMPLES
 from winchcascade.diagnosis.causes import AS_GOOD
 from winchcascade.diagnosis.closure import PULLED, RESTLESS, ROUGH
 from winchcascade.diagnosis.evidence import CLEARLY
-from winchcascade.diagnosis.line.line_closure import SLOW
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.line.line_diagnose import SLOW, LineDiagnosis
 from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
 from winchcascade.diagnosis.solve import HUBER
 from winchcascade.diagnosis.stability import CHANCE

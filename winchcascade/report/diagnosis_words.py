@@ -17,8 +17,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
-from winchcascade.diagnosis.line.line_closure import BURST, LineRemainder
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.line.line_diagnose import BURST, LineDiagnosis, LineRemainder
 from winchcascade.diagnosis.line.line_selection import DRAWS
 from winchcascade.report.cause_words import alternatives_words, cause_words
 from winchcascade.report.diagnosis_names import apart_words, phase_words, probability_words, share_words
