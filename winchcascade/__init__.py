@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from winchcascade.rig.open_rig import load_rig
     from winchcascade.rig.parts import Model
     from winchcascade.rig.simulate import Simulation, simulate
-    from winchcascade.tables.table_audit import audit
+    from winchcascade.tables.audit import audit
 
 __all__ = [
     "Bin",
@@ -86,7 +86,7 @@ _HOME = {
     "Simulation": "rig.simulate",
     "Uncertainty": "reduction.montecarlo",
     "WinchcascadeError": "core.errors",
-    "audit": "tables.table_audit",
+    "audit": "tables.audit",
     "baseline": "rig.baseline",
     "calibrate": "diagnosis.calibrate",
     "compare": "batch.compare_results",

@@ -19,9 +19,9 @@ from scratches import left_scratch
 from test_cli import one_sentence, winchcascade
 from undrawn import undrawn
 
+from winchcascade.batch.dataset import TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Batch, Products, run_batch
-from winchcascade.batch.workbook import TABLES
 from winchcascade.core.errors import OutputError
 from winchcascade.core.jobs import Workers
 from winchcascade.core.scratch import scratch_file

@@ -12,10 +12,9 @@ import openpyxl
 import pytest
 from pyarrow import dataset, parquet
 
-from winchcascade.batch.dataset import SCHEMA
+from winchcascade.batch.dataset import SCHEMA, TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
-from winchcascade.batch.workbook import TABLES
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 FORMULA = "=SUM(A1)"

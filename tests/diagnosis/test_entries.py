@@ -9,10 +9,10 @@ import pytest
 from planted import campaign
 
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.corrected_rig import stated_causes
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.entries import RARER, bound_to, price_of, same_in_logs, usual_gain
 from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.rig_text import stated_causes
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.diagnosis_text import as_json, diagnosis_text
 from winchcascade.rig.effects.catalogue import EFFECTS

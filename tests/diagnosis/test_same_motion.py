@@ -8,7 +8,7 @@ from planted import driven
 from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
-from winchcascade.diagnosis.same_motion import SAME, onto_log
+from winchcascade.diagnosis.own_simulation import SAME, onto_log
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate
 

@@ -12,12 +12,12 @@ from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError
 from winchcascade.core.files import write_content, write_whole
 from winchcascade.core.rig_toml import DEFAULT_RIG
-from winchcascade.diagnosis.corrected_rig import corrected_rig, corrected_rig_text
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
+from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis_text import as_json
 from winchcascade.rig.baseline import NoModel, model_of
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.line.line_closure import LineClosure
+    from winchcascade.diagnosis.line.line_diagnose import LineClosure
     from winchcascade.diagnosis.suspects import Suspects
 
 

@@ -1,24 +1,167 @@
-"""The results of a campaign as one Parquet dataset."""
+"""The results of a campaign as one Parquet dataset, and as an Excel workbook with a summary and a chart."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+import math
+import zipfile
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from winchcascade.batch.workbook import TABLES
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.version import __version__
-from winchcascade.report.frames import Row, arrow_table, table_rows, table_schema
+from winchcascade.report.frames import RUN_ENDS, Row, arrow_table, table_rows, table_schema
 from winchcascade.report.records import FindingRecord, RunRecord
+from winchcascade.report.report_model import made_at
+
+TABLES = ("runs", "cycles", "bins", "findings")
+"""Tables of a dataset, in the order of their sheets."""
+
+_ROWS = 1000
+"""Rows that are read, or held before they are written, at a time: memory does not grow with the number of logs."""
+
+_SHEET_ROWS = 1_048_574
+"""Rows of data that a sheet of Excel takes below names and units."""
+
+_UNITS = {
+    "ohm": "ohm", "j": "J", "w": "W", "s": "s", "m": "m", "mps": "m/s", "n": "N", "nm": "N m", "kgcm2": "kg/cm2", "hz": "Hz",
+    "percent": "%",
+}  # fmt: skip
+"""Unit by the last word of the name of a column."""
+
+_FORMATS = {"J": "0.0", "W": "0.0", "s": "0.000", "m": "0.000", "m/s": "0.0000", "N": "0.0", "N m": "0.00", "rpm": "0.0",
+            "kg/cm2": "0.000", "1": "0.0000", "%": "0.00", "Hz": "General", "ohm": "General", "": "General"}  # fmt: skip
+"""How numbers of a unit are shown; the cells hold them in full."""
+
+_ENDS = (*(end for end in RUN_ENDS if end and not end.endswith("percent")), "_standard_error")
+
+_WIDTHS = {"run": 26, "log": 44, "rig": 16, "origin": 44, "message": 60, "action": 44, "channel": 14}
+"""Widths of the columns of texts. [characters]"""
+
+_NARROW, _WIDE = 9, 44
+"""Limits of the width of a column. [characters]"""
 
 SCHEMA = "winchcascade/dataset/1"
 
-_ROWS = 1000
-"""Rows that are held before they are written: memory does not grow with the number of logs."""
+
+def unit_of_column(name: str) -> str:
+    """Unit of a column of a dataset by its name.
+
+    >>> unit_of_column("energy_line_j_low_95"), unit_of_column("eta_pto"), unit_of_column("rpm_low"), unit_of_column("run")
+    ('J', '1', 'rpm', '')
+    """
+    base = next((name.removesuffix(end) for end in _ENDS if name.endswith(end)), name)
+    if base.startswith(("eta_", "removed_share")) and not base.endswith("_percent"):
+        return "1"
+    if base.startswith("rpm_"):
+        return "rpm"
+    return _UNITS.get(base.rpartition("_")[2], "") if "_" in base else ""
+
+
+def write_workbook(folder: Path, path: Path) -> None:
+    """Write the tables of a dataset as sheets of an Excel workbook, row by row, behind a summary with a chart."""
+    import xlsxwriter
+
+    with xlsxwriter.Workbook(
+        str(path),
+        {"constant_memory": True, "nan_inf_to_errors": True, "strings_to_formulas": False, "strings_to_urls": False},
+    ) as book:
+        book.set_properties({"comments": f"winchcascade/{__version__}", "created": made_at()})
+        _summary(book, folder / "runs.parquet")
+        for table in TABLES:
+            names, rows = _read(folder / f"{table}.parquet")
+            _sheet(book, table, names, rows)
+    with zipfile.ZipFile(path, "a") as archive:  # the mark can be read without unpacking the workbook
+        archive.comment = f"winchcascade/{__version__}".encode()
+
+
+def _read(path: Path) -> tuple[list[str], Iterator[Row]]:
+    """Names of the columns of a table, and its rows."""
+    from pyarrow import parquet
+
+    def rows() -> Iterator[Row]:
+        with parquet.ParquetFile(path) as file:
+            for batch in file.iter_batches(_ROWS):
+                yield from batch.to_pylist()
+
+    return list(parquet.read_schema(path).names), rows()
+
+
+def _sheet(book: Any, title: str, names: Sequence[str], rows: Iterator[Row]) -> Any:
+    """Write one sheet: names, units, rows; the heads and the first column stay in sight."""
+    sheet = book.add_worksheet(title)
+    sheet.freeze_panes(2, 1)
+    units = [unit_of_column(name) for name in names]
+    bold, soft = book.add_format({"bold": True}), book.add_format({"italic": True, "bottom": 1})
+    widths = [min(max(len(name) + 1, _NARROW), _WIDE) for name in names]
+    formats = {unit: book.add_format({"num_format": _FORMATS[unit]}) for unit in dict.fromkeys(units)}
+    for k, (width, unit) in enumerate(zip(widths, units, strict=True)):
+        sheet.set_column(k, k, _WIDTHS.get(names[k], width), formats[unit])
+    sheet.write_row(0, 0, names, bold)
+    sheet.write_row(1, 0, units, soft)
+    for i, row in enumerate(rows):
+        if i >= _SHEET_ROWS:
+            break
+        for k, (name, unit) in enumerate(zip(names, units, strict=True)):
+            value = row.get(name)
+            if value is not None:  # what is unknown is an empty cell, an open circuit the text inf
+                sheet.write(2 + i, k, "inf" if value == math.inf else value, formats[unit])
+    return sheet
+
+
+def _summary(book: Any, path: Path) -> None:
+    """Write the sheet of energies and efficiencies of every log, those with a load first, and the chart."""
+    names, rows = _read(path)
+    metrics = [n for n in names if n.startswith(("energy_", "power_", "eta_")) and unit_of_column(n) in ("J", "W", "1")]
+    metrics = [n for n in metrics if not n.endswith((*_ENDS, "_percent"))]
+    found = sorted(rows, key=_by_load)[:_SHEET_ROWS]
+    metrics = [n for n in metrics if any(row[n] is not None for row in found)]
+    etas = [n for n in metrics if n.startswith("eta_")]
+    errors = [f"{n}_standard_uncertainty" for n in etas]
+    columns = [
+        "run",
+        "load_ohm",
+        "complete",
+        "cycles",
+        "findings",
+        *etas,
+        *errors,
+        *[n for n in metrics if n not in etas],
+    ]
+    sheet = _sheet(book, "summary", columns, iter(found))
+    loaded = sum(_by_load(row)[0] == 0 for row in found)
+    if etas and found:
+        _chart(book, sheet, [columns.index(n) for n in etas], loaded=loaded, rows=len(found))
+
+
+def _by_load(row: Row) -> tuple[int, float, str]:
+    """Order of the logs: by load, then those in open circuit and those whose load is unknown."""
+    load = row["load_ohm"]
+    known = isinstance(load, float) and math.isfinite(load)
+    return (0 if known else 1, float(load) if known else 0.0, str(row["run"]))  # type: ignore[arg-type]
+
+
+def _chart(book: Any, sheet: Any, columns: Sequence[int], *, loaded: int, rows: int) -> None:
+    """Draw the efficiencies over the load, or over the logs where fewer than two have a load."""
+    over_load = loaded > 1
+    last = 1 + (loaded if over_load else rows)
+    chart = book.add_chart({"type": "scatter", "subtype": "straight_with_markers"} if over_load else {"type": "column"})
+    for column in columns:
+        chart.add_series(
+            {
+                "name": ["summary", 0, column],
+                "categories": ["summary", 2, 1 if over_load else 0, last, 1 if over_load else 0],
+                "values": ["summary", 2, column, last, column],
+            }
+        )
+    chart.set_title({"name": f"Efficiency over {'load' if over_load else 'logs'}"})
+    chart.set_x_axis({"name": "Load resistance (ohm)"} if over_load else {"name": "Log"})
+    chart.set_y_axis({"name": "Efficiency (1)", "num_format": "0.00"})
+    chart.set_size({"width": 720, "height": 400})
+    sheet.insert_chart(rows + 3, 1, chart)
 
 
 def write_dataset(

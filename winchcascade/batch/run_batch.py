@@ -12,11 +12,10 @@ from msgspec import UNSET, UnsetType
 from msgspec.structs import asdict, replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
-from winchcascade.batch.dataset import write_dataset
+from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.log_settings import read_with
 from winchcascade.batch.plan import Plan, Work
 from winchcascade.batch.results_pages import KeptCampaign, diagnosis_beside
-from winchcascade.batch.workbook import TABLES, write_workbook
 from winchcascade.core.addresses import fingerprint, local_copy
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, put_in_place, write_set

@@ -1,4 +1,4 @@
-"""The command-line application: its commands, in the order in which the help lists them."""
+"""The command line: its commands, in the order in which the help lists them, and how it lists them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer.core import TyperGroup, TyperOption
 
-from winchcascade.cli.command_list import CommandList
 from winchcascade.cli.outputs import show
 from winchcascade.report.screen import QUIET, line_width
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from typer._click import Command
+    from typer._click import Command, Context, HelpFormatter
 
 _COMMANDS = {
     "reduce": "reduce_command",
@@ -38,6 +37,17 @@ SUMMARY = "Turn test logs of a winch-driven power take-off into energies and eff
 
 HELP = 80
 """Columns of a help text in a pipe. [characters]"""
+
+
+class CommandList(TyperGroup):
+    """Commands whose list in the help shows the first sentence of each, whole."""
+
+    def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
+        """Write names and sentences."""
+        found = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
+        helps = {name: " ".join((command.help or "").split()) for name, command in found.items() if command is not None}
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, f"{text.split('. ')[0].rstrip('.')}.") for name, text in helps.items()])
 
 
 def command_line(first: str | None) -> Command:

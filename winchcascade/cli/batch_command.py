@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winchcascade.cli.options import (
+    NO_REPORT,
     ForceOption,
     JobsOption,
     LossMapOption,
@@ -16,10 +17,10 @@ from winchcascade.cli.options import (
     SchedulerOption,
     WindowOption,
     report_choices,
+    report_options,
     valued_option,
 )
 from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports, written
-from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
 from winchcascade.report.report_files import ReportFiles

@@ -7,10 +7,17 @@ from typing import Annotated
 
 import typer
 
-from winchcascade.cli.command_list import CommandList
-from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, SchedulerOption, valued_option
+from winchcascade.cli.app import CommandList
+from winchcascade.cli.options import (
+    NO_REPORT,
+    ForceOption,
+    JobsOption,
+    JsonOption,
+    SchedulerOption,
+    report_options,
+    valued_option,
+)
 from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, report_maker_of, show, write_reports
-from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 from winchcascade.report.report_files import ReportFiles

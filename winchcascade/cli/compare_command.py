@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winchcascade.cli.options import (
+    NO_REPORT,
     ForceOption,
     JobsOption,
     JsonOption,
+    report_options,
     valued_option,
 )
 from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, given_command, write_reports
-from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.files import json_bytes
 from winchcascade.report.report_files import ReportFiles
 

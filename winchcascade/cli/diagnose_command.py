@@ -11,16 +11,17 @@ import typer
 from msgspec.structs import replace
 
 from winchcascade.cli.options import (
+    NO_REPORT,
     CampaignArgument,
     ForceOption,
     JsonOption,
     RigOption,
     ThreadsOption,
     effect_names,
+    report_options,
     valued_option,
 )
 from winchcascade.cli.outputs import Printed, check_outputs, deliver, report_maker_of, write_reports
-from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked, json_bytes

@@ -11,6 +11,7 @@ import typer
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
+    NO_REPORT,
     ForceOption,
     JsonOption,
     LoadOption,
@@ -20,6 +21,7 @@ from winchcascade.cli.options import (
     effect_names,
     name_argument,
     named_number,
+    report_options,
     rig_names,
     valued_option,
 )
@@ -34,7 +36,6 @@ from winchcascade.cli.outputs import (
     write_reports,
     written,
 )
-from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each

@@ -1,7 +1,8 @@
-"""Options that several commands share, the completion of their values in a shell, and options of the form NAME=NUMBER."""
+"""Options that several commands share, the completion of their values in a shell, and the files of a report as options."""
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from winchcascade.core.errors import OptionError
+from winchcascade.report.report_files import ReportFiles
 
 
 def rig_names(incomplete: str) -> list[str]:
@@ -130,3 +132,48 @@ def named_number(option: str) -> tuple[str, float]:
         return name.strip(), float(number)
     except ValueError:
         return name.strip(), math.nan
+
+
+NO_REPORT = ReportFiles()
+"""The value of the parameter `report` where no file of a report is wanted."""
+
+_OPTIONS: dict[str, Any] = {
+    "html": Annotated[Path | None, valued_option("--html", "FILE", "Write the report as one self-contained page.")],
+    "pdf": Annotated[Path | None, valued_option("--pdf", "FILE", "Write the report as PDF.")],
+    "figures": Annotated[
+        Path | None,
+        valued_option(
+            "--figures",
+            "FOLDER",
+            "Write each figure of the report into this folder as SVG, PDF and PNG, 90 mm and 190 mm wide.",
+        ),
+    ],
+    "tables": Annotated[
+        Path | None,
+        valued_option(
+            "--tables", "FOLDER", "Write each table of the report into this folder as CSV, LaTeX and Markdown."
+        ),
+    ],
+}
+
+
+def report_options(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command these options in the place of its parameter `report`, which gets their values as `ReportFiles`."""
+
+    def with_options(command: Callable[..., None]) -> Callable[..., None]:
+        def run(**values: Any) -> None:
+            command(report=ReportFiles(**{name: values.pop(name) for name in names}), **values)
+
+        options = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_OPTIONS[name])
+            for name in names
+        ]
+        parameters: list[inspect.Parameter] = []
+        for parameter in inspect.signature(command, eval_str=True).parameters.values():
+            own = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            parameters += options if parameter.name == "report" else [own]
+        run.__doc__, run.__annotations__ = command.__doc__, {}
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
+        return run
+
+    return with_options

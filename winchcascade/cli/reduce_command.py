@@ -9,6 +9,7 @@ import typer
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
+    NO_REPORT,
     ForceOption,
     JsonOption,
     LoadOption,
@@ -18,9 +19,9 @@ from winchcascade.cli.options import (
     SheetOption,
     WindowOption,
     check_load,
+    report_options,
 )
 from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, given_command, write_reports
-from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
 from winchcascade.report.report_files import ReportFiles
 

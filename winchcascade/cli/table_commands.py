@@ -10,11 +10,13 @@ from typing import Annotated
 import typer
 
 from winchcascade.cli.options import (
+    NO_REPORT,
     ForceOption,
     JobsOption,
     JsonOption,
     RigOption,
     named_number,
+    report_options,
     table_names,
     valued_option,
 )
@@ -28,7 +30,6 @@ from winchcascade.cli.outputs import (
     show_commands,
     write_reports,
 )
-from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.report.report_files import ReportFiles
@@ -164,9 +165,8 @@ def audit_command(
         point_audit_text,
     )
     from winchcascade.report.screen import Progress
-    from winchcascade.tables.audit import Audit
+    from winchcascade.tables.audit import Audit, audit
     from winchcascade.tables.point_table import open_table
-    from winchcascade.tables.table_audit import audit
 
     if rig is not None and not physics:
         raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")

@@ -14,9 +14,14 @@ from typing import Annotated, Any
 import msgspec
 
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.phase_rule import Ranges
 from winchcascade.core.quantity import is_load
 from winchcascade.core.toml_text import Expected, check_keys, entries, entry, read_toml, toml_values
+
+Ranges = Annotated[
+    tuple[tuple[float, float], ...],
+    Expected("pairs of begin and end in seconds, such as [[10.0, 25.0]]", lambda pairs: all(a < b for a, b in pairs)),
+]
+"""Begin and end of cycles that are given by time. [s]"""
 
 KINDS = {True: "measured", False: "not measured", None: "not stated"}
 """Words for whether data are measured."""

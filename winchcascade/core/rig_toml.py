@@ -14,7 +14,6 @@ import msgspec
 
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.errors import RigError
-from winchcascade.core.phase_rule import phase_rule
 from winchcascade.core.quantity import Quantity, find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
@@ -30,6 +29,7 @@ from winchcascade.core.rig_file import (
     StatedEffect,
     Thresholds,
     Winch,
+    phase_rule,
 )
 from winchcascade.core.run import CHANNELS, Channel
 from winchcascade.core.toml_text import (

@@ -1,4 +1,4 @@
-"""Diagnose a campaign: where the gap lies, which effects cause it, how far they close it, and what to test next."""
+"""Diagnose a campaign: where the gap lies, which effects cause it and matter, how far they close it, and what to test next."""
 
 from __future__ import annotations
 
@@ -10,15 +10,19 @@ import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import linear_algebra_on_one_thread
+from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.causes import causes_of, plan_run, probabilities
 from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close
-from winchcascade.diagnosis.contributions import by_cost, contributions_of, reordered, without
+from winchcascade.diagnosis.contributions import EFFICIENCIES, by_cost, contributions_of, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     NAMED,
     Contribution,
     DiagnosisResult,
     Entries,
+    LargestChange,
+    Minor,
+    NamedCause,
     OwnSimulation,
     Remainder,
     StagePlace,
@@ -29,15 +33,16 @@ from winchcascade.diagnosis.evidence import Found, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.relevance import minor_of
 from winchcascade.diagnosis.stability import with_stability
 from winchcascade.diagnosis.stagewise import stagewise
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.evidence import Fit
+    from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.suspects import Suspects
 
 
@@ -194,3 +199,56 @@ def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequen
             raise OptionError(f"--withhold {load:g}: no run of the campaign has this load; it has {there} ohm.")
         found += own
     return sorted(set(found))
+
+
+def minor_of(
+    data: Fitted,
+    suspects: Suspects,
+    best: Fit,
+    causes: Iterable[NamedCause],
+    contributions: Sequence[Contribution],
+) -> tuple[Minor, ...]:
+    """Causes that change nothing by as much as the rig file calls relevant, each with its largest change."""
+    accuracy, found = data.rig.model, []
+    for cause in causes:
+        changes = [
+            (abs(change.change) / max(limit, 1e-12), change)
+            for limit, several in (
+                (accuracy.relevant_efficiency, of_efficiencies(cause.effect, contributions)),
+                (accuracy.relevant_share, of_channels(data, suspects, best, cause.effect)),
+            )
+            for change in several
+        ]
+        ratio, largest = max(changes, key=lambda pair: pair[0], default=(math.inf, None))
+        if largest is not None and ratio < 1.0:
+            found.append(Minor(cause.effect, cause.stage, cause.parameters, largest))
+    return tuple(found)
+
+
+def of_efficiencies(effect: str, contributions: Sequence[Contribution]) -> list[LargestChange]:
+    """What one cause changes of each efficiency of each run. [1]"""
+    return [
+        LargestChange(one.metric, part.value, load=one.load)
+        for one in contributions
+        if one.metric in EFFICIENCIES
+        for part in one.parts
+        if part.effect == effect
+    ]
+
+
+def of_channels(data: Fitted, suspects: Suspects, best: Fit, effect: str) -> list[LargestChange]:
+    """What one cause changes of the mean of each channel in each phase of each log, as a share of its plateau. [1]"""
+    acting = dict(zip(best.names, best.effects(suspects), strict=True))
+    others = [one for name, one in acting.items() if name != effect]
+    moved = data.predict(best.nu, [*acting.values()]) - data.predict(best.nu, others)
+    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
+    return [
+        LargestChange(
+            CHANNELS[k],
+            float(np.mean(moved[here, k])) / max(float(np.max(level[here, k])), 1e-12),
+            phase=PHASES[phase],
+            load=data.logs[log].run.load,
+        )
+        for log, k, phase, here in data.cells()
+        if here.size
+    ]

@@ -196,7 +196,7 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
         time_findings += load_faults
     channels, simulated = _channels(table, found, clock), found.simulated or simulated
     if rig.phases.source == "rows":
-        from winchcascade.ingest.step_rows import steps_of_rows
+        from winchcascade.ingest.phase_labels import steps_of_rows
 
         checked = steps_of_rows(channels)
     else:

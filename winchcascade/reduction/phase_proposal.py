@@ -9,14 +9,12 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.integrate import median
-from winchcascade.core.phase_rule import PhaseRule
-from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_file import PhaseRule, Rig
 from winchcascade.core.run import Finding, Run
-from winchcascade.reduction.phase_sources import Motion, smoothed_motion
+from winchcascade.reduction.phase_sources import Motion, find_waves, smoothed_motion
 from winchcascade.reduction.phased_run import PhasedRun
 from winchcascade.reduction.reduction_result import CycleResult
 from winchcascade.reduction.steps import find_steps
-from winchcascade.reduction.waves import find_waves
 
 FEW_WAVES = 2
 """Smallest number of waves that shows a reciprocating motion."""

@@ -14,12 +14,11 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.core.phase_rule import PhaseSource
-from winchcascade.core.rig_file import Rig, Thresholds
-from winchcascade.core.run import Run, Signal
+from winchcascade.core.rig_file import PhaseSource, Rig, Thresholds
+from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps, gap_limits
-from winchcascade.reduction.phases import Cycle, detect, smoothed_velocity
+from winchcascade.reduction.phases import Cycle, crossing, detect, smoothed_velocity
 
 TURN = 2.0 * np.pi
 """Radians in one revolution."""
@@ -105,7 +104,6 @@ def _by_speed(run: Run, rig: Rig) -> Detected:
 
 
 def _by_waves(run: Run, rig: Rig) -> Detected:
-    from winchcascade.reduction.waves import find_waves
 
     motion = smoothed_motion(run, rig)
     if motion is None:
@@ -122,7 +120,6 @@ def _by_steps(run: Run, rig: Rig) -> Detected:
 
 
 def _by_column(run: Run, rig: Rig) -> Detected:
-    from winchcascade.reduction.labels import labelled_cycles
 
     if run.labels is None:
         raise LogError(
@@ -205,3 +202,93 @@ DETECTORS: Mapping[PhaseSource, Detector] = {
     "whole": _whole,
 }
 """How cycles are found, by source."""
+
+
+def labelled_cycles(t: Signal, labels: Signal) -> list[Cycle]:
+    """Cycles of a log whose samples are labelled; each begins with a payout, other labels between are its hold.
+
+    A phase lasts from its first sample to the first sample of the next one. The haul-in that follows a payout is that of its
+    cycle; several stretches of one phase with other labels between them are one.
+
+    Parameters
+    ----------
+    t : (n,) stamps that rise [s]
+    labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere
+
+    Examples
+    --------
+    >>> (cycle,) = labelled_cycles(np.arange(8.0), np.array([0, 1, 1, 0, 0, -1, -1, 0]))
+    >>> cycle.onset, cycle.payout_end, cycle.haul_in
+    (1.0, 3.0, (5.0, 7.0))
+    """
+    named = np.flatnonzero(labels)
+    if named.size == 0:
+        return []
+    turns = np.flatnonzero(np.diff(labels[named])) + 1
+    first, last = named[np.append(0, turns)], named[np.append(turns - 1, named.size - 1)]
+    end = t[np.minimum(last + 1, t.size - 1)]
+    cycles = []
+    for k in np.flatnonzero(labels[first] > 0).tolist():
+        follows = k + 1 < first.size
+        haul_in = (float(t[first[k + 1]]), float(end[k + 1])) if follows else None
+        cut = bool(last[k] == t.size - 1)
+        hold_end = haul_in[0] if haul_in is not None else float(t[-1])
+        cycles.append(
+            Cycle(
+                onset=float(t[first[k]]),
+                payout_end=float(end[k]),
+                hold=None if cut else (float(end[k]), hold_end),
+                haul_in=haul_in,
+                begins_inside=bool(first[k] == 0),
+                ends_inside=cut,
+            )
+        )
+    return cycles
+
+
+def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
+    """Find the waves of a motion: the payout is the positive half, the haul-in the negative one.
+
+    Both halves go beyond `v_onset`; what lies between is noise or rest and belongs to no half of its own. A half that the
+    begin of the log cuts, and one without an upward zero crossing at its end, are part of no wave.
+
+    Parameters
+    ----------
+    t, v_smooth : (n,) stamps that rise [s], and a smoothed velocity or speed
+    v_onset : threshold in the unit of the motion
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 10.0, 1001)
+    >>> [(round(w.onset, 6), round(w.payout_end, 6)) for w in find_waves(t, np.sin(np.pi * (t - 0.5)), 0.1)]
+    [(0.5, 1.5), (2.5, 3.5), (4.5, 5.5), (6.5, 7.5)]
+    """
+    side = (v_smooth > v_onset).astype(np.int8) - (v_smooth < -v_onset).astype(np.int8)
+    edges = np.concatenate(([0], np.flatnonzero(side[1:] != side[:-1]) + 1, [side.size]))
+    start, stop = edges[:-1], edges[1:]
+    fast = side[start] != 0
+    start, stop = start[fast], stop[fast]
+    if start.size == 0:
+        return []
+    turns = np.flatnonzero(np.diff(side[start])) + 1
+    first, last = start[np.append(0, turns)], stop[np.append(turns - 1, start.size - 1)] - 1
+    waves = []
+    for k in range(first.size - 1):
+        up, down, slow = int(first[k]), int(first[k + 1]), int(last[k + 1]) + 1
+        if side[up] < 0:
+            continue
+        begin, end = int(last[k - 1]) if k > 0 else 0, int(first[k + 2]) + 1 if k + 2 < first.size else v_smooth.size
+        before, after = _rows(v_smooth[begin:up] <= 0.0, begin), _rows(v_smooth[slow:end] >= 0.0, slow)
+        if not (before.size and after.size):
+            continue
+        forward = _rows(v_smooth[last[k] : down] >= 0.0, int(last[k]))
+        onset, rest = (crossing(t, v_smooth, int(at), 0.0) for at in (before[-1] + 1, after[0]))
+        middle = crossing(t, v_smooth, int(forward[-1]) + 1, 0.0)
+        waves.append(Cycle(onset, middle, (middle, middle), (middle, rest), begins_inside=False, ends_inside=False))
+    return waves
+
+
+def _rows(mask: Mask, start: int) -> Index:
+    """Rows of a log at which a mask of a part of it is set, in order; the part begins at row `start`."""
+    found: Index = start + np.flatnonzero(mask)
+    return found

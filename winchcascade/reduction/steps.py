@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from winchcascade.core.integrate import GAUSS, median, quantile
-from winchcascade.core.phase_rule import PhaseRule
+from winchcascade.core.rig_file import PhaseRule
 from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.phases import Cycle

@@ -22,9 +22,8 @@ from winchcascade.diagnosis.diagnosis_result import (
     StagePlace,
 )
 from winchcascade.diagnosis.entries import effect_name
-from winchcascade.diagnosis.line.line_closure import LineRemainder
 from winchcascade.diagnosis.line.line_data import CyclePart
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, LineRemainder
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_costs import cost_lines, cost_title, no_energy_words

@@ -20,8 +20,7 @@ from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.evidence import CLEARLY
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
-from winchcascade.diagnosis.line.line_closure import BURST, SLOW, LineRemainder
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.line.line_diagnose import BURST, SLOW, LineDiagnosis, LineRemainder
 from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
 from winchcascade.diagnosis.solve import HUBER
 from winchcascade.diagnosis.stability import CHANCE

@@ -14,8 +14,7 @@ from winchcascade.core.accuracy import student
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Names, Reported, Spot
-from winchcascade.diagnosis.line.line_closure import block_means_of
-from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, Lines, beside, columns_of, with_span
+from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, Lines, beside, block_means_of, columns_of, with_span
 from winchcascade.diagnosis.line.line_selection import Choice, Moments, coefficients, moments_of
 
 if TYPE_CHECKING:

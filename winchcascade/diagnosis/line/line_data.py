@@ -18,7 +18,7 @@ from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK, Run, Signal
-from winchcascade.diagnosis.block_means import Blocks, blocks_of
+from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.stages import acceleration, line_power
 
@@ -252,3 +252,9 @@ def columns_of(run: Run, names: Sequence[str], span: float) -> Signal:
         "force_zero": lambda: -run.channels["velocity"],
     }
     return np.column_stack([made[name]() for name in names])
+
+
+def block_means_of(parts: Sequence[CyclePart], x: Sequence[Signal]) -> tuple[Blocks, Signal]:
+    """Blocks of all parts in a row, and the means over them of what is given at the samples that count, (m,)."""
+    means = [part.means(own) for part, own in zip(parts, x, strict=True)]
+    return in_a_row([part.blocks for part in parts]), np.concatenate(means)

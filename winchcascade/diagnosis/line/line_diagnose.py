@@ -1,33 +1,201 @@
-"""Diagnose a winch without a model: which losses and inertia between line and shaft explain its mechanical power."""
+"""Diagnose a winch without a model: where its gap lies, which losses and inertia explain it, and what the residual holds."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import linear_algebra_on_one_thread
+from winchcascade.diagnosis.block_means import PHASES, Blocks, scatter_about_course
+from winchcascade.diagnosis.closure import DRAWS, ROUGH
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     MOSTLY,
     NAMED,
+    Alarm,
     DiagnosisResult,
     Entries,
+    GapClosure,
+    Names,
+    Place,
+    Remainder,
     Reported,
+    Shrunk,
+    Spot,
     Verdict,
     Where,
 )
+from winchcascade.diagnosis.gap_map import weigh
 from winchcascade.diagnosis.line.line_causes import again_alone, line_causes, plan
-from winchcascade.diagnosis.line.line_closure import LineClosure, LineRemainder, judge, left_in, map_of
-from winchcascade.diagnosis.line.line_data import Lines, lines_of
-from winchcascade.diagnosis.line.line_selection import Choice, Moments, choose, moments_of, with_best_span
+from winchcascade.diagnosis.line.line_data import POWER, CyclePart, Lines, block_means_of, lines_of
+from winchcascade.diagnosis.line.line_selection import (
+    Choice,
+    Moments,
+    choose,
+    coefficients,
+    fold_labels,
+    moments_of,
+    with_best_span,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Signal
     from winchcascade.diagnosis.suspects import Suspects
+
+SLOW = 0.2
+"""The residual has a structure if more than this share of its squares lasts longer than a second."""
+
+LAGS = range(3, 8)
+"""Blocks between two that are multiplied to find what lasts: 1.3 s to 3.1 s where blocks are not longer than usual."""
+
+PART_OF_GAP = 0.01
+"""A structure with less than this share of the squared gap has no effect on the verdict."""
+
+FEW = 12
+"""Minimum number of triples of neighbouring blocks for an estimate of their noise."""
+
+BURST = 0.05
+"""Share of the samples, those with the largest residuals, whose part of the squares is reported."""
 
 NOISY = 1.25
 """Root mean square of the residual, in its white noise, below which it is not significant."""
+
+
+class LineClosure(GapClosure, frozen=True):
+    """Share of the squared gap that the causes close on the parts that they are tested on: 1 - sum(after^2) / sum(gap^2).
+
+    `after` are, part by part, measured minus predicted at the samples that count, (k,) each [W], by a fit without them.
+    """
+
+    parts: tuple[CyclePart, ...]
+    after: tuple[Signal, ...]
+
+    @property
+    def power(self) -> Shrunk:
+        """Root mean squares of the power. [W]"""
+        return self.channels[POWER]
+
+    @property
+    def beyond_noise(self) -> float:
+        """Share that is closed of what exceeds the white noise of the power. [1]"""
+        before, after, noise = (x**2 for x in (self.power.before, self.power.after, self.power.noise))
+        return 1.0 - max(after - noise, 0.0) / (before - noise) if before > noise else 0.0
+
+    @property
+    def left_out_in_turn(self) -> bool:
+        """Whether the parts took part in the choice and each fold was left out of the fit once."""
+        return not self.parts[0].withheld
+
+
+class LineRemainder(Remainder, frozen=True):
+    """The residual of the causes on the parts that they are tested on: signs of structure, and how bursty it is.
+
+    `slow` is the share of its squares that lasts longer than a second, `bursts` that of the largest `BURST` of the samples,
+    `in_worst` that of the phase that holds most of them.
+    """
+
+    slow: float
+    bursts: float
+    in_worst: float
+
+
+def map_of(parts: Sequence[CyclePart]) -> tuple[Place, ...]:
+    """Map the gap: one row for each phase of which there are blocks."""
+    blocks, mean = block_means_of(parts, [part.gap for part in parts])
+    square = blocks.count * mean**2
+    rows = []
+    for number, name in enumerate(PHASES):
+        here = (blocks.phase == number) & np.isfinite(mean)
+        size = int(np.count_nonzero(here))
+        if size < 2:
+            continue
+        noise = scatter_about_course(blocks, mean, here, FEW)
+        noise = noise if math.isfinite(noise) else float(np.std(mean[here]))
+        share = float(square[here].sum()) / max(float(np.nansum(square)), 1e-300)
+        by = weigh(mean[here], blocks.cycle[here], np.full(size, noise), 0.0, np.zeros((size, 1)))
+        rows.append(
+            Place(**msgspec.structs.asdict(by), channel=POWER, phase=name, log=-1, load=None, blocks=size, share=share)
+        )
+    return tuple(rows)
+
+
+def judge(lines: Lines, m: Moments, names: Names, seed: int) -> LineClosure:
+    """Predict every held-out sample from a fit without it: withheld parts by the fit as it is, others fold by fold."""
+    parts, labels = lines.judged, fold_labels(lines.judged)
+    in_turn = not parts[0].withheld
+    fits = np.array([coefficients(m, lines, names, fold) for fold in (range(m.folds) if in_turn else [None])])
+    after = [
+        part.gap - np.sum(part.columns * fits[own if in_turn else 0], axis=1)
+        for part, own in zip(parts, labels, strict=True)
+    ]
+    gap, left, label = np.concatenate([part.gap for part in parts]), np.concatenate(after), np.concatenate(labels)
+    old, new = np.bincount(label, gap**2), np.bincount(label, left**2)
+    draws = np.random.default_rng(seed).integers(old.size, size=(DRAWS, old.size))
+    shares = 1.0 - new[draws].sum(axis=1) / np.maximum(old[draws].sum(axis=1), 1e-300)
+    share = float(1.0 - new.sum() / max(old.sum(), 1e-300))
+    low, high = np.quantile(shares, (0.025, 0.975)).tolist()
+    before, after_rms = (float(np.sqrt(np.mean(x**2))) for x in (gap, left))
+    return LineClosure(
+        channels={POWER: Shrunk(before, after_rms, white_noise(left))},
+        share=share,
+        low=min(low, share),
+        high=max(high, share),
+        parts=parts,
+        after=tuple(after),
+    )
+
+
+def left_in(parts: Sequence[CyclePart], after: Sequence[Signal], share: float) -> LineRemainder:
+    """Distinguish the residual from noise.
+
+    Parameters
+    ----------
+    after : measured minus predicted, part by part, (k,) each [W]
+    share : of the squared gap that stays open
+    """
+    blocks, mean = block_means_of(parts, after)
+    square = np.concatenate(after) ** 2
+    matters = PART_OF_GAP * float(sum(np.sum(part.gap**2) for part in parts))
+    slow = _lasting(blocks, mean, float(np.mean(square)))
+    alarms = []
+    if slow > SLOW and slow * float(square.sum()) > matters:
+        alarms.append(Alarm("slow", Spot(POWER), slow, SLOW))
+    for phase, name in enumerate(PHASES):
+        here = (blocks.phase == phase) & np.isfinite(mean)
+        noise = scatter_about_course(blocks, mean, here, FEW)
+        mean_square = float(np.mean(mean[here] ** 2)) if here.any() else 0.0
+        ratio = math.sqrt(mean_square) / noise if noise > 0.0 else 0.0
+        if ratio > ROUGH and (mean_square - noise**2) * float(blocks.count[here].sum()) > matters:
+            alarms.append(Alarm("structure", Spot(POWER, name), ratio, ROUGH))
+    largest, (_, squares) = np.sort(square)[::-1], block_means_of(parts, [x**2 for x in after])
+    by_phase = np.bincount(blocks.phase, np.nan_to_num(squares) * blocks.count, len(PHASES))
+    worst = int(np.argmax(by_phase))
+    return LineRemainder(
+        share=share,
+        alarms=tuple(sorted(alarms, key=lambda alarm: -alarm.size / alarm.limit)),
+        worst=Spot(POWER, PHASES[worst]),
+        slow=slow,
+        bursts=float(largest[: max(int(BURST * square.size), 1)].sum() / max(square.sum(), 1e-300)),
+        in_worst=float(by_phase[worst] / max(by_phase.sum(), 1e-300)),
+    )
+
+
+def _lasting(blocks: Blocks, mean: Signal, mean_square: float) -> float:
+    """Share of the squares that lasts longer than a second: products of blocks that far apart in one phase. [1]
+
+    The mean is not subtracted, so a constant residual lasts.
+    """
+    stretch = np.cumsum(~blocks.joined)
+    pairs = np.concatenate([(mean[k:] * mean[:-k])[stretch[k:] == stretch[:-k]] for k in LAGS])
+    pairs = pairs[np.isfinite(pairs)]
+    return max(float(np.mean(pairs)) / mean_square, 0.0) if pairs.size and mean_square > 0.0 else 0.0
 
 
 class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):

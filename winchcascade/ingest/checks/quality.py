@@ -29,9 +29,8 @@ from winchcascade.ingest.checks.channel_findings import (
 )
 from winchcascade.ingest.checks.dropouts import ROUNDS, Dropout, find_dropouts, find_filled
 from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses
-from winchcascade.ingest.checks.repeats import repeated_rows
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
-from winchcascade.ingest.checks.stuck import find_still, find_stuck, motion
+from winchcascade.ingest.checks.stuck import find_still, find_stuck, motion, repeated_rows
 from winchcascade.ingest.checks.timing import check_clock
 
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})

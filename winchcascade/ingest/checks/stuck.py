@@ -1,4 +1,4 @@
-"""Stuck channels: one value held while the channel should have changed.
+"""Stuck channels, of which one value is held while they should have changed, and rows that were written twice.
 
 A channel at rest is not stuck: an encoder holds its value while the line does, and the output of a stage is zero while
 nothing drives it. A channel is stuck if the motion should have changed it, or if its noise is missing.
@@ -7,12 +7,13 @@ nothing drives it. A channel is stuck if the motion should have changed it, or i
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, median, smallest_step
-from winchcascade.core.run import Index, Mask, Signal
+from winchcascade.core.run import Finding, Index, Mask, Signal
 
 HELD = 0.3
 """Minimum time for which a value is held, to be evaluated. [s]"""
@@ -64,6 +65,15 @@ LARGE = 0.3
 depending on where between two steps it lies. [1]"""
 
 DRIVEN = ("torque", "power_mech", "vdc", "idc")
+
+FEWEST_ROWS = 20
+"""Smallest number of rows that equal earlier ones: noise of two channels repeats none by chance."""
+
+MOST_ROWS = 1_000_000
+"""Longer logs are not searched, as sorting their rows would take longer than all other checks."""
+
+RARELY = 0.3
+"""Chance that a sample repeats the one before, up to which a channel is noisy enough to distinguish rows. [1]"""
 
 
 class ObservedMotion(msgspec.Struct, frozen=True):
@@ -264,3 +274,39 @@ def repeats_of(change: Signal) -> float:
     if np.mean(turn) < TURNS or np.mean(large) < LARGE:
         return 1.0
     return float(max(1.0 - some.size / change.size, 0.02))
+
+
+def repeated_rows(t: Signal, channels: Mapping[str, Signal]) -> list[Finding]:
+    """Report stretches of rows that equal earlier ones in all channels; they are kept, as the log does not show which count.
+
+    Only logs with a noisy channel are searched: without noise, equal cycles are equal in every digit. Where the displacement is
+    logged, it jumps back, which the check of the clock reports.
+    """
+    if t.size > MOST_ROWS or not any(repeats_of(np.diff(x)) < RARELY for x in channels.values()):
+        return []
+    rng = np.random.default_rng(0)
+    key = np.zeros(t.size)
+    for x in channels.values():  # rows that are equal have equal sums, others almost never
+        key += rng.uniform(1.0, 2.0) * x
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order[1:]] == key[order[:-1]])
+    later = np.zeros(t.size, dtype=np.intp)  # by how many rows the earlier one of a pair lies before
+    later[order[same + 1]] = order[same + 1] - order[same]
+    edges = np.flatnonzero(np.diff(later, prepend=0, append=0))
+    found = [
+        (a, b)
+        for a, b in pairwise(edges.tolist())
+        if later[a] > 1 and b - a >= FEWEST_ROWS and _changes(channels, a, b)
+    ]
+    if not found:
+        return []
+    rows, first = sum(b - a for a, b in found), found[0]
+    places = f"{len(found)} stretch{'es' if len(found) > 1 else ''}"
+    what = f"{rows} rows equal earlier ones in every channel, in {places}: they were written twice; check how the file was made"
+    start, end = float(t[first[0]]), float(t[found[-1][1] - 1])
+    return [Finding("repeated_rows", what, "reported and kept", start=start, end=end, count=rows)]
+
+
+def _changes(channels: Mapping[str, Signal], first: int, last: int) -> bool:
+    """Whether any channel changes in most rows of a stretch: rests may repeat."""
+    return any(2 * np.count_nonzero(np.diff(x[first:last])) > last - first for x in channels.values())
