@@ -11,7 +11,7 @@ import msgspec
 from msgspec.structs import replace
 
 from winchcascade.batch.plan import Plan, make_plan
-from winchcascade.core.campaign_file import CAMPAIGN_FILE
+from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.jobs import Workers
 from winchcascade.core.late_module import LateModule
@@ -102,8 +102,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         WinchcascadeError : something of the input cannot be used; the message names it
         """
         from winchcascade.batch.campaign_diagnosis import diagnose_listed, with_simulations
-        from winchcascade.core.campaign_file import load_campaign
-        from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
+        from winchcascade.rig.effects.catalogue import suspected
 
         if not (self.path.suffix == ".toml" or (self.path / CAMPAIGN_FILE).is_file()):
             raise CampaignError(
@@ -112,8 +111,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         listed = load_campaign(self.path)
         if simulated is not None:
             listed = with_simulations(listed, Path(simulated))
-        chosen = {name: find_effect(name) for name in suspects} if suspects else EFFECTS
-        return diagnose_listed(listed, chosen, rig=self.rig, loads=withhold, seed=seed)
+        return diagnose_listed(listed, suspected(suspects), rig=self.rig, loads=withhold, seed=seed)
 
     def check(
         self,

@@ -22,7 +22,7 @@ from winchcascade.cli.options import (
     valued_option,
 )
 from winchcascade.cli.outputs import Printed, check_outputs, deliver, report_maker_of, write_reports
-from winchcascade.core.campaign_file import Campaign, load_campaign
+from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked, json_bytes
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
@@ -31,7 +31,6 @@ from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-    from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.report.report_model import Report
 
 WithholdOption = Annotated[
@@ -101,15 +100,23 @@ def diagnose_command(
     winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are held out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
+    from winchcascade.batch.campaign_diagnosis import (
+        diagnose_listed,
+        with_simulations,
+        write_corrected_rig,
+        write_predictions,
+    )
     from winchcascade.batch.demo import DIAGNOSIS_FILES
     from winchcascade.batch.results_pages import list_diagnosis
     from winchcascade.report.diagnosis_text import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
     from winchcascade.report.model_export import check_export, write_export
     from winchcascade.report.screen import status_line
+    from winchcascade.rig.effects.catalogue import suspected
 
-    suspects, listed = _suspects(suspect), _listed(campaign, simulated)
+    suspects, listed = suspected(suspect or ()), load_campaign(campaign)
+    if simulated is not None:
+        listed = with_simulations(listed, simulated)
     logs = [run.file for run in listed.runs]
     simulations = [run.simulated for run in listed.runs if run.simulated is not None]
     check_export(export)
@@ -147,21 +154,6 @@ def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
     folder = Path() if html is None else html.parent
     pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
     return replace(report_maker_of(found)(), links=links_to(pages))
-
-
-def _suspects(names: Sequence[str] | None) -> Suspects:
-    """The effects that are suspected: those of some names, else all of the catalogue."""
-    from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
-
-    return {name: find_effect(name) for name in names} if names else EFFECTS
-
-
-def _listed(campaign: Path, simulated: Path | None) -> Campaign:
-    """The campaign, with the own simulations of a folder."""
-    from winchcascade.batch.campaign_diagnosis import with_simulations
-
-    given = load_campaign(campaign)
-    return given if simulated is None else with_simulations(given, simulated)
 
 
 def _files(

@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from winchcascade.core.errors import OptionError
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
@@ -32,6 +32,11 @@ def find_effect(name: str) -> Effect:
     near = difflib.get_close_matches(name, EFFECTS, n=3, cutoff=0.5)
     hint = f"; names like it: {', '.join(near)}" if near else ""
     raise OptionError(f"effect {name!r} is not in the catalogue{hint}; `winchcascade effects` lists all.")
+
+
+def suspected(names: Iterable[str]) -> Mapping[str, Effect]:
+    """The effects of some names, or all where none is given; OptionError for a name that no effect has."""
+    return {name: find_effect(name) for name in names} or EFFECTS
 
 
 def make_effect(name: str, values: Mapping[str, float]) -> ActiveEffect:
