@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.evidence import Fit
-    from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.suspects import Suspects
 
 
@@ -128,7 +127,7 @@ def diagnose(
 def _accounted(result: ModelDiagnosis, contributions: Sequence[Contribution]) -> ModelDiagnosis:
     """The result with what each cause contributes: causes that matter in the order of what they cost, the others as minor."""
     data, suspects, found = result.data, result.suspects, result.found
-    minor = minor_of(data, suspects, found.best, result.causes, contributions)
+    minor = _minor(data, suspects, found.best, result.causes, contributions)
     small = {one.effect for one in minor}
     causes = by_cost([cause for cause in result.causes if cause.effect not in small], contributions)
     result = msgspec.structs.replace(
@@ -182,6 +181,59 @@ def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> Model
     )
 
 
+def _minor(
+    data: Fitted,
+    suspects: Suspects,
+    best: Fit,
+    causes: Iterable[NamedCause],
+    contributions: Sequence[Contribution],
+) -> tuple[Minor, ...]:
+    """Causes that change nothing by as much as the rig file calls relevant, each with its largest change."""
+    accuracy, found = data.rig.model, []
+    for cause in causes:
+        changes = [
+            (abs(change.change) / max(limit, 1e-12), change)
+            for limit, several in (
+                (accuracy.relevant_efficiency, _changes_of_efficiencies(cause.effect, contributions)),
+                (accuracy.relevant_share, _changes_of_channels(data, suspects, best, cause.effect)),
+            )
+            for change in several
+        ]
+        ratio, largest = max(changes, key=lambda pair: pair[0], default=(math.inf, None))
+        if largest is not None and ratio < 1.0:
+            found.append(Minor(cause.effect, cause.stage, cause.parameters, largest))
+    return tuple(found)
+
+
+def _changes_of_efficiencies(effect: str, contributions: Sequence[Contribution]) -> list[LargestChange]:
+    """What one cause changes of each efficiency of each run. [1]"""
+    return [
+        LargestChange(one.metric, part.value, load=one.load)
+        for one in contributions
+        if one.metric in EFFICIENCIES
+        for part in one.parts
+        if part.effect == effect
+    ]
+
+
+def _changes_of_channels(data: Fitted, suspects: Suspects, best: Fit, effect: str) -> list[LargestChange]:
+    """What one cause changes of the mean of each channel in each phase of each log, as a share of its plateau. [1]"""
+    acting = dict(zip(best.names, best.effects(suspects), strict=True))
+    others = [one for name, one in acting.items() if name != effect]
+    moved = data.predict(best.nu, [*acting.values()]) - data.predict(best.nu, others)
+    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
+    return [
+        LargestChange(
+            CHANNELS[k],
+            float(np.mean(moved[here, k])) / max(float(np.max(level[here, k])), 1e-12),
+            phase=PHASES[phase],
+            load=data.logs[log].run.load,
+        )
+        for log, k, phase, here in data.cells()
+        if here.size
+    ]
+
+
 def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequence[bool]) -> list[int]:
     """Numbers of the runs to withhold: those of the loads that are named, else those that the campaign marks.
 
@@ -199,56 +251,3 @@ def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequen
             raise OptionError(f"--withhold {load:g}: no run of the campaign has this load; it has {there} ohm.")
         found += own
     return sorted(set(found))
-
-
-def minor_of(
-    data: Fitted,
-    suspects: Suspects,
-    best: Fit,
-    causes: Iterable[NamedCause],
-    contributions: Sequence[Contribution],
-) -> tuple[Minor, ...]:
-    """Causes that change nothing by as much as the rig file calls relevant, each with its largest change."""
-    accuracy, found = data.rig.model, []
-    for cause in causes:
-        changes = [
-            (abs(change.change) / max(limit, 1e-12), change)
-            for limit, several in (
-                (accuracy.relevant_efficiency, of_efficiencies(cause.effect, contributions)),
-                (accuracy.relevant_share, of_channels(data, suspects, best, cause.effect)),
-            )
-            for change in several
-        ]
-        ratio, largest = max(changes, key=lambda pair: pair[0], default=(math.inf, None))
-        if largest is not None and ratio < 1.0:
-            found.append(Minor(cause.effect, cause.stage, cause.parameters, largest))
-    return tuple(found)
-
-
-def of_efficiencies(effect: str, contributions: Sequence[Contribution]) -> list[LargestChange]:
-    """What one cause changes of each efficiency of each run. [1]"""
-    return [
-        LargestChange(one.metric, part.value, load=one.load)
-        for one in contributions
-        if one.metric in EFFICIENCIES
-        for part in one.parts
-        if part.effect == effect
-    ]
-
-
-def of_channels(data: Fitted, suspects: Suspects, best: Fit, effect: str) -> list[LargestChange]:
-    """What one cause changes of the mean of each channel in each phase of each log, as a share of its plateau. [1]"""
-    acting = dict(zip(best.names, best.effects(suspects), strict=True))
-    others = [one for name, one in acting.items() if name != effect]
-    moved = data.predict(best.nu, [*acting.values()]) - data.predict(best.nu, others)
-    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
-    return [
-        LargestChange(
-            CHANNELS[k],
-            float(np.mean(moved[here, k])) / max(float(np.max(level[here, k])), 1e-12),
-            phase=PHASES[phase],
-            load=data.logs[log].run.load,
-        )
-        for log, k, phase, here in data.cells()
-        if here.size
-    ]

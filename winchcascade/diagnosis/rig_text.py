@@ -26,7 +26,6 @@ from winchcascade.rig.effects.wrong_entries import SHARED_RADIUS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.calibrate import Calibration, Number
     from winchcascade.diagnosis.diagnose import ModelDiagnosis

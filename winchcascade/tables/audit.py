@@ -20,7 +20,6 @@ from winchcascade.core.published_table import PrintedColumn, PublishedTable, Spa
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.table_toml import load_table
 from winchcascade.reduction.efficiency import RATIOS
-from winchcascade.tables.attainable import AttainableRanges
 from winchcascade.tables.claims import ClaimVerdict, claim_verdict
 from winchcascade.tables.feasible import (
     STAGES,
