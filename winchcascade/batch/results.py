@@ -59,7 +59,7 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
     if target.is_dir() and (target / "campaign.json").is_file() and not (target / CAMPAIGN_FILE).is_file():
         return _of_batch(target)
     if target.is_dir() or target.suffix == ".toml":
-        return _of_campaign(target, jobs)
+        return campaign_results(make_plan([str(target)]), jobs)
     record, digest = _json(target)
     if record.get("schema") == CAMPAIGN_SCHEMA:
         return _of_batch(target.parent)
@@ -106,10 +106,6 @@ def _of_batch(folder: Path) -> Results:
         for name in altered(folder, {run.result: summary.store.files.get(run.result, "") for run in summary.runs}):
             raise _altered(folder / name)
     return Results(_together(records), whole=True, verified=digest == "kept")
-
-
-def _of_campaign(target: Path, jobs: int) -> Results:
-    return campaign_results(make_plan([str(target)]), jobs)
 
 
 def campaign_results(plan: Plan, jobs: int) -> Results:

@@ -37,7 +37,7 @@ from winchcascade.cli.outputs import (
     written,
 )
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import json_bytes
+from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.report.report_files import ReportFiles
 
@@ -152,7 +152,6 @@ def calibrate_command(
 ) -> None:
     """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
     one_thread_each()
-    from winchcascade.core.files import write_content
     from winchcascade.diagnosis.calibrate import calibrate, complete_payouts
     from winchcascade.diagnosis.rig_text import calibrated_text
     from winchcascade.reduction.reduce import reduce

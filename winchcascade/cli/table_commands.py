@@ -31,7 +31,7 @@ from winchcascade.cli.outputs import (
     write_reports,
 )
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import json_bytes
+from winchcascade.core.files import json_bytes, write_content
 from winchcascade.report.report_files import ReportFiles
 
 ResultsArgument = Annotated[
@@ -83,7 +83,6 @@ def check_command(
     uncertainties.
     """
     from winchcascade.batch.results import check_results, load_results
-    from winchcascade.core.files import write_content
     from winchcascade.core.jobs import processes
     from winchcascade.report.check_report import check_record, check_text, github_annotations, junit_xml, missed_text
     from winchcascade.tables.check import Factors

@@ -79,8 +79,7 @@ def _signal(table: LogTable, match: Match) -> Signal:
     """Samples of a column in SI units, spread over the log."""
     values = table.values[match.index]
     offset = 0.0 if match.unit is None else match.unit.offset
-    spread: Signal = values[:: max(1, values.size // _MOST_SAMPLES)] * match.factor + offset
-    return spread
+    return values[:: max(1, values.size // _MOST_SAMPLES)] * match.factor + offset
 
 
 def _choice(name: str, columns: Sequence[Signal], known: Mapping[str, Signal]) -> tuple[int | None, str]:
@@ -115,8 +114,7 @@ def _seen_as(signal: Signal, kind: _Kind) -> Signal:
 
 def _travel(speed: Signal) -> Signal:
     """Sum of a speed up to each sample, which follows the distance."""
-    total: Signal = np.cumsum(np.nan_to_num(speed, posinf=0.0, neginf=0.0))
-    return total
+    return np.cumsum(np.nan_to_num(speed, posinf=0.0, neginf=0.0))
 
 
 def _correlation(one: Signal, other: Signal) -> float:

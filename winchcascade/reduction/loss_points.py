@@ -91,7 +91,7 @@ class LossPoints(msgspec.Struct, frozen=True):
         powers = []
         for power, product in zip((self.power_in, self.power_out), self.products, strict=True):
             others = [name for name in product.channels if name != channel]
-            r_drum = self._radius if product.by_radius else 1.0
+            r_drum = np.abs(self.means["velocity"]) / self.speed if product.by_radius else 1.0
             factor = np.prod([self.means[name] for name in others], axis=0) if others else np.ones(power.size)
             hit = channel in product.channels
             powers.append(power + product.sign * error[channel] * factor / r_drum if hit else power)
@@ -112,11 +112,6 @@ class LossPoints(msgspec.Struct, frozen=True):
         """Sign of the speed as it was logged."""
         turned = self.means.get("speed", self.means.get("velocity"))
         return np.ones(self.torque.size) if turned is None else np.sign(turned)
-
-    @property
-    def _radius(self) -> Signal:
-        """Line velocity over speed of the shaft. [m]"""
-        return np.abs(self.means["velocity"]) / self.speed
 
 
 def stages_of_loss(cascade: Cascade) -> tuple[str, str]:
@@ -168,7 +163,9 @@ def loss_points(reduction: Reduction) -> LossPoints:
         columns=_mean_columns(t, torque, speed, spans),
         means={
             name: means(t, run.channels[name].__getitem__, spans)
-            for name in dict.fromkeys((*products[0].channels, *products[1].channels, *_motion_channel(run)))
+            for name in dict.fromkeys(
+                (*products[0].channels, *products[1].channels, "speed" if "speed" in run.channels else "velocity")
+            )
         },
         products=(products[0], products[1]),
         duration=length,
@@ -211,11 +208,6 @@ def shaft_speed(run: Run, rig: Rig) -> Signal | None:
     if "velocity" in run.channels and rig.r_drum is not None:
         return run.channels["velocity"] / rig.r_drum
     return None
-
-
-def _motion_channel(run: Run) -> tuple[str, ...]:
-    """Channel that the speed of the shaft follows from."""
-    return ("speed",) if "speed" in run.channels else ("velocity",)
 
 
 def _torque(run: Run, speed: Signal, mech: Stream) -> Signal:

@@ -104,7 +104,6 @@ def _by_speed(run: Run, rig: Rig) -> Detected:
 
 
 def _by_waves(run: Run, rig: Rig) -> Detected:
-
     motion = smoothed_motion(run, rig)
     if motion is None:
         raise _lacks(run, "velocity, displacement or speed")
@@ -120,7 +119,6 @@ def _by_steps(run: Run, rig: Rig) -> Detected:
 
 
 def _by_column(run: Run, rig: Rig) -> Detected:
-
     if run.labels is None:
         raise LogError(
             f"{run.name}: was read without the column {rig.phases.column!r} of its phases; read it with the same rig file."
@@ -290,5 +288,4 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
 
 def _rows(mask: Mask, start: int) -> Index:
     """Rows of a log at which a mask of a part of it is set, in order; the part begins at row `start`."""
-    found: Index = start + np.flatnonzero(mask)
-    return found
+    return start + np.flatnonzero(mask)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from winchcascade.core.cascade import Product, Stage
+from winchcascade.core.cascade import Stage
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import integrals, largest
 from winchcascade.core.jobs import side_by_side
@@ -189,7 +189,7 @@ def _not_given(run: Run, rig: Rig) -> list[Finding]:
 
 def _without_power(stage: Stage, run: Run, rig: Rig) -> Finding:
     """The finding on a stage without a power: what is missing of the product that lacks the smallest share of its channels."""
-    product = min(stage.powers, key=lambda product: _share_missing(product, run))
+    product = min(stage.powers, key=lambda p: sum(name not in run.channels for name in p.channels) / len(p.channels))
     missing = [name for name in product.channels if name not in run.channels]
     lacks = (
         f"the log has no {' and no '.join(missing)}" if missing else f"the rig {rig.name} has no r_drum under [winch]"
@@ -198,11 +198,6 @@ def _without_power(stage: Stage, run: Run, rig: Rig) -> Finding:
     return Finding(
         "missing_channel", message, "its energy and its efficiencies are null", missing[0] if missing else None
     )
-
-
-def _share_missing(product: Product, run: Run) -> float:
-    """Share of the channels of a product that the log lacks. [1]"""
-    return sum(name not in run.channels for name in product.channels) / len(product.channels)
 
 
 def _energies_and_bins(

@@ -156,8 +156,7 @@ class _Lost(msgspec.Struct, frozen=True):
 
     def far(self, x: Signal) -> Mask:
         """Whether values are far beyond all that the channel does."""
-        far: Mask = (x < self.low) | (x > self.high)
-        return far
+        return (x < self.low) | (x > self.high)
 
     def wild(self, x: Signal) -> Mask:
         """Whether values are that, or beyond the sensor's range."""

@@ -236,8 +236,7 @@ def _give_direction(log: _Log) -> None:
 
 def _slope(t: Signal, displacement: Signal) -> Signal:
     """Velocity from the displacement, smoothed over 0.4 s so that the encoder's steps do not show. [m/s]"""
-    slope: Signal = np.gradient(local_quadratic(t, _whole(t, displacement), 0.4), t)
-    return slope
+    return np.gradient(local_quadratic(t, _whole(t, displacement), 0.4), t)
 
 
 def _whole(t: Signal, x: Signal) -> Signal:

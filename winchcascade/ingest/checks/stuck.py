@@ -197,8 +197,7 @@ def _loaded(first: Index, last: Index, line: ObservedMotion, channels: Mapping[s
     high = alive & (torque > max(LOADED * float(np.nanmax(torque)), LEAST_TORQUE))
     high[1:-1] &= high[:-2] & high[2:]  # three in a row are no noise
     loaded = _among(high, first, last)
-    stuck: Mask = (loaded >= FEWEST) & (loaded * median(np.diff(line.t[:1000])) >= HELD)
-    return stuck
+    return (loaded >= FEWEST) & (loaded * median(np.diff(line.t[:1000])) >= HELD)
 
 
 def _unmoved(name: str, first: Index, last: Index, x: Signal, line: ObservedMotion) -> Mask:

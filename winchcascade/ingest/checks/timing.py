@@ -270,5 +270,4 @@ def _mean_slopes(slope: Signal) -> Signal:
     """Mean of the speeds before and after each step, the medians of the slopes of the rows on either side. [m/s]"""
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(slope, SIDE, mode="edge"), SIDE)
     middle = np.partition(windows, SIDE // 2, axis=1)[:, SIDE // 2]
-    mean: Signal = 0.5 * (middle[: slope.size] + middle[SIDE + 1 : SIDE + 1 + slope.size])
-    return mean
+    return 0.5 * (middle[: slope.size] + middle[SIDE + 1 : SIDE + 1 + slope.size])

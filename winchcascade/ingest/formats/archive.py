@@ -122,5 +122,4 @@ def _open(log: Path, table: str | None, *, numbered: bool) -> LogSource:
         return open_delimited(log, numbered=numbered)
     from winchcascade.ingest.isolated import opener_of
 
-    source: LogSource = opener_of(reader, numbered=numbered)(log, table=table)
-    return source
+    return opener_of(reader, numbered=numbered)(log, table=table)

@@ -28,7 +28,7 @@ def ratio_findings(
     """
     cascade, open_circuit = rig.cascade, run.open_circuit
     if rig.phases.source == "waves":  # a single wave may take energy from the gas, or leave energy in it
-        sums = _sums(results, cascade)
+        sums = {name: sum(c.metrics[name] or 0.0 for c in results if c.complete) for name in cascade.energies}
         findings = _no_ratios_of_sums(sums, cascade, open_circuit=open_circuit)
         places = {name: [(1, joule)] for name, joule in sums.items()}
         of = "of all waves together"
@@ -42,11 +42,6 @@ def ratio_findings(
         findings += _against(name, places[into], places[out], _remedy(cascade.between(name)[0], run, rig), of)
         findings += _too_small(name, places[into], places[out]) if cascade.configured else []
     return findings
-
-
-def _sums(results: Sequence[CycleResult], cascade: Cascade) -> dict[str, float]:
-    """Energies of all complete cycles together, by name. [J]"""
-    return {name: sum(c.metrics[name] or 0.0 for c in results if c.complete) for name in cascade.energies}
 
 
 def _no_ratios_of_sums(sums: Mapping[str, float], cascade: Cascade, *, open_circuit: bool) -> list[Finding]:
