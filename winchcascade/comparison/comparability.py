@@ -33,13 +33,27 @@ def comparison_notes(
     notes = _stages(a, b)
     kinds: list[tuple[NoteKind, Told]] = [
         ("stages", _formulas),
-        ("windows", _sources),
-        ("windows", _windows),
+        (
+            "windows",
+            _unlike(
+                lambda run: run.cycles_from,
+                "the cycles of A come from {}, those of B from {} ([phases] of the rig file); their energies, powers and "
+                "efficiencies cannot be compared",
+            ),
+        ),
+        (
+            "windows",
+            _unlike(
+                rule_text,
+                "the windows of A are {}, those of B {}; energies, powers and efficiencies of different windows cannot be "
+                "compared, so reduce both with one window",
+            ),
+        ),
         ("windows", _lengths),
         ("motion", _speeds),
         ("same_log", _same_log),
         ("data", _data),
-        ("rigs", _rigs),
+        ("rigs", _unlike(lambda run: run.rig, "A was reduced with the rig {}, B with {}")),
         ("cycles", _without_cycles),
         ("pooled", _pooled),
         ("repeatability", _repeatability),
@@ -78,6 +92,16 @@ def _each(runs: Sequence[ComparedRun], text: Callable[[ComparedRun], str]) -> st
     return " and ".join(dict.fromkeys(map(text, runs)))
 
 
+def _unlike(of: Callable[[ComparedRun], str], sentence: str) -> Told:
+    """A note on a text of the logs that differs between A and B; the sentence has a place {} for either."""
+
+    def told(runs: MatchedRuns) -> str:
+        ours, theirs = (_each(side, of) for side in (runs.a, runs.b))
+        return sentence.format(ours, theirs) if ours != theirs else ""
+
+    return told
+
+
 def _stages(a: ComparedSide, b: ComparedSide) -> list[ComparisonNote]:
     """Sides whose stages differ."""
     ours, theirs = (" and ".join(dict.fromkeys(_named(run.cascade) for run in side.runs)) for side in (a, b))
@@ -112,26 +136,6 @@ def _joined(names: frozenset[str]) -> str:
     return " and ".join(sorted(names))
 
 
-def _sources(runs: MatchedRuns) -> str:
-    ours, theirs = (_each(side, lambda run: run.cycles_from) for side in (runs.a, runs.b))
-    return (
-        f"the cycles of A come from {ours}, those of B from {theirs} ([phases] of the rig file); their energies, powers and "
-        "efficiencies cannot be compared"
-        if ours != theirs
-        else ""
-    )
-
-
-def _windows(runs: MatchedRuns) -> str:
-    ours, theirs = (_each(side, rule_text) for side in (runs.a, runs.b))
-    if ours == theirs:
-        return ""
-    return (
-        f"the windows of A are {ours}, those of B {theirs}; energies, powers and efficiencies of different windows cannot be "
-        "compared, so reduce both with one window"
-    )
-
-
 def rule_text(run: ComparedRun) -> str:
     """Rule of the windows of a log, or their fixed length."""
     return run.window if isinstance(run.window, str) else f"{run.window:g} s"
@@ -139,25 +143,31 @@ def rule_text(run: ComparedRun) -> str:
 
 def _lengths(runs: MatchedRuns) -> str | tuple[str, str]:
     """Windows of one rule whose lengths differ, as the motions do."""
-    if _windows(runs) or not all(isinstance(run.window, str) for run in (*runs.a, *runs.b)):
-        return ""
-    ours, theirs = (mean_of_known([run.window_length for run in side]) for side in (runs.a, runs.b))
-    if not ours or not theirs or abs(theirs / ours - 1.0) <= LENGTH_SAME:
+    detail = _means_apart(runs, lambda run: run.window_length, LENGTH_SAME, "s")
+    by_rule = all(isinstance(run.window, str) for run in (*runs.a, *runs.b))
+    if not detail or not by_rule or _each(runs.a, rule_text) != _each(runs.b, rule_text):
         return ""
     return (
         f"the windows of the rule {runs.a[0].window} follow the motion and differ in length; energies grow with the window",
-        f"{ours:.3g} s in A, {theirs:.3g} s in B",
+        detail,
     )
 
 
 def _speeds(runs: MatchedRuns) -> str | tuple[str, str]:
-    ours, theirs = (mean_of_known([run.speed for run in side]) for side in (runs.a, runs.b))
-    if not ours or not theirs or abs(theirs / ours - 1.0) <= SPEED_SAME:
-        return ""
+    detail = _means_apart(runs, lambda run: run.speed, SPEED_SAME, "m/s")
     return (
-        "the plateau speeds of the payouts differ; energies, powers and efficiencies depend on the speed",
-        f"{ours:.3g} m/s in A, {theirs:.3g} m/s in B",
+        ("the plateau speeds of the payouts differ; energies, powers and efficiencies depend on the speed", detail)
+        if detail
+        else ""
     )
+
+
+def _means_apart(runs: MatchedRuns, of: Callable[[ComparedRun], float | None], same: float, unit: str) -> str:
+    """Means of a quantity over the logs of either side, where they differ by more than a share `same`."""
+    ours, theirs = (mean_of_known([of(run) for run in side]) for side in (runs.a, runs.b))
+    if not ours or not theirs or abs(theirs / ours - 1.0) <= same:
+        return ""
+    return f"{ours:.3g} {unit} in A, {theirs:.3g} {unit} in B"
 
 
 def _same_log(runs: MatchedRuns) -> str:
@@ -180,11 +190,6 @@ def _data(runs: MatchedRuns) -> str:
 
 def _kind(run: ComparedRun) -> str:
     return "simulated" if run.simulated else KINDS[run.origin.measured]
-
-
-def _rigs(runs: MatchedRuns) -> str:
-    ours, theirs = (_each(side, lambda run: run.rig) for side in (runs.a, runs.b))
-    return f"A was reduced with the rig {ours}, B with {theirs}" if ours != theirs else ""
 
 
 def _without_cycles(runs: MatchedRuns) -> str:
