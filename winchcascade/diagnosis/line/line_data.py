@@ -17,7 +17,7 @@ import numpy as np
 from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
-from winchcascade.core.run import CLOCK, Run, Signal
+from winchcascade.core.run import CLOCK, Index, Run, Signal
 from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.stages import acceleration, line_power
@@ -25,13 +25,9 @@ from winchcascade.rig.stages import acceleration, line_power
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnosis_result import Entries
     from winchcascade.diagnosis.suspects import Suspects
-
-    Index = NDArray[np.intp]
 
 POWER = "power_mech"
 """Channel in which a winch without a model shows its gap."""
