@@ -15,7 +15,7 @@ from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_data import POWER
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
+from winchcascade.diagnosis.line.line_diagnose import LineClosure, LineDiagnosis, diagnose_line
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.ingest.read import read_run
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.line.line_diagnose import LineClosure
     from winchcascade.diagnosis.suspects import Suspects
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
@@ -12,9 +13,6 @@ from winchcascade.core.files import check_replaceable, write_content
 from winchcascade.core.jobs import set_threads
 from winchcascade.core.store import KeptFiles, altered, digest_of, inside, locked, make_one, marked, with_digest
 from winchcascade.core.version import __version__
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 _PACKAGE = Path(__file__).parent.parent
 

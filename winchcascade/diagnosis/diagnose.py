@@ -29,7 +29,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Verdict,
 )
 from winchcascade.diagnosis.entries import bound_to
-from winchcascade.diagnosis.evidence import Found, search
+from winchcascade.diagnosis.evidence import Fit, Found, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.evidence import Fit
     from winchcascade.diagnosis.suspects import Suspects
 
 

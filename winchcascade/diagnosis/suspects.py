@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from winchcascade.core.run import Signal
 from winchcascade.diagnosis.solve import Bounds
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
 
 Suspects = Mapping[str, Effect]
 """Effects that a diagnosis may name, by their names."""

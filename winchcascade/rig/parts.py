@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.monotone_cubic import MonotoneCubic, monotone_cubic
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
+from winchcascade.core.run import Signal
 
 
 class WinchModel(msgspec.Struct, frozen=True):
