@@ -126,3 +126,12 @@ def test_a_bridged_displacement_is_not_used() -> None:
     found, whole = line_velocity(gap).value, line_velocity(run).value
     assert np.array_equal(found[90:111], alone(run)[90:111])
     assert found[200:] == pytest.approx(whole[200:], abs=1e-12)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 4, 12])
+def test_a_short_log_has_the_smoothed_velocity(samples: int) -> None:
+    run = log_of(10.0, 0.006)
+    short = msgspec.structs.replace(
+        run, t=run.t[:samples], channels={name: x[:samples] for name, x in run.channels.items()}, samples=samples
+    )
+    assert np.array_equal(line_velocity(short).value, alone(short))

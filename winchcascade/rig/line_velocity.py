@@ -73,7 +73,7 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
     """The velocity with the displacement; None where that is absent, less precise, or contradicts the velocity."""
     velocity, displacement = run.channels["velocity"], run.channels.get("displacement")
     half, interval = alone.of_velocity.size // 2, 1.0 / run.fs
-    if displacement is None or half < 1:
+    if displacement is None or half < 1 or alone.u_velocity == 0.0:
         return None
     of_stamps = GAUSS * median(np.abs(np.diff(run.t, 2))) / math.sqrt(6.0) * float(np.max(np.abs(alone.value)))
     u_velocity, u_displacement = alone.u_velocity, math.hypot(white_noise(displacement), of_stamps)
