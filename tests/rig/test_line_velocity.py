@@ -39,6 +39,11 @@ def with_displacement(run: Run, displacement: Signal) -> Run:
     return msgspec.structs.replace(run, channels={**run.channels, "displacement": displacement})
 
 
+def without_displacement(run: Run) -> Run:
+    """The log with its velocity alone."""
+    return msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]})
+
+
 def alone(run: Run) -> Signal:
     """The smoothed velocity without the displacement. [m/s]"""
     return local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
@@ -48,7 +53,7 @@ def alone(run: Run) -> Signal:
 def test_a_precise_displacement_takes_more_than_half_of_the_noise_from_a_velocity(fs: float) -> None:
     run, quiet = log_of(fs, 0.015), log_of(fs, 0.0)
     found = line_velocity(run)
-    exact = line_velocity(msgspec.structs.replace(quiet, channels={"velocity": quiet.channels["velocity"]})).value
+    exact = line_velocity(without_displacement(quiet)).value
     without, with_it = (float(np.std(value - exact)) for value in (alone(run), found.value))
     assert with_it < 0.5 * without
     assert found.noise() < 0.5 * without
@@ -73,7 +78,7 @@ def test_the_noise_of_a_velocity_with_its_displacement_is_that_of_its_means(samp
 
 def test_a_log_without_a_displacement_has_the_smoothed_velocity() -> None:
     run = log_of(10.0, 0.015)
-    without = msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]})
+    without = without_displacement(run)
     assert np.array_equal(line_velocity(without).value, alone(run))
     assert line_velocity(without).noise() == pytest.approx(0.015 * math.sqrt(17.0 / 35.0), rel=WITHIN)
 
@@ -123,6 +128,24 @@ def test_a_bridged_displacement_is_not_used() -> None:
     gap = msgspec.structs.replace(
         with_displacement(run, bridged), gaps={"displacement": np.array([[run.t[90], run.t[110]]])}
     )
-    found, whole = line_velocity(gap).value, line_velocity(run).value
-    assert np.array_equal(found[90:111], alone(run)[90:111])
-    assert found[200:] == pytest.approx(whole[200:], abs=1e-12)
+    found, whole = line_velocity(gap), line_velocity(run)
+    assert np.array_equal(found.value[90:111], alone(run)[90:111])
+    assert found.value[200:] == pytest.approx(whole.value[200:], abs=1e-12)
+    assert found.most_noise == line_velocity(without_displacement(run)).most_noise
+
+
+@pytest.mark.parametrize("samples", [1, 2, 4, 12])
+def test_a_short_log_has_the_smoothed_velocity(samples: int) -> None:
+    run = log_of(10.0, 0.006)
+    short = msgspec.structs.replace(
+        run, t=run.t[:samples], channels={name: x[:samples] for name, x in run.channels.items()}, samples=samples
+    )
+    assert np.array_equal(line_velocity(short).value, alone(short))
+
+
+def test_the_ends_of_a_log_are_as_precise_as_its_middle() -> None:
+    run = log_of(10.0, 0.015)
+    found = line_velocity(run)
+    rest = np.concatenate([found.value[:5], found.value[-5:]])
+    assert np.max(np.abs(rest)) < 4.0 * found.most_noise
+    assert found.most_noise < 0.1 * line_velocity(without_displacement(run)).most_noise

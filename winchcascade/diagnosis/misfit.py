@@ -469,7 +469,7 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     samples = max(round(float(np.median(blocks.count))), 1)
     velocity = line_velocity(run)
     drive = slope * velocity.noise(samples)
-    return Noise(_seen(course, model, speed, velocity.noise()), bare, bare, drive, np.zeros_like(bare))
+    return Noise(_seen(course, model, speed, velocity.most_noise), bare, bare, drive, np.zeros_like(bare))
 
 
 def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDArray[np.bool_]:
@@ -480,7 +480,7 @@ def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDA
     Parameters
     ----------
     speed : (m,) of the line in each block [m/s]
-    u_velocity : noise of the smoothed velocity [m/s]
+    u_velocity : largest noise of the smoothed velocity [m/s]
     """
     blocks, hold = course.blocks, course.blocks.phase == HOLD
     seen = np.tile([name in course.run.channels for name in CHANNELS], (blocks.size, 1))

@@ -29,7 +29,8 @@ class LineVelocity(msgspec.Struct, frozen=True):
     """Smoothed velocity of a log at its stamps, (n,) [m/s], and what its noise follows from.
 
     `of_velocity` [1] and `of_displacement` [1/s] are the weights of 2 h + 1 neighbouring samples, `u_velocity` [m/s] and
-    `u_displacement` [m] the white noise of these; without a precise displacement its weights are 0.
+    `u_displacement` [m] the white noise of these; without a precise displacement its weights are 0. `most_noise` is the
+    standard deviation of a sample where the displacement is of least use [m/s].
     """
 
     value: Signal
@@ -37,16 +38,13 @@ class LineVelocity(msgspec.Struct, frozen=True):
     of_displacement: Signal
     u_velocity: float
     u_displacement: float
+    most_noise: float
 
     def noise(self, samples: int = 1) -> float:
         """Standard deviation of a mean over a number of samples. [m/s]"""
         mean = np.full(samples, 1.0 / samples)
-        parts = (
-            u * float(np.sqrt(np.sum(np.convolve(mean, weights) ** 2)))
-            for u, weights in ((self.u_velocity, self.of_velocity), (self.u_displacement, self.of_displacement))
-            if u > 0.0
-        )
-        return math.hypot(*parts)
+        weights = np.convolve(mean, self.of_velocity), np.convolve(mean, self.of_displacement)
+        return _noise_of((self.u_velocity, self.u_displacement), weights)
 
 
 def line_velocity(run: Run) -> LineVelocity:
@@ -58,13 +56,14 @@ def line_velocity(run: Run) -> LineVelocity:
     """
     velocity = run.channels["velocity"]
     half = int(0.5 * SMOOTHING * run.fs + 1e-6)
-    kernel = smoothing_weights(half)
+    kernel, u_velocity = smoothing_weights(half), white_noise(velocity)
     alone = LineVelocity(
         value=local_quadratic(run.t, velocity, SMOOTHING),
         of_velocity=kernel,
         of_displacement=np.zeros_like(kernel),
-        u_velocity=white_noise(velocity),
+        u_velocity=u_velocity,
         u_displacement=0.0,
+        most_noise=u_velocity * float(np.linalg.norm(kernel)),
     )
     return _with_displacement(run, alone) or alone
 
@@ -73,7 +72,7 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
     """The velocity with the displacement; None where that is absent, less precise, or contradicts the velocity."""
     velocity, displacement = run.channels["velocity"], run.channels.get("displacement")
     half, interval = alone.of_velocity.size // 2, 1.0 / run.fs
-    if displacement is None or half < 1:
+    if displacement is None or half < 1 or alone.u_velocity == 0.0:
         return None
     of_stamps = GAUSS * median(np.abs(np.diff(run.t, 2))) / math.sqrt(6.0) * float(np.max(np.abs(alone.value)))
     u_velocity, u_displacement = alone.u_velocity, math.hypot(white_noise(displacement), of_stamps)
@@ -82,15 +81,28 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
     usable = _usable(run, half)
     if np.count_nonzero(usable) < 0.5 * run.t.size:
         return None
-    a, b = rate_weights(half, interval, u_velocity, u_displacement)
+    noise, channels = (u_velocity, u_displacement), (velocity, displacement)
+    a, b = weights = rate_weights(half, interval, *noise)
     both = np.convolve(velocity, a[::-1], "same") + np.convolve(displacement, b[::-1], "same")
     difference = float(np.sqrt(np.mean((both - alone.value)[usable] ** 2)))
-    expected = math.hypot(
-        u_velocity * float(np.linalg.norm(a - alone.of_velocity)), u_displacement * float(np.linalg.norm(b))
-    )
-    if not CONSISTENT[0] < difference / expected < CONSISTENT[1]:
+    if not CONSISTENT[0] < difference / _noise_of(noise, (a - alone.of_velocity, b)) < CONSISTENT[1]:
         return None
-    return LineVelocity(np.where(usable, both, alone.value), a, b, u_velocity, u_displacement)
+    most_noise = _noise_of(noise, weights)
+    for at in range(1, half + 1):  # the ends: a machine at rest would keep the voltage of a noisy first sample
+        for middle, place in ((half, -at), (run.t.size - 1 - half, at)):
+            own = rate_weights(half, interval, *noise, place)
+            window = slice(middle - half, middle + half + 1)
+            both[middle + place] = sum(float(w @ x[window]) for w, x in zip(own, channels, strict=True))
+            usable[middle + place] = usable[middle]
+            most_noise = max(most_noise, _noise_of(noise, own))
+    if not usable.all():
+        most_noise = max(most_noise, alone.most_noise)
+    return LineVelocity(np.where(usable, both, alone.value), a, b, u_velocity, u_displacement, most_noise)
+
+
+def _noise_of(noise: tuple[float, float], weights: tuple[Signal, Signal]) -> float:
+    """Standard deviation of a sum of samples of velocity and displacement with these weights. [m/s]"""
+    return math.hypot(*(u * float(np.linalg.norm(w)) for u, w in zip(noise, weights, strict=True)))
 
 
 def _usable(run: Run, half: int) -> Mask:
