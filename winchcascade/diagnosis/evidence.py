@@ -381,14 +381,14 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
 
 
 def _first_expansion(data: Fitted, suspects: Suspects, null: Fit, as_given: Fit) -> tuple[Linear, Fit]:
-    """The expansion about the fit without causes if it shows that none is needed, else about the model of the rig file.
+    """The expansion about the fit without causes if no set is worth more there, else about the model of the rig file.
 
     Where the rig cannot do without causes, tolerances moved in place of these, and the fit may be far from the right one.
     """
     scale = scale_of(null)
     if scale < HOPELESS:
         linear, start = linearise(data, suspects, null)
-        if not _promising(linear, scale, ()):
+        if screen(linear, scale, ())[0] == ():
             return linear, start
     return linearise(data, suspects, as_given)
 
