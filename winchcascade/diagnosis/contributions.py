@@ -45,6 +45,9 @@ OF_DISCREPANCY = 0.1
 """Share of the discrepancy of the model that may belong to the law of one effect, as a standard uncertainty of its contribution
 to any metric. Assumed; a twin with laws of its own scatters about as much. [1]"""
 
+ROUNDED = 1e-8
+"""Largest contribution of a cause, as a share of the quantity, that is rounding of the simulation and counts as none. [1]"""
+
 SHAFT_STAGES = ("generator", "gearbox", "entry")
 """Stages whose effects need another solution of the shaft. Subsets that differ in the others alone follow one another."""
 
@@ -324,7 +327,7 @@ def with_uncertain_laws(splits: Sequence[Split], loaded: Sequence[bool], discrep
                 for one, size in alike
             ]
             largest = np.maximum(np.fmax.reduce(relative) * level, np.abs(value))
-            of_model = np.where(largest > 0.0, OF_DISCREPANCY * discrepancy * level, 0.0)
+            of_model = np.where(largest > ROUNDED * level, OF_DISCREPANCY * discrepancy * level, 0.0)
             causes[name] = (value, np.sqrt(u**2 + (LAW * largest) ** 2 + of_model**2))
         found.append(split._replace(causes=causes))
     return found
