@@ -16,7 +16,7 @@ LENGTH_SAME = 0.01
 SPEED_SAME = 0.02
 """Relative difference of mean plateau speeds that is not reported: a crane repeats its speed within 1 %. [1]"""
 
-Told = Callable[[MatchedRuns], str | tuple[str, str]]
+NoteText = Callable[[MatchedRuns], str | tuple[str, str]]
 """What is to be noted of matched runs, with what is found in these very runs; empty for nothing."""
 
 
@@ -31,7 +31,7 @@ def comparison_notes(
     unlike : sensors whose gains the rig files of both sides state differently
     """
     notes = _stages(a, b)
-    kinds: list[tuple[NoteKind, Told]] = [
+    kinds: list[tuple[NoteKind, NoteText]] = [
         ("stages", _formulas),
         (
             "windows",
@@ -62,8 +62,8 @@ def comparison_notes(
     ]
     if same_sensors:
         kinds.append(("shared_gains", _not_split))
-    for kind, told in kinds:
-        notes += _grouped(kind, told, matched)
+    for kind, note_text in kinds:
+        notes += _grouped(kind, note_text, matched)
     if same_sensors and unlike:
         text = (
             f"the rig files state different accuracies of the gains of {', '.join(unlike)}, so that these are no common gains; "
@@ -73,11 +73,11 @@ def comparison_notes(
     return tuple(notes)
 
 
-def _grouped(kind: NoteKind, told: Told, matched: Sequence[MatchedRuns]) -> list[ComparisonNote]:
+def _grouped(kind: NoteKind, note_text: NoteText, matched: Sequence[MatchedRuns]) -> list[ComparisonNote]:
     """One note for each text, with all runs that it concerns."""
     found: dict[str, list[tuple[str, str]]] = {}
     for runs in matched:
-        note = told(runs)
+        note = note_text(runs)
         text, detail = (note, "") if isinstance(note, str) else note
         if text:
             found.setdefault(text, []).append((runs.label, detail))
@@ -92,14 +92,14 @@ def _each(runs: Sequence[ComparedRun], text: Callable[[ComparedRun], str]) -> st
     return " and ".join(dict.fromkeys(map(text, runs)))
 
 
-def _unlike(of: Callable[[ComparedRun], str], sentence: str) -> Told:
+def _unlike(of: Callable[[ComparedRun], str], sentence: str) -> NoteText:
     """A note on a text of the logs that differs between A and B; the sentence has a place {} for either."""
 
-    def told(runs: MatchedRuns) -> str:
+    def note_text(runs: MatchedRuns) -> str:
         ours, theirs = (_each(side, of) for side in (runs.a, runs.b))
         return sentence.format(ours, theirs) if ours != theirs else ""
 
-    return told
+    return note_text
 
 
 def _stages(a: ComparedSide, b: ComparedSide) -> list[ComparisonNote]:

@@ -191,13 +191,15 @@ def _stability(data: Fitted, normals: Sequence[RunNormal], e: Expansion, uncerta
     own = uncertain.noise * strengths_alone(e, normals, given)[1]
     shared = max(uncertain.joint - 1.0 / float(np.sum(1.0 / own)), 0.0) + LAW**2
     half = COVERED * np.sqrt(own + shared)
-    told = 2.0 * half < uncertain.span
+    resolved = 2.0 * half < uncertain.span
     loads = np.array([log.load for log in data.logs])[runs]
     spread = uncertain.noise * covariance + LAW**2 * (loads[:, None] == loads)
-    trends, course = trends_of(free[told], spread[np.ix_(told, told)], _rulers(runs[told], loads[told]))
-    given[runs[told]] = course
+    trends, course = trends_of(
+        free[resolved], spread[np.ix_(resolved, resolved)], _rulers(runs[resolved], loads[resolved])
+    )
+    given[runs[resolved]] = course
     share = strengths_alone(e, normals, given)[0]
-    numbers = zip(runs[told].tolist(), share[told].tolist(), half[told].tolist(), strict=True)
+    numbers = zip(runs[resolved].tolist(), share[resolved].tolist(), half[resolved].tolist(), strict=True)
     values = {run: RunValue(run, x, x - u, x + u) for run, x, u in numbers}
     every = (values.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(normals)))
     return Stability(tuple(every), tuple(trends))
