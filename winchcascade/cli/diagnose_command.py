@@ -22,7 +22,7 @@ from winchcascade.cli.options import (
     valued_option,
 )
 from winchcascade.cli.outputs import Printed, check_outputs, deliver, report_maker_of, write_reports
-from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked, json_bytes
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
@@ -100,12 +100,7 @@ def diagnose_command(
     winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are held out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.campaign_diagnosis import (
-        diagnose_listed,
-        with_simulations,
-        write_corrected_rig,
-        write_predictions,
-    )
+    from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
     from winchcascade.batch.demo import DIAGNOSIS_FILES
     from winchcascade.batch.results_pages import list_diagnosis
     from winchcascade.report.diagnosis_text import as_json as diagnosis_record
@@ -114,9 +109,7 @@ def diagnose_command(
     from winchcascade.report.screen import status_line
     from winchcascade.rig.effects.catalogue import suspected
 
-    suspects, listed = suspected(suspect or ()), load_campaign(campaign)
-    if simulated is not None:
-        listed = with_simulations(listed, simulated)
+    suspects, listed = suspected(suspect or ()), _listed(campaign, simulated)
     logs = [run.file for run in listed.runs]
     simulations = [run.simulated for run in listed.runs if run.simulated is not None]
     check_export(export)
@@ -132,19 +125,22 @@ def diagnose_command(
             write_export(found, export, force=force)
         if report.wanted:
             on_progress("writing reports")
-            write_reports(
-                partial(_linked_report, found, report.html),
-                report,
-                "diagnosis",
-                of=f"diagnosis of {listed.name}",
-                force=force,
-            )
+            make = partial(_linked_report, found, report.html)
+            write_reports(make, report, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
     files = _files(results, predictions, written=bool(written), corrected=corrected)
     printed = Printed(lambda: diagnosis_text(found, files))
     deliver(json, lambda: json_bytes(diagnosis_record(found)), printed, force=force)
     made = [path for path in (report.html, report.pdf, Path(json or "-")) if path is not None]
     for folder in {path.parent for path in made if path.name in DIAGNOSIS_FILES}:
         list_diagnosis(folder)
+
+
+def _listed(campaign: Path, simulated: Path | None) -> Campaign:
+    """The runs of a campaign, with the owner's simulations where their folder is given."""
+    from winchcascade.batch.campaign_diagnosis import with_simulations
+
+    listed = load_campaign(campaign)
+    return listed if simulated is None else with_simulations(listed, simulated)
 
 
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:

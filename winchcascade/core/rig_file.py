@@ -68,7 +68,7 @@ class PhaseRule(
     step_min: Annotated[float, _Positive] = 2.0
     """A step lasts at least this long beyond its settling, with `steps`: some revolutions at 100 rpm. [s]"""
     settle: Annotated[float, Expected("a number from 0 on", lambda number: 0.0 <= number < 1e9)] = 0.5
-    """What is left out at the begin of each step: speed controllers and filters settle within it. [s]"""
+    """What is left out at the beginning of each step: speed controllers and filters settle within it. [s]"""
     speed_band: Annotated[float, _ShareOfAll] = 0.02
     """Width of the band in which the speed of a step stays, as a share of the largest speed of the log: ripple of speed
     controllers is below one per cent, steps of a test plan are farther apart. [1]"""
