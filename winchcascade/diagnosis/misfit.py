@@ -159,6 +159,7 @@ class Fitted:
         self._of_kind: dict[str, list[tuple[int, Nuisance]]] = {}
         for j, n in enumerate(self.nuisances):
             self._of_kind.setdefault(n.kind, []).append((j, n))
+        self._deviations = self._places_of_deviations()
         self.local = [_local_columns(self, k) for k in range(len(self.logs))]
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
@@ -206,11 +207,24 @@ class Fitted:
 
     def discrepancy(self, nu: Signal) -> list[Signal]:
         """What the discrepancy of the model adds to the blocks of each log, (m, 5) each, SI units."""
-        share = {log.load: np.zeros((len(PHASES), len(CHANNELS), len(COURSES))) for log in self.logs}
-        for n, move in self.moves(nu, "discrepancy"):
-            for load in share if math.isnan(n.load) else (n.load,):
-                share[load][PHASES.index(n.phase), CHANNELS.index(n.name), COURSES.index(n.course)] += move
-        return [np.sum(log.courses * share[log.load][log.course.blocks.phase], axis=2) for log in self.logs]
+        numbers, sd, loads, places = self._deviations
+        share = np.zeros((len(loads), len(PHASES), len(CHANNELS), len(COURSES)))
+        np.add.at(share, places, nu[numbers] * sd)
+        return [np.sum(log.courses * share[loads[log.load]][log.course.blocks.phase], axis=2) for log in self.logs]
+
+    def _places_of_deviations(self) -> tuple[NDArray[np.intp], Signal, dict[float, int], tuple[NDArray[np.intp], ...]]:
+        """Numbers of the nuisances of the discrepancy, one row for each load that they concern, with standard deviations.
+
+        Also the row of each load, and where a nuisance stands among loads, phases, channels and courses.
+        """
+        loads = {load: row for row, load in enumerate(dict.fromkeys(log.load for log in self.logs))}
+        found = [
+            (j, n.sd, row, PHASES.index(n.phase), CHANNELS.index(n.name), COURSES.index(n.course))
+            for j, n in self._of_kind.get("discrepancy", ())
+            for row in (loads.values() if math.isnan(n.load) else (loads[n.load],))
+        ]
+        numbers, sd, *places = np.array(found).reshape(-1, 6).T
+        return numbers.astype(np.intp), sd, loads, tuple(place.astype(np.intp) for place in places)
 
     def discrepancies(self) -> Signal:
         """Standard deviation of the discrepancy of the model along each of its courses, (M, 5, courses), SI units."""

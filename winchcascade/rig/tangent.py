@@ -50,6 +50,8 @@ on the fast shaft, slip of the shaft spring, its torque."""
 Direction = tuple[float, ...]
 """Change of the roll-off at every knot and of its slopes there, in a row."""
 
+_SAME: Direction = (0.0,) * (2 * len(ROLLOFF_KNOTS))
+
 
 class Tangent(msgspec.Struct, frozen=True):
     """Derivatives of a solution of the shaft, at some of its steps.
@@ -74,6 +76,8 @@ class Tangent(msgspec.Struct, frozen=True):
 
 def direction(here: Constants, there: Constants) -> Direction:
     """Change of the roll-off from one set of numbers to another."""
+    if (here.rolloff, here.rolloff_slope) == (there.rolloff, there.rolloff_slope):
+        return _SAME
     return tuple(
         b - a for a, b in zip((*here.rolloff, *here.rolloff_slope), (*there.rolloff, *there.rolloff_slope), strict=True)
     )
