@@ -223,7 +223,12 @@ def checked_words(found: ModelDiagnosis) -> str:
     if out and has_own_simulation(found):
         more = " from your simulation"
     staged = f" Stage by stage {alone} of {len(found.stages)} do." if alone else ""
-    chance = f" {len(found.suspects)} effects: none explains more than chance would."
+    likeliest = max(found.sets, key=lambda names: found.sets[names], default=())
+    little = "none explains more than chance would"
+    if likeliest:
+        likely = probability_words(found.sets[likeliest])
+        little = f"the likeliest, {' + '.join(likeliest)}, has a probability of {likely}, too low to name a cause"
+    chance = f" {len(found.suspects)} effects: {little}."
     return (
         f"{len(found.places)} means by channel, phase and load: {deviate} by more than {STANDS_OUT:g} standard "
         f"uncertainties{more}.{staged}{'' if _shared_words(found) else chance}"
