@@ -179,7 +179,7 @@ def with_quantity(rig: Rig, section: str, name: str, number: Quantity | None) ->
 
 
 def shifted(rig: Rig, by: Mapping[tuple[str, str], float]) -> Rig:
-    """A rig whose numbers, by section and name, are moved by so much, SI units."""
+    """A rig whose numbers, by section and name, are moved by given amounts, SI units."""
     for (section, name), delta in by.items():
         number = quantity_of(rig, section, name)
         if number is not None and delta:

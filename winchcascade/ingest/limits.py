@@ -18,7 +18,7 @@ SECONDS_SETTING = "WINCHCASCADE_READ_SECONDS"
 MB = 10**6
 
 LEAST_MEMORY, MEMORY_PER_BYTE = 2000 * MB, 20
-"""Limit of memory: the larger of the two, so many bytes for each byte of the file.
+"""Limit of memory: the larger of a fixed number of bytes and a number of bytes for each byte of the file.
 
 An .xlsx of a million rows takes 13 times its size; no other format that was measured takes more. [bytes]
 """
@@ -27,7 +27,7 @@ LEAST_SECONDS, SECONDS_PER_BYTE = 60.0, 4.0 / MB
 """Limit of time: the larger of the two. An .xlsx takes 0.33 s for each megabyte, on a busy machine ten times as long. [s]"""
 
 NUMBERS_SHARE, NUMBERS_PER_BYTE = 16, 10
-"""Limit of the columns that the process sends: a share of the memory, or so many bytes for each byte of the file.
+"""Limit of the columns that the process sends: a share of the memory, or a number of bytes for each byte of the file.
 
 The reduction holds some ten copies of the columns. No measured signal that is worth a file is compressed further.
 """

@@ -31,7 +31,7 @@ REPEATS = 0.003
 tenth of the power rings at 2 Hz, a window of 5 s that cuts it anywhere changes an energy by 0.1 / (2 pi 5) = 0.3 %."""
 
 PRIOR = 10
-"""The assumed standard deviation counts as one of so many degrees of freedom; more cycles than that decide for themselves."""
+"""The assumed standard deviation has this number of degrees of freedom; more cycles than that decide for themselves."""
 
 
 MOST_ALONG = 20

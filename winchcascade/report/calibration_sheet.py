@@ -46,7 +46,7 @@ LATE = 5e-3
 """And only if it is longer than this: a logger reads its channels one after the other. [s]"""
 
 BEYOND = 1.96
-"""A number differs from the rig file's beyond so many standard uncertainties of both."""
+"""A number differs from that of the rig file if it is further away than this factor times the standard uncertainty of both."""
 
 MISFIT = 1.5
 """What noise explains has a mean square of 1, which scatters by less than 0.15 over the hundred blocks of a short log."""

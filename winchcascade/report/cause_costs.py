@@ -153,7 +153,7 @@ def cost_lines(found: ModelDiagnosis, width: int) -> list[str]:
 def _cost_rows(
     found: ModelDiagnosis, table: Sequence[Contribution], shown: int
 ) -> tuple[list[str], list[Sequence[str]]]:
-    """Heads, and rows of loads below broken heads, with columns for so many of the causes."""
+    """Heads, and rows of loads below broken heads, with columns for some of the causes."""
     count = len(found.causes)
     heads = [found.suspects[cause.effect].label for cause in found.causes[:shown]]
     heads += ["other causes"] if shown < count else []

@@ -360,7 +360,7 @@ def _value(name: str, cell: CellCheck) -> NumberText | None:
 
 
 def _text(cell: CellCheck, value: float, more: int, *, sign: str = "") -> NumberText:
-    """A number with so many decimals more than are published; a small one that would be 0 with its first digit."""
+    """A number with a given number of decimals more than are published; a small one that would be 0 with its first digit."""
     text = f"{value:{sign}.{max(cell.column.decimals + more, 0)}f}"
     if value and float(text) == 0.0:
         text = f"{value:{sign}.1g}"

@@ -111,7 +111,7 @@ def run_words(runs: Sequence[str]) -> str:
 
 
 def note_words(note: ComparisonNote, of: int) -> str:
-    """A note with the runs that it concerns, where these are not all of so many."""
+    """A note with the runs that it concerns, where these are not all runs."""
     if note.details:
         found = [f"{run}: {detail}" for run, detail in zip(note.runs, note.details, strict=True)]
         more = f"; {len(found) - LISTED} more" if len(found) > LISTED else ""

@@ -171,7 +171,7 @@ def _since(spans: list[tuple[float, float]], onset: float, shown: tuple[float, f
 
 
 def _averaged(x: Signal, step: int) -> Signal:
-    """Means of so many samples each, (n // step, ...) from (n, ...)."""
+    """Means of `step` samples each, (n // step, ...) from (n, ...)."""
     whole = x.shape[0] // step * step
     return np.asarray(x[:whole].reshape(-1, step, *x.shape[1:]).mean(axis=1))
 

@@ -338,7 +338,7 @@ class Threshold(NamedTuple):
 def thresholds(found: ModelDiagnosis) -> list[Threshold]:
     """How large each effect, acting alone, would have to be to be named in these logs.
 
-    By the rule that chose the causes: logs as the expansion about the fit foresees them with so much of the effect, without
+    By the rule that chose the causes: logs as the expansion about the fit foresees them with that amount of the effect, without
     their noise, and more evidence for it than for nothing.
     """
     rows = []
@@ -393,10 +393,10 @@ PANEL, AROUND, BETWEEN = 1.12, 0.85, 0.62
 """Height of a panel, margins above and below all of them, and space between two rows. [in]"""
 
 NAMED_RUNS = 8
-"""Up to so many runs each is named by its load."""
+"""Maximum number of runs of which each is named by its load."""
 
 WIDE = 4.0
-"""An interval that is so many times as long as the median one leaves its panel."""
+"""An interval that is longer than the median one by more than this factor leaves its panel."""
 
 MARKED = {"order": "changes from run to run", "load": "changes with the load", "scatter": "differs between runs"}
 """What the title of a panel states of a number that is not steady."""

@@ -49,7 +49,7 @@ VERDICTS = {
 """Verdicts as headings."""
 
 FAR_ENOUGH = 3.0
-"""An experiment distinguishes two effects if they are expected to differ by at least so many standard deviations."""
+"""Minimum expected difference, in standard deviations, at which an experiment distinguishes two effects."""
 
 SURE = 0.95
 """A cause of a smaller probability is listed with its probability."""

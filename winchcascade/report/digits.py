@@ -125,7 +125,7 @@ def interval_text(low: float, high: float, u: float) -> NumberText:
 
 
 def stated(value: float | None, u: float | None, otherwise: int) -> NumberText:
-    """Text of a value with the digits that its standard uncertainty allows, else with so many decimals.
+    """Text of a value with the digits that its standard uncertainty allows, else with a given number of decimals.
 
     >>> stated(0.90337, 0.0048, 3), stated(7114.9, None, 0), stated(0.0012, None, 3)
     ('0.9034', '7115', '0.0012')
@@ -171,7 +171,7 @@ def uncertain(u: float | None) -> NumberText:
 
 
 def significant(value: float | None, digits: int = 3) -> NumberText:
-    """Text of a number with so many significant digits.
+    """Text of a number with a given number of significant digits.
 
     >>> significant(0.000794), significant(19.6133), significant(0.0)
     ('0.000794', '19.6', '0')

@@ -42,7 +42,7 @@ def display_of(effect: str, name: str, unit: str = "") -> Display:
 
 
 def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str, str]:
-    """A number and its 95 % interval with their unit, with the digits that the interval allows, else with so many."""
+    """A number and its 95 % interval with their unit, with the digits that the interval allows, else with this number."""
     u = (found.high - found.low) / 3.92 * how.factor
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))

@@ -297,7 +297,7 @@ def speed_width(comparison: ModelComparison) -> float:
 
 
 def round_width(extent: float, most: int = MOST_BINS) -> float:
-    """Width of bins of which no more than so many cover an extent: 1, 2 or 5 times a power of ten.
+    """Width of bins of which no more than a given number cover an extent: 1, 2 or 5 times a power of ten.
 
     >>> round_width(10.0), round_width(2.2)
     (0.5, 0.1)

@@ -131,7 +131,7 @@ def panels(
 def _panel(
     ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], cloud: tuple[Signal, Signal] | None, most: int
 ) -> None:
-    """Draw one quantity of all logs with so many markers at most."""
+    """Draw one quantity of all logs with a maximum number of markers."""
     shown, keys = SHOWN[name], (name, HAUL_IN) if name == "pressure_kgcm2" else (name,)
     curves = [(d, key, d.curves[key]) for d in drawn for key in keys if key in d.curves]
     short, unit = readable(shown.unit, *(np.array((*c.log, *c.simulated)) for _, _, c in curves))

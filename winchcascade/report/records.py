@@ -343,7 +343,7 @@ def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], 
 
 
 def finding_record(finding: Finding, samples: int) -> FindingRecord:
-    """One finding of a log of so many samples."""
+    """One finding of a log with a given number of samples."""
     return FindingRecord(
         kind=finding.kind,
         channel=finding.channel,

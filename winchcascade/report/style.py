@@ -174,7 +174,7 @@ _NARROW_RC = {"font.size": 7.5, "axes.titlesize": 7.5, "axes.labelsize": 7.5, "l
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Do not search for unused objects within this context: a figure makes so many that each is searched for several times."""
+    """Do not search for unused objects within this context: a figure makes very many, each searched for several times."""
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -307,7 +307,7 @@ def text_width(text: str) -> float:
 
 
 def broken(text: str, characters: int) -> str:
-    """A text in lines of so many characters at most, broken at blanks."""
+    """A text in lines of a maximum number of characters, broken at blanks."""
     return "\n".join(textwrap.wrap(text, characters, break_on_hyphens=False))
 
 
@@ -403,7 +403,7 @@ def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> 
 
 
 def evenly(items: Sequence[T], most: int) -> list[T]:
-    """Items that are evenly spread, at most so many, the first and the last among them.
+    """Items that are evenly spread, up to a maximum number, the first and the last among them.
 
     >>> evenly("abcdefg", 3), evenly("ab", 3)
     (['a', 'd', 'g'], ['a', 'b'])

@@ -172,7 +172,7 @@ def _means(
 
 
 def _texts(m: Metrics, names: Sequence[str], energy: int, eta: int) -> list[str]:
-    """Texts of metrics, energies and efficiencies with so many decimals."""
+    """Texts of metrics, energies and efficiencies with a given number of decimals."""
     return [plain_cell(getattr(m, name), eta if name.startswith("eta") else energy) for name in names]
 
 

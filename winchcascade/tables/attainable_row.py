@@ -187,7 +187,7 @@ def meet(
 
 
 def _between(one: PayoutMetrics, other: PayoutMetrics, further: float) -> PayoutMetrics:
-    """A point so much further than from the one to the other; efficiencies are straight enough over that."""
+    """A point beyond the second by a share of the step from the first; efficiencies are straight enough over that."""
     pairs = {name: (one.metrics[name], value) for name, value in other.metrics.items()}
     return PayoutMetrics(
         other.speed + further * (other.speed - one.speed),

@@ -60,8 +60,10 @@ WITNESS = 0.05
 """Another channel moves too if it leaves its own straight line by this share of its range, and comes back."""
 
 TEARS = 10.0
-"""A displacement that jumps so many times farther than the line moves in a sample is a fault: no other channel is evaluated,
-and what jumps in another one between the same samples is a fault of the logger too."""
+"""A displacement that jumps farther than this multiple of the line's motion in a sample is a fault.
+
+No other channel is evaluated there, and what jumps in another one between the same samples is a fault of the logger too.
+"""
 
 _JUMPS = 6
 """Maximum number of jumps in one glitch."""

@@ -50,7 +50,7 @@ class Usual(msgspec.Struct, frozen=True):
         return self.high - self.low
 
     def least(self, share: float, noise: float) -> float:
-        """Minimum size of a fault: a share of the range, and so many times the curvature."""
+        """Minimum size of a fault: a share of the range, and a multiple of the curvature."""
         return max(share * self.span, noise * self.noise)
 
 

@@ -16,7 +16,7 @@ from winchcascade.ingest.open_log import is_zip, reader_of
 from winchcascade.ingest.source import LOG_ENDINGS, LogSource, choose, damage_reported, reject_sheet
 
 UNPACKED_SHARE, UNPACKED_PER_BYTE = 20, 100
-"""Limit of what is unpacked: a share of the memory, or so many bytes for each byte of the archive, whichever is larger.
+"""Limit of what is unpacked: a share of the memory, or a number of bytes for each byte of the archive, whichever is larger.
 
 The text of a measured log is compressed to a tenth to a third; deflate reaches a thousandth on zeros.
 """

@@ -219,7 +219,7 @@ def _regress(pair: _Pair, applied: float) -> _Lag | None:
 
 
 def _aligned(pair: _Pair, applied: float) -> Signal | None:
-    """First signal and its slope, both late by so much, what stands beside, and the second signal, as rows of a matrix."""
+    """First signal and its slope, both late by the lag, what stands beside, and the second signal, as rows of a matrix."""
     span = float(pair.t[-1] - pair.t[0]) if pair.t.size else 0.0
     half = max(1, round(SLOPE * (pair.t.size - 1) / max(span, 1e-9)))
     if pair.t.size < FEWEST + 2 * half:
