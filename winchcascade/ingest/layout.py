@@ -178,7 +178,7 @@ def usual_width(rows: Sequence[Sequence[str]]) -> int:
 
 def _channels(cells: Sequence[str]) -> int:
     """How many different channels a row names."""
-    return len({recognise(Header(c)) for c in cells if c} - {None})
+    return len({recognise(Header(c)) for c in cells if c and not looks_like_a_number(c)} - {None})
 
 
 def _headers(
