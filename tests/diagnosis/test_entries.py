@@ -10,6 +10,7 @@ from planted import campaign
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
+from winchcascade.diagnosis.diagnosis_result import Verdict
 from winchcascade.diagnosis.entries import RARER, bound_to, price_of, same_in_logs, usual_gain
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.rig_text import stated_causes
@@ -61,6 +62,20 @@ def test_a_wrong_entry_is_named_alone_with_its_number(name: str, value: float, t
     record = as_json(result)["causes"][0]
     assert record["sentence"].startswith(sentence)
     assert "Check this entry before other causes." in " ".join(diagnosis_text(result).split())
+
+
+@pytest.mark.parametrize("verdict", ["partly_explained", "unexplained"])
+def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too(verdict: Verdict) -> None:
+    result = msgspec.structs.replace(found("drum_radius", 0.06), verdict=verdict)
+    record = as_json(result)
+    assert record["causes"][0]["sentence"] == (
+        "The rig file states r_drum = 0.130 m; the logs fit 0.138 m. The residual exceeds noise: it may only stand for an "
+        "effect that the catalogue lacks."
+    )
+    assert record["where"]["sentence"].startswith("The gap is most like that of a wrong entry: ")
+    text = " ".join(diagnosis_text(result).split())
+    assert "before other causes" not in text
+    assert "comes from a wrong entry" not in text
 
 
 def test_the_wrong_load_of_one_run_is_named_with_its_run() -> None:

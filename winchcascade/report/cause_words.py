@@ -184,10 +184,13 @@ def alternatives_words(cause: NamedCause, conjunction: str) -> str:
 
 
 CHECK = "Check this entry before other causes."
+MAY_STAND_FOR = "The residual exceeds noise: it may only stand for an effect that the catalogue lacks."
 
 
-def entry_sentence(cause: NamedCause, entry: WrongEntry) -> str:
+def entry_sentence(cause: NamedCause, entry: WrongEntry, *, explained: bool = True) -> str:
     """What is stated and what the logs fit, in the unit of the rig file; loads in ohm.
+
+    Unless the gap is `explained`, the entry is not claimed to be wrong.
 
     >>> from winchcascade.diagnosis.diagnosis_result import NamedCause, Reported
     >>> from winchcascade.rig.effects.effect import WrongEntry
@@ -195,26 +198,29 @@ def entry_sentence(cause: NamedCause, entry: WrongEntry) -> str:
     >>> entry_sentence(radius, WrongEntry("winch.r_drum", stated=0.13, unit="m"))
     'The rig file states r_drum = 0.130 m; the logs fit 0.138 m. Check this entry before other causes.'
     """
-    found = next(iter(cause.parameters.values()))
+    found, advice = next(iter(cause.parameters.values())), CHECK if explained else MAY_STAND_FOR
     if entry.log >= 0:
-        return f"The campaign states {entry.stated:#.3g} ohm for {entry.source}; the log fits {found.value:#.3g} ohm. {CHECK}"
+        return f"The campaign states {entry.stated:#.3g} ohm for {entry.source}; the log fits {found.value:#.3g} ohm. {advice}"
     if not entry.number:
+        check = "Check the scale of the logged velocity and displacement before other causes."
         return (
-            f"The logged line motion is {found.value:#.4g} times the motion that the other channels fit. Check the scale of "
-            "the logged velocity and displacement before other causes."
+            f"The logged line motion is {found.value:#.4g} times the motion that the other channels fit. "
+            f"{check if explained else MAY_STAND_FOR}"
         )
     ratio = found.value / entry.stated if entry.as_number else found.value
     scale = find_unit(entry.unit) or Unit("number", 1.0)
     stated, name = entry.stated / scale.factor, entry.number.rpartition(".")[2]
     unit = "" if entry.unit in ("", "1") else f" {entry.unit}"
     times = "" if entry.as_number else f", {ratio:#.3g} times as much"
-    return f"The rig file states {name} = {stated:#.3g}{unit}; the logs fit {stated * ratio:#.3g}{unit}{times}. {CHECK}"
+    return (
+        f"The rig file states {name} = {stated:#.3g}{unit}; the logs fit {stated * ratio:#.3g}{unit}{times}. {advice}"
+    )
 
 
 def check_words(found: DiagnosisResult, cause: NamedCause) -> str:
     """Sentence about a cause that is a wrong entry; empty for any other."""
     entry = found.suspects[cause.effect].entry
-    return "" if entry is None else entry_sentence(cause, entry)
+    return "" if entry is None else entry_sentence(cause, entry, explained=found.verdict == "explained")
 
 
 ALONG = {"order": "the order of the runs", "load": "their loads"}

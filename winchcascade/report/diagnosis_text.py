@@ -31,7 +31,6 @@ from winchcascade.report.cause_words import (
     SILENT,
     CauseNumber,
     check_words,
-    entry_sentence,
     flipped_words,
     minor_words,
     numbers_of,
@@ -58,7 +57,6 @@ from winchcascade.report.gap_words import (
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.screen import Tone, length, line_width, table_width, toned
 from winchcascade.report.text_table import aligned_lines, file_lines, headed, table_lines
-from winchcascade.rig.effects.effect import WrongEntry
 
 INDENT = 11
 """Columns of the margin that holds the names."""
@@ -360,7 +358,7 @@ def _where(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     if where is None:
         return None
     line, files = isinstance(found, LineDiagnosis), [run.name for run in found.runs]
-    lies = where_sentence(where, own_simulation=has_own_simulation(found))
+    lies = where_sentence(where, own_simulation=has_own_simulation(found), explained=found.verdict == "explained")
     record = {
         "stage": where.stage,
         "channel": where.worst.channel,
@@ -409,7 +407,7 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
     effect = found.suspects[cause.effect]
     return {
         "effect": effect.name,
-        **_entry(cause, effect.entry),
+        **_entry(found, cause),
         "label": effect.label,
         "stage": cause.stage,
         "probability": rounded_number(cause.probability),
@@ -447,12 +445,13 @@ def _stability(found: DiagnosisResult, cause: NamedCause) -> dict[str, Any]:
     }
 
 
-def _entry(cause: NamedCause, entry: WrongEntry | None) -> dict[str, Any]:
+def _entry(found: DiagnosisResult, cause: NamedCause) -> dict[str, Any]:
     """Of a wrong entry, the sentence on what is stated and what fits; of a wrong load, its run and the stated load."""
+    entry = found.suspects[cause.effect].entry
     if entry is None:
         return {}
     run = {"run": entry.source, "load_ohm": entry.stated} if entry.log >= 0 else {}
-    return {**run, "sentence": entry_sentence(cause, entry)}
+    return {**run, "sentence": check_words(found, cause)}
 
 
 def _minor(one: Minor) -> dict[str, Any]:

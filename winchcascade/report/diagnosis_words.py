@@ -194,7 +194,8 @@ def where_words(found: DiagnosisResult) -> str:
         return upper(where_sentence(found.where, word_of(found)).replace("= -", "= −"))
     alarms = found.remainder.alarms if found.remainder is not None else ()
     if not alarms or any(abs(place.z) > STANDS_OUT for place in found.places):
-        return _signs(where_sentence(found.where, own_simulation=has_own_simulation(found)))
+        explained = found.verdict == "explained"
+        return _signs(where_sentence(found.where, own_simulation=has_own_simulation(found), explained=explained))
     return f"No mean over a phase deviates beyond noise and tolerances. {alarm_words(alarms[0], files_of(found))}."
 
 

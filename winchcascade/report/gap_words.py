@@ -216,13 +216,20 @@ def differs_words(spot: Spot | None, names: Mapping[str, str] = NAMES) -> str:
     return f"{spot_words(spot, names)} at {load_words(spot.load)}, by {apart_words(spot.z)} standard deviations"
 
 
-def where_sentence(where: Where, word: str = "measured", *, own_simulation: bool = False) -> str:
+ENTRY_IS, ENTRY_LIKE = "comes from a wrong entry", "is most like that of a wrong entry"
+"""Where a gap lies that a wrong entry explains, or of which it explains a part."""
+
+
+def where_sentence(
+    where: Where, word: str = "measured", *, own_simulation: bool = False, explained: bool = True
+) -> str:
     """Where a gap lies: in which direction, at what currents and speeds, by how much; as the JSON has it.
 
     Parameters
     ----------
     word : what the power of a winch without a model is called
     own_simulation : the logs are compared with a simulation of the owner
+    explained : the causes explain the gap, so that a wrong entry among them may be called its origin
     """
     worst = where.worst
     if worst.channel == POWER:
@@ -236,7 +243,7 @@ def where_sentence(where: Where, word: str = "measured", *, own_simulation: bool
         region = f" between {where.rpm[0]:.0f} and {where.rpm[1]:.0f} rpm"
         if where.i_dc[1] > 0.5:
             region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
-    place = {"sensor": "lies in a sensor", "entry": "comes from a wrong entry"}.get(
+    place = {"sensor": "lies in a sensor", "entry": ENTRY_IS if explained else ENTRY_LIKE}.get(
         where.stage, f"lies in the {where.stage} stage"
     )
     gap = "The gap between your simulation and the logs" if own_simulation else "The gap"
