@@ -81,6 +81,7 @@ def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too(verdi
 def test_the_wrong_load_of_one_run_is_named_with_its_run() -> None:
     record = as_json(misstated())["causes"][0]
     assert (record["effect"], record["run"], record["load_ohm"]) == ("load_entry", "r9ohm.csv", 6.0)
+    assert record["label"] == "Load of 6 ohm"
     assert record["parameters"]["load_ohm"]["value"] == pytest.approx(9.0, rel=0.01)
     parts = [part for account in as_json(misstated())["contributions"] for part in account["parts"]]
     assert {part["effect"] for part in parts if part["kind"] == "entry"} == {"load_entry"}

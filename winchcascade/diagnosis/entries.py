@@ -101,7 +101,9 @@ def _of_each_run(effect: Effect, runs: Sequence[Run]) -> dict[str, Effect]:
         name = f"{effect.name}({run.name})"
         name = name if name not in found else f"{effect.name}({run.name}, run {log + 1})"
         entry = msgspec.structs.replace(effect.entry or WrongEntry(), log=log, stated=run.load, source=run.name)
-        found[name] = msgspec.structs.replace(effect, entry=entry, reported_from=partial(_multiple, run.load))
+        found[name] = msgspec.structs.replace(
+            effect, label=f"Load of {run.load:g} ohm", entry=entry, reported_from=partial(_multiple, run.load)
+        )
     return found
 
 
