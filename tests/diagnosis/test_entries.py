@@ -69,8 +69,8 @@ def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too(verdi
     result = msgspec.structs.replace(found("drum_radius", 0.06), verdict=verdict)
     record = as_json(result)
     assert record["causes"][0]["sentence"] == (
-        "The rig file states r_drum = 0.130 m; the logs fit 0.138 m. The residual exceeds noise: it may only stand for an "
-        "effect that the catalogue lacks."
+        "The rig file states r_drum = 0.130 m; the logs fit 0.138 m. The residual exceeds noise: the entry may only imitate "
+        "an effect that the catalogue lacks."
     )
     assert record["where"]["sentence"].startswith("The gap is most like that of a wrong entry: ")
     text = " ".join(diagnosis_text(result).split())

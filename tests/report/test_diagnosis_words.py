@@ -247,7 +247,7 @@ def test_what_was_checked_counts_means_and_effects() -> None:
 def test_an_effect_that_nearly_is_named_is_not_called_chance() -> None:
     found = changed(diagnosed("nothing"), sets={(): 0.01, ("current_gain",): 0.99})
     assert checked_words(found).endswith(
-        "4 effects: the likeliest, current_gain, has a probability of 0.99, too low to name a cause."
+        "4 effects: the most probable, current_gain, has a probability of 0.99, too low to be named as a cause."
     )
 
 

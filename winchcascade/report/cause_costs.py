@@ -42,7 +42,7 @@ NAMES = {"tolerances": "tolerances", "model_form": "model form", "residual": "re
 
 NO_ENERGY = {
     "sensor": "costs no energy: it changes what is read",
-    "entry": "costs no energy: the rig or the run is another one than is stated",
+    "entry": "costs no energy: it changes a stated number, not the rig",
 }
 """What is said of a cause that does not cost energy, by its kind."""
 

@@ -184,7 +184,7 @@ def alternatives_words(cause: NamedCause, conjunction: str) -> str:
 
 
 CHECK = "Check this entry before other causes."
-MAY_STAND_FOR = "The residual exceeds noise: it may only stand for an effect that the catalogue lacks."
+MAY_IMITATE = "The residual exceeds noise: the entry may only imitate an effect that the catalogue lacks."
 
 
 def entry_sentence(cause: NamedCause, entry: WrongEntry, *, explained: bool = True) -> str:
@@ -198,14 +198,14 @@ def entry_sentence(cause: NamedCause, entry: WrongEntry, *, explained: bool = Tr
     >>> entry_sentence(radius, WrongEntry("winch.r_drum", stated=0.13, unit="m"))
     'The rig file states r_drum = 0.130 m; the logs fit 0.138 m. Check this entry before other causes.'
     """
-    found, advice = next(iter(cause.parameters.values())), CHECK if explained else MAY_STAND_FOR
+    found, advice = next(iter(cause.parameters.values())), CHECK if explained else MAY_IMITATE
     if entry.log >= 0:
         return f"The campaign states {entry.stated:#.3g} ohm for {entry.source}; the log fits {found.value:#.3g} ohm. {advice}"
     if not entry.number:
         check = "Check the scale of the logged velocity and displacement before other causes."
         return (
             f"The logged line motion is {found.value:#.4g} times the motion that the other channels fit. "
-            f"{check if explained else MAY_STAND_FOR}"
+            f"{check if explained else MAY_IMITATE}"
         )
     ratio = found.value / entry.stated if entry.as_number else found.value
     scale = find_unit(entry.unit) or Unit("number", 1.0)

@@ -228,7 +228,9 @@ def checked_words(found: ModelDiagnosis) -> str:
     little = "none explains more than chance would"
     if likeliest:
         likely = probability_words(found.sets[likeliest])
-        little = f"the likeliest, {' + '.join(likeliest)}, has a probability of {likely}, too low to name a cause"
+        little = (
+            f"the most probable, {' + '.join(likeliest)}, has a probability of {likely}, too low to be named as a cause"
+        )
     chance = f" {len(found.suspects)} effects: {little}."
     return (
         f"{len(found.places)} means by channel, phase and load: {deviate} by more than {STANDS_OUT:g} standard "

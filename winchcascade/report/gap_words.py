@@ -42,7 +42,7 @@ def display_of(effect: str, name: str, unit: str = "") -> Display:
 
 
 def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str, str]:
-    """A number and its 95 % interval with their unit, with the digits that the interval allows, else with this number."""
+    """A number and its 95 % interval with their unit, with the digits that the interval allows, else with `otherwise`."""
     u = (found.high - found.low) / 3.92 * how.factor
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
@@ -216,10 +216,6 @@ def differs_words(spot: Spot | None, names: Mapping[str, str] = NAMES) -> str:
     return f"{spot_words(spot, names)} at {load_words(spot.load)}, by {apart_words(spot.z)} standard deviations"
 
 
-ENTRY_IS, ENTRY_LIKE = "comes from a wrong entry", "is most like that of a wrong entry"
-"""Where a gap lies that a wrong entry explains, or of which it explains a part."""
-
-
 def where_sentence(
     where: Where, word: str = "measured", *, own_simulation: bool = False, explained: bool = True
 ) -> str:
@@ -243,9 +239,8 @@ def where_sentence(
         region = f" between {where.rpm[0]:.0f} and {where.rpm[1]:.0f} rpm"
         if where.i_dc[1] > 0.5:
             region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
-    place = {"sensor": "lies in a sensor", "entry": ENTRY_IS if explained else ENTRY_LIKE}.get(
-        where.stage, f"lies in the {where.stage} stage"
-    )
+    entry = "comes from a wrong entry" if explained else "is most like that of a wrong entry"
+    place = {"sensor": "lies in a sensor", "entry": entry}.get(where.stage, f"lies in the {where.stage} stage")
     gap = "The gap between your simulation and the logs" if own_simulation else "The gap"
     return f"{gap} {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
 

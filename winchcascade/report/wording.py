@@ -192,7 +192,7 @@ def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
 
 
 def _named_cycles(numbers: Sequence[int], of: int) -> str:
-    """Some of all cycles, by their numbers."""
+    """Some of `of` cycles, by their numbers."""
     more = f" and {len(numbers) - LISTED_CYCLES} more" if len(numbers) > LISTED_CYCLES else ""
     named = f"cycle{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers[:LISTED_CYCLES]))}{more}"
     return "all cycles" if 1 < len(numbers) == of else named
