@@ -6,7 +6,6 @@ import math
 import textwrap
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from itertools import combinations
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
 from typing import Annotated, Any
@@ -190,9 +189,13 @@ def check_held_out(
     cycles : of each run the first and the last that count, None for all
     withheld : numbers of the runs that are withheld, from 0
     """
-    for k, n in combinations(range(len(logs)), 2):
+    listed: dict[str, list[int]] = {}
+    for k, log in enumerate(logs):
+        listed.setdefault(log, []).append(k)
+    pairs = [(held, kept) for held in withheld if logs[held] for kept in listed[logs[held]] if kept not in withheld]
+    for k, n in sorted((min(pair), max(pair)) for pair in pairs):
         (a, b), (c, d) = cycles[k] or (1, math.inf), cycles[n] or (1, math.inf)
-        if logs[k] and logs[k] == logs[n] and (k in withheld) != (n in withheld) and a <= d and c <= b:
+        if a <= d and c <= b:
             held, kept = (k, n) if k in withheld else (n, k)
             raise CampaignError(
                 f"{place}: runs {k + 1} ({names[k]}) and {n + 1} ({names[n]}) are the same log, and run {held + 1} is "
