@@ -236,7 +236,7 @@ def _interval(x: Signal, middle: float, spread: float) -> Interval:
     middle, spread : mean and standard deviation of the draws, roughly
     """
     k = round(0.025 * x.size)
-    low, high = x[x < middle - INNER * spread], x[x > middle + INNER * spread]
+    low, high = x.compress(x < middle - INNER * spread), x.compress(x > middle + INNER * spread)
     if min(low.size, high.size) <= k:
         low = high = x
     return Interval(float(np.partition(low, k)[k]), float(np.partition(high, high.size - 1 - k)[high.size - 1 - k]))

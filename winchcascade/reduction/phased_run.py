@@ -58,8 +58,8 @@ class PhasedRun(msgspec.Struct, frozen=True):
 
     def rows(self, start: float, end: float) -> slice:
         """Rows of the log from one instant to another."""
-        first, last = np.searchsorted(self.run.t, (start, end))
-        return slice(int(first), int(last))
+        t = self.run.t
+        return slice(int(t.searchsorted(start)), int(t.searchsorted(end)))
 
     def u_gain(self, channel: str) -> float:
         """Standard uncertainty of a sensor's gain by its stated accuracy, 0 where none is stated. [1]"""
