@@ -15,10 +15,10 @@ from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.rig_file import PhaseSource, Rig, Thresholds
-from winchcascade.core.run import Index, Mask, Run, Signal
+from winchcascade.core.run import Index, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps, gap_limits
-from winchcascade.reduction.phases import Cycle, crossing, detect, smoothed_velocity
+from winchcascade.reduction.phases import Cycle, detect, smoothed_velocity
 
 TURN = 2.0 * np.pi
 """Radians in one revolution."""
@@ -270,22 +270,24 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
         return []
     turns = np.flatnonzero(np.diff(side[start])) + 1
     first, last = start[np.append(0, turns)], stop[np.append(turns - 1, start.size - 1)] - 1
-    waves = []
-    for k in range(first.size - 1):
-        up, down, slow = int(first[k]), int(first[k + 1]), int(last[k + 1]) + 1
-        if side[up] < 0:
-            continue
-        begin, end = int(last[k - 1]) if k > 0 else 0, int(first[k + 2]) + 1 if k + 2 < first.size else v_smooth.size
-        before, after = _rows(v_smooth[begin:up] <= 0.0, begin), _rows(v_smooth[slow:end] >= 0.0, slow)
-        if not (before.size and after.size):
-            continue
-        forward = _rows(v_smooth[last[k] : down] >= 0.0, int(last[k]))
-        onset, rest = (crossing(t, v_smooth, int(at), 0.0) for at in (before[-1] + 1, after[0]))
-        middle = crossing(t, v_smooth, int(forward[-1]) + 1, 0.0)
-        waves.append(Cycle(onset, middle, (middle, middle), (middle, rest), begins_inside=False, ends_inside=False))
-    return waves
+    half = np.flatnonzero(side[first[:-1]] > 0)
+    before, after = v_smooth[:-1], v_smooth[1:]
+    rises = np.flatnonzero((before <= 0.0) & (after > 0.0)) + 1
+    falls = np.flatnonzero((before >= 0.0) & (after < 0.0)) + 1
+    ends = np.flatnonzero((before < 0.0) & (after >= 0.0)) + 1
+    begin = rises.searchsorted(first[half], side="right") - 1
+    turn = falls.searchsorted(first[half + 1], side="right") - 1
+    end = ends.searchsorted(last[half + 1] + 1)
+    whole = (begin >= 0) & (end < ends.size)
+    rows = rises[begin[whole]], falls[turn[whole]], ends[end[whole]]
+    return [
+        Cycle(onset, middle, (middle, middle), (middle, rest), begins_inside=False, ends_inside=False)
+        for onset, middle, rest in zip(*(_zero_crossings(t, v_smooth, at) for at in rows), strict=True)
+    ]
 
 
-def _rows(mask: Mask, start: int) -> Index:
-    """Rows of a log at which a mask of a part of it is set, in order; the part begins at row `start`."""
-    return start + np.flatnonzero(mask)
+def _zero_crossings(t: Signal, v: Signal, rows: Index) -> list[float]:
+    """Instants between some rows and the one before each at which v passes zero. [s]"""
+    before, after = v[rows - 1], v[rows]
+    instants: list[float] = (t[rows - 1] - before / (after - before) * (t[rows] - t[rows - 1])).tolist()
+    return instants
