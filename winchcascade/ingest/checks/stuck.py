@@ -18,8 +18,12 @@ from winchcascade.core.run import Finding, Index, Mask, Signal
 HELD = 0.3
 """Minimum time for which a value is held, to be evaluated. [s]"""
 
+FEWEST_STILL = 6
+"""Minimum number of samples for which it is held: a channel with noise repeats itself so often in no log. `_held` is written
+for six."""
+
 FEWEST = 10
-"""Minimum number of samples for which it is held; `_held` is written for ten."""
+"""Minimum number of samples where motion shows that the channel should have changed."""
 
 SPEED_RANGE = 0.15
 """A channel that depends on speed must change when the speed of payout does by this share of its top."""
@@ -144,7 +148,7 @@ def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
     """Stretches of one value, [first, last), that are long enough to be evaluated."""
     alike = x[1:] == x[:-1]
     span = 1
-    for more in (1, 2, 4, 1):  # alike over 2, 4, 8 and then 9 steps: ten samples of one value
+    for more in (1, 2, 1):  # alike over 2, 4 and then 5 steps: six samples of one value
         alike = alike[:-more] & alike[more:]
         span += more
     edges = np.flatnonzero(np.diff(np.concatenate(([False], alike, [False])).astype(np.int8)))
@@ -172,7 +176,7 @@ def _apart(first: Index, last: Index, v: Signal, line: ObservedMotion, channels:
         off = np.abs(moved - v[a] * seconds)
         jump = np.nanmax(np.abs(np.diff(displacement[a:b])), initial=0.0)
         off = off[(off > np.maximum(slack * seconds, 0.2 * np.abs(moved))) & (off > 1.5 * jump)]
-        apart[k] = off.sum() > APART
+        apart[k] = off.sum() > APART and b - a >= FEWEST
     return apart
 
 
