@@ -281,7 +281,7 @@ def _contradicted(
 ) -> bool:
     """Whether the channels that would fall with this one continue as if nothing had happened."""
     unfit = name not in WITNESSES or (name == "velocity" and "displacement" in channels)
-    if unfit or d.jump < BEYOND * d.usual:
+    if unfit:
         return False
     departs = {}
     together = False
@@ -298,6 +298,9 @@ def _contradicted(
         moves = level[other].span > STILL * level[other].noise
         if moves and (off := _departure(channels[other], d, side, least, idle=other != "velocity")) is not None:
             departs[other] = off
+    at_once = name == "vdc" and "idc" in departs and d.even  # a load without voltage carries no current
+    if d.jump < BEYOND * d.usual and not at_once:
+        return False
     if together and not departs.keys() - {"velocity"}:  # all of a machine's forces and currents fall: a clutch may slip
         return False
     if name == "idc" and "vdc" in departs and departs.keys() <= {"vdc", "velocity"}:
