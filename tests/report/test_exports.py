@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -67,27 +68,34 @@ def _report(rows: int = 3) -> Report:
 
 
 def _written(
-    folder: Path, make: Callable[[], Report] = _report, name: str = "r36ohm", of: str = "", force: bool = False
+    folder: Path, make: Callable[[], Report] = _report, *, figures: bool = False, of: str = "", force: bool = False
 ) -> None:
-    write_report_files(make, ReportFiles(figures=folder, tables=folder), name, of=of, force=force)
+    files = ReportFiles(figures=folder if figures else None, tables=folder)
+    write_report_files(make, files, "r36ohm", of=of, force=force)
 
 
-def test_a_figure_is_written_in_three_formats_and_two_widths(tmp_path: Path) -> None:
-    _written(tmp_path)
-    names = {path.name for path in tmp_path.iterdir() if "mm" in path.name}
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with figures and tables of a report."""
+    folder = tmp_path_factory.mktemp("drawn")
+    _written(folder, figures=True)
+    return folder
+
+
+def test_a_figure_is_written_in_three_formats_and_two_widths(drawn: Path) -> None:
+    names = {path.name for path in drawn.iterdir() if "mm" in path.name}
     stem = "r36ohm_powers-and-efficiencies-over-load"
     assert names == {f"{stem}_{w}mm.{e}" for w in (90, 190) for e in ("svg", "pdf", "png")}
     for width in (90, 190):
-        page = PdfReader(tmp_path / f"{stem}_{width}mm.pdf").pages[0]
+        page = PdfReader(drawn / f"{stem}_{width}mm.pdf").pages[0]
         assert float(page.mediabox.width) / 72.0 * 25.4 == pytest.approx(width, abs=0.1)
-        head = (tmp_path / f"{stem}_{width}mm.png").read_bytes()[16:20]
+        head = (drawn / f"{stem}_{width}mm.png").read_bytes()[16:20]
         assert int.from_bytes(head, "big") / 600.0 * 25.4 == pytest.approx(width, abs=0.1)
 
 
 @pytest.mark.parametrize("width", [90, 190])
-def test_the_texts_of_a_figure_are_text_of_seven_to_nine_points_in_embedded_fonts(tmp_path: Path, width: int) -> None:
-    _written(tmp_path)
-    (svg,) = tmp_path.glob(f"*_{width}mm.svg")
+def test_the_texts_of_a_figure_are_text_of_seven_to_nine_points_in_embedded_fonts(drawn: Path, width: int) -> None:
+    (svg,) = drawn.glob(f"*_{width}mm.svg")
     root = ElementTree.parse(svg).getroot()
     texts = [item for item in root.iter() if item.tag.endswith("}text")]
     assert {"small", "Load (Ω)", "entry number 5"} <= {"".join(item.itertext()) for item in texts}
@@ -96,7 +104,7 @@ def test_the_texts_of_a_figure_are_text_of_seven_to_nine_points_in_embedded_font
     assert min(sizes) >= 7.0
     assert max(sizes) <= 9.0
     assert "@font-face{font-family:'DejaVu Sans'" in svg.read_text()
-    (pdf,) = tmp_path.glob(f"*_{width}mm.pdf")
+    (pdf,) = drawn.glob(f"*_{width}mm.pdf")
     page = PdfReader(pdf).pages[0]
     assert "entry number 5" in page.extract_text()
     for font in page["/Resources"]["/Font"].values():  # type: ignore[index]
@@ -189,13 +197,13 @@ def test_a_markdown_table_keeps_its_columns_whatever_the_cells_hold() -> None:
     assert {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {5}
 
 
-def test_a_second_call_replaces_its_own_files_and_removes_outdated_ones(tmp_path: Path) -> None:
-    _written(tmp_path)
+def test_a_second_call_replaces_its_own_files_and_removes_outdated_ones(drawn: Path, tmp_path: Path) -> None:
+    shutil.copytree(drawn, tmp_path, dirs_exist_ok=True)
     before = {path.name for path in tmp_path.iterdir()}
     (tmp_path / "mine.csv").write_text("mine")
     report = _report()
     kept = section("s", "S", *[b for b in report.sections[0].blocks if getattr(b, "id", "") != "long"])
-    _written(tmp_path, lambda: Report("kind", "Title", "", (), (), (kept,)))
+    _written(tmp_path, lambda: Report("kind", "Title", "", (), (), (kept,)), figures=True)
     after = {path.name for path in tmp_path.iterdir()}
     assert before - after == {f"r36ohm_long.{e}" for e in ("csv", "tex", "md")} | {n for n in before if "mm." in n}
     assert (tmp_path / "mine.csv").read_text() == "mine"
@@ -249,7 +257,7 @@ def test_letters_that_the_font_lacks_are_set_in_a_font_of_the_system(
                 record.string = "OtherLetters"
         font.save(other)
 
-    def drawn(found: list[tuple[str, set[str]]]) -> dict[str, bytes]:
+    def files(found: list[tuple[str, set[str]]]) -> dict[str, bytes]:
         monkeypatch.setattr("winchcascade.report.figure_files.fonts_for", lambda _: found)
         with house_style():
             figure = wide_figure(1.0)
@@ -257,7 +265,7 @@ def test_letters_that_the_font_lacks_are_set_in_a_font_of_the_system(
             figure.text(0.6, 0.5, "plain")
             return figure_files(figure)
 
-    boxes, letters = drawn([]), drawn([(str(other), {"測", "試"})])
+    boxes, letters = files([]), files([(str(other), {"測", "試"})])
     assert b"OtherLetters" in letters["pdf"]
     assert b"OtherLetters" in letters["svg"]
     assert b"OtherLetters" not in boxes["pdf"]
