@@ -6,6 +6,7 @@ import gzip
 import io
 import tempfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -43,16 +44,18 @@ def sentence(path: Path, table: str | None = None) -> str:
 @pytest.mark.parametrize(
     "content",
     [
-        gzip.compress(LOG),
-        zipped(**{"r36ohm.csv": LOG}),
-        zipped(**{"README.md": b"text", "day 1/r36ohm.csv": LOG, "__MACOSX/._r36ohm.csv": b"x", "photo.jpg": b"y"}),
-        zipped(**{"no ending": LOG}),
-        zipped(**{"LIESMICH.txt": b"text", "r36ohm.csv": LOG}),
+        lambda: gzip.compress(LOG),
+        lambda: zipped(**{"r36ohm.csv": LOG}),
+        lambda: zipped(
+            **{"README.md": b"text", "day 1/r36ohm.csv": LOG, "__MACOSX/._r36ohm.csv": b"x", "photo.jpg": b"y"}
+        ),
+        lambda: zipped(**{"no ending": LOG}),
+        lambda: zipped(**{"LIESMICH.txt": b"text", "r36ohm.csv": LOG}),
     ],
     ids=["gzip", "zip", "with other files", "without an ending", "with a text that ends like a log"],
 )
-def test_a_compressed_log_gives_the_same_results(content: bytes, tmp_path: Path) -> None:
-    run = read_run(write(tmp_path, content))
+def test_a_compressed_log_gives_the_same_results(content: Callable[[], bytes], tmp_path: Path) -> None:
+    run = read_run(write(tmp_path, content()))
     assert run.findings == ()
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
@@ -92,24 +95,26 @@ def test_nothing_is_written_outside_of_the_scratch_folder_and_nothing_stays(
     ("content", "words"),
     [
         (
-            zipped(**{"a.csv": b"t,v\n" + bytes(150_000_000)}),
+            lambda: zipped(**{"a.csv": b"t,v\n" + bytes(150_000_000)}),
             "unpacks to more than 100 MB; less was expected of an archive of",
         ),
         (
-            gzip.compress(b"t,v\n" + bytes(150_000_000)),
+            lambda: gzip.compress(b"t,v\n" + bytes(150_000_000)),
             "unpacks to more than 100 MB; less was expected of an archive of",
         ),
-        (zipped(**{"a.zip": zipped(**{"b.csv": LOG})}), "a.zip: is an archive within an archive"),
-        (zipped(), "holds no file that could be a log"),
-        (zipped(**{"a.csv": LOG})[:20_000], "the archive is damaged or breaks off"),
-        (gzip.compress(LOG)[:20_000], "the archive is damaged or breaks off"),
-        (zipped(**{"a.csv": b""}), "a.csv: the file is empty"),
-        (zipped(**{"a.csv": b"%PDF-1.4 " * 99}), "a.csv: is a PDF document, not a log"),
+        (lambda: zipped(**{"a.zip": zipped(**{"b.csv": LOG})}), "a.zip: is an archive within an archive"),
+        (lambda: zipped(), "holds no file that could be a log"),
+        (lambda: zipped(**{"a.csv": LOG})[:20_000], "the archive is damaged or breaks off"),
+        (lambda: gzip.compress(LOG)[:20_000], "the archive is damaged or breaks off"),
+        (lambda: zipped(**{"a.csv": b""}), "a.csv: the file is empty"),
+        (lambda: zipped(**{"a.csv": b"%PDF-1.4 " * 99}), "a.csv: is a PDF document, not a log"),
     ],
     ids=["zip bomb", "gzip bomb", "nested", "empty", "cut zip", "cut gzip", "an empty log", "no log"],
 )
-def test_an_archive_that_cannot_be_used_is_rejected_in_one_sentence(content: bytes, words: str, tmp_path: Path) -> None:
-    said = sentence(write(tmp_path, content))
+def test_an_archive_that_cannot_be_used_is_rejected_in_one_sentence(
+    content: Callable[[], bytes], words: str, tmp_path: Path
+) -> None:
+    said = sentence(write(tmp_path, content()))
     assert said.startswith("run.dat: ")
     assert words in said
 
