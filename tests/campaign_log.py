@@ -29,7 +29,7 @@ def text(
     rows: Cells = ROWS, head: Sequence[str] | None = HEAD, *, delimiter: str = ",", decimal: str = ".", end: str = "\n"
 ) -> str:
     lines = [] if head is None else [delimiter.join(head)]
-    lines += [delimiter.join(cell.replace(".", decimal) for cell in row) for row in rows]
+    lines.append(end.join(map(delimiter.join, rows)).replace(".", decimal))
     return end.join(lines) + end
 
 

@@ -13,7 +13,8 @@ from winchcascade.diagnosis.nuisances import OF_THE_MODEL, SKEW, nuisances, sens
 from winchcascade.rig.baseline import baseline
 
 RIG = built_in()
-RUNS = [msgspec.structs.replace(made_log(cycles=1), load=load) for load in (math.inf, 18.0, 18.0, 4.5)]
+LOG = made_log(cycles=1)
+RUNS = [msgspec.structs.replace(LOG, load=load) for load in (math.inf, 18.0, 18.0, 4.5)]
 
 STATED = {
     ("restoring", "mu_screw"): 0.0005,
