@@ -80,6 +80,19 @@ def test_error_codes_of_any_length_are_taken_out(tmp_path: Path, name: str, samp
     assert_same_energies(run)
 
 
+def test_a_code_that_no_sensor_gives_needs_no_other_channel_to_show_it() -> None:
+    t, x = table(LOG)[:, 0], table(LOG)[:, column("force")].copy()
+    x[500:520] = 1e7
+    found = find_dropouts(t, {"force": x}, {"force": find_bends(x)}, open_circuit=False)
+    assert [(d.before, d.after) for d in found["force"]] == [(499, 520)]
+
+
+def test_zeros_of_the_voltage_on_a_ramp_at_five_hertz_are_shown_by_the_current(tmp_path: Path) -> None:
+    rows, k = resampled(5).copy(), row_at(0.8, 5)
+    rows[k : k + 3, column("vdc")] = 0.0
+    assert reported_channels(written(tmp_path, rows, load=18.0)) == {"vdc"}
+
+
 @pytest.mark.parametrize("share", [0.01, 0.05, 0.2])
 @pytest.mark.parametrize("name", ["velocity", "torque", "idc"])
 def test_error_codes_in_many_samples_are_taken_out(tmp_path: Path, name: str, share: float) -> None:

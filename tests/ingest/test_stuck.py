@@ -72,9 +72,30 @@ def test_a_noisy_channel_that_holds_one_value_for_a_second_is_stuck() -> None:
     assert failures(check, all_pairs(["smooth", "hundred_hertz"], NOISY, where, [1.0, 3.0, 10.0])) == []
 
 
+def test_a_value_beyond_the_range_of_its_sensor_is_not_stuck() -> None:
+    t, signals = log("smooth")
+    high = RIG.sensors["torque"].high
+    assert high is not None
+    clipped = signals | {"torque": np.minimum(4.0 * signals["torque"], 1.01 * high)}
+    found = check(t, {n: x.copy() for n, x in clipped.items()}, RIG, simulated=False, open_circuit=False)
+    kinds = {f.kind for f in found.findings if f.channel == "torque"}
+    assert "out_of_range" in kinds
+    assert "stuck" not in kinds
+
+
 def test_ten_samples_of_one_value_are_enough_where_noise_never_repeats() -> None:
     channels, where = ["force", "torque", "vdc", "idc"], ["ramp", "plateau", "braking"]
     assert failures(is_stuck, product(["smooth"], channels, where, [0.4])) == []
+
+
+@pytest.mark.parametrize("channel", ["torque", "vdc", "idc"])
+def test_at_ten_hertz_six_samples_of_one_value_are_enough(channel: str) -> None:
+    t, signals = log("hundred_hertz")
+    copies = {n: x[::10].copy() for n, x in signals.items()}
+    first = int(np.searchsorted(t[::10], places("hundred_hertz")["plateau"]))
+    copies[channel][first : first + 6] = copies[channel][first]
+    found = check(t[::10], copies, RIG, simulated=False, open_circuit=False)
+    assert [(f.channel, f.count) for f in found.findings if f.kind == "stuck"] == [(channel, 5)]
 
 
 def test_a_noise_free_channel_is_stuck_where_speed_or_travel_should_change_it() -> None:
@@ -109,6 +130,8 @@ def test_a_channel_that_is_one_value_throughout_is_left_out() -> None:
         found = freeze(name, [channel], t[0], t[-1], value)
         assert stuck(found) == {channel}
         assert channel not in found.channels
+        (finding,) = [f for f in found.findings if f.kind == "stuck"]
+        assert (finding.start, finding.end, finding.count) == (t[0], t[-1], t.size)
 
     channels = [n for n in NAMES if n not in ("velocity", "displacement")]
     assert failures(check, all_pairs(["smooth", "exact", "heavy_load"], channels, [None, 0.0])) == []

@@ -104,6 +104,16 @@ def test_an_idc_computed_from_a_load_just_beside_is_found_by_its_noise() -> None
     assert "idc was computed" in message
 
 
+# ------------------------------------------------------------------------------------------------ slower channels
+def test_a_channel_that_is_held_between_slower_updates_is_reported_with_its_mean_delay() -> None:
+    every = 15
+    held = clean().channels["vdc"][np.arange(clean().t.size) // every * every]
+    found = messages(of("r45ohm", changed(clean(), vdc=held)), "coarse_sampling")
+    assert any(
+        "vdc is updated every 15 samples (0.6 s) and held in between, so that it is 0.28 s late" in m for m in found
+    )
+
+
 # ------------------------------------------------------------------------------------------------ lags
 @pytest.mark.parametrize("name", ["r45ohm", "r4p5ohm"])
 @pytest.mark.parametrize("seconds", [-1.0, -0.12, 0.12, 0.6])
@@ -117,6 +127,12 @@ def test_a_channel_that_was_recorded_late_is_reported(name: str, seconds: float,
     assert sentences
     measured = float(sentences[0].split(" s behind")[0].split()[-1])
     assert measured == pytest.approx(abs(seconds), abs=0.03)
+
+
+def test_a_voltage_and_a_current_that_lag_together_are_behind_the_velocity() -> None:
+    found = of("r45ohm", late(clean(), 1.0, "vdc", "idc")).quality
+    (finding,) = [f for f in found if f.kind == "channel_lag" and "behind velocity" in f.message]
+    assert (finding.channel, finding.message.split()[0]) == ("vdc", "vdc")
 
 
 @pytest.mark.parametrize("channel", ["velocity", "displacement", "idc", "vdc", "torque", "force"])

@@ -156,6 +156,7 @@ def test_the_accuracy_of_a_sensor_widens_the_intervals() -> None:
     high = points.with_error("torque", "gain", 0.01)
     assert high.power_in == pytest.approx(1.01 * points.power_in)
     assert high.columns == pytest.approx(columns_at(1.01 * points.torque, points.speed))
+    assert high.torque == pytest.approx(1.01 * points.torque)
     more = points.with_error("idc", "zero", 0.5)
     assert more.power_out == pytest.approx(points.power_out + 50.0)
 

@@ -127,6 +127,8 @@ def test_an_aborted_payout_is_listed_and_left_out() -> None:
     (finding,) = reduction.quality
     assert finding.kind == "incomplete_cycle"
     assert "the payout is aborted after" in finding.message
+    window = reduction.cycles[1].window
+    assert (finding.start, finding.end) == (window.onset, window.cutoff)
 
 
 def test_forty_three_cycles_of_the_measured_field_winch(shared: Path) -> None:

@@ -17,7 +17,7 @@ from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
 from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, mean_power, ratio_of_sums
-from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
+from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
 from winchcascade.report.wave_text import wave_lines, wave_record, waves_from_record
 from winchcascade.rig.kernel import COLUMNS
 
@@ -148,6 +148,11 @@ def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
     assert found.cycle.size >= 11
     assert found.period == pytest.approx(np.full(found.cycle.size, 6.0), abs=0.05)
     assert sum(c.count for c in found.classes) == found.cycle.size
+    for of in classes_of_payout(found):
+        assert of.efficiency["eta_gen"] == pytest.approx((of.energy["gen"] or 0.0) / (of.energy["mech"] or 1.0))
+    assert found.errors
+    assert all(error.shared for error in found.errors)
+    assert joined_waves([found, found]).period.tolist() == [*found.period, *found.period]
     for stage in STAGES:
         assert sum(c.energy[stage] or 0.0 for c in found.classes) == pytest.approx(found.energy[stage].sum())
         assert found.record_power[stage] * found.record_duration == pytest.approx(found.record_energy[stage])

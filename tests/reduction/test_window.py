@@ -88,10 +88,11 @@ def test_a_payout_without_an_onset_has_no_whole_window(rule: str | float) -> Non
     assert window.fault == "the log begins inside the payout, so its onset is unknown"
 
 
-def test_a_fixed_window_past_the_end_of_the_log_is_not_whole() -> None:
-    window = find_window(cycle(ends_inside=True), None, 0.9, 8.0, 5.48, RULES)
-    assert window.fault == "the log ends 2.48 s before the window does"
-    assert window.cutoff == 8.0
+@pytest.mark.parametrize(("end", "late"), [(8.0, 2.48), (10.47, 0.01)])
+def test_a_fixed_window_past_the_end_of_the_log_is_not_whole(end: float, late: float) -> None:
+    window = find_window(cycle(ends_inside=True), None, 0.9, end, 5.48, RULES)
+    assert window.fault == f"the log ends {late:.2f} s before the window does"
+    assert window.cutoff == end
 
 
 def test_a_payout_cut_on_its_ramp_has_not_settled() -> None:
