@@ -7,11 +7,13 @@ import json
 import tempfile
 from pathlib import Path
 
+import pytest
 from pages import follow, run, shown, with_fixtures, write_outputs
 
 PAGE = "compare.md"
 
 
+@pytest.mark.slow
 def test_the_page_can_be_followed(tmp_path: Path) -> None:
     assert follow(PAGE, with_fixtures(tmp_path)) == shown(PAGE)
     record = json.loads(run("winchcascade compare before after --json -", tmp_path).stdout)

@@ -68,6 +68,7 @@ def largest_change(one: float, other: float) -> float:
     )
 
 
+@pytest.mark.slow
 def test_the_steps_of_the_model_are_as_exact_as_its_page_says() -> None:
     page = " ".join((DOCS / "model.md").read_text(encoding="utf-8").split())
     assert f"takes steps of {1e3 * STEP:g} ms" in page

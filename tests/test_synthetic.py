@@ -157,6 +157,7 @@ def test_every_scenario_keeps_the_rig_in_bounds(name: str) -> None:
     assert np.abs(np.diff(moved.v)).max() < 0.01  # no jump of velocity: ramps join
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_both_truths_are_near_each_other(name: str) -> None:
     exact, smoothed = truth(SCENARIOS[name]), truth(SCENARIOS[name], smoothed=True)

@@ -172,6 +172,7 @@ INSIDE = 18
 """Of 20 intervals of 95 %."""
 
 
+@pytest.mark.slow
 def test_the_numbers_of_labelled_campaigns_lie_in_their_intervals(shared: Path) -> None:
     inside = 0
     for case in NAMED:

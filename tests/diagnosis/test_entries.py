@@ -44,12 +44,19 @@ def misstated() -> ModelDiagnosis:
     ("name", "value", "truth", "sentence"),
     [
         ("drum_radius", 0.06, 0.1378, "The rig file states r_drum = 0.130 m; the logs fit 0.138 m."),
-        ("gear_ratio", -0.08, 46.0, "The rig file states gear_ratio = 50.0; the logs fit 46.0."),
-        (
+        pytest.param(
+            "gear_ratio",
+            -0.08,
+            46.0,
+            "The rig file states gear_ratio = 50.0; the logs fit 46.0.",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
             "k_e_convention",
             math.sqrt(3.0) - 1.0,
             math.sqrt(3.0),
             "The rig file states k_e = 0.0620 V/rpm; the logs fit 0.107",
+            marks=pytest.mark.slow,
         ),
     ],
 )

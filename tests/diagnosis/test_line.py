@@ -135,7 +135,7 @@ def test_the_slope_is_over_few_samples_where_the_velocity_has_no_noise_and_over_
     assert spans == {0.0: 0.2, 0.01: 0.4}
 
 
-@pytest.mark.parametrize("fs", [5.0, 10.0, 25.0, 100.0])
+@pytest.mark.parametrize("fs", [5.0, 25.0, *(pytest.param(fs, marks=pytest.mark.slow) for fs in (10.0, 100.0))])
 def test_the_slope_spans_four_tenths_of_a_second_at_most(fs: float) -> None:
     found = diagnose_line(Entries([planted(0, fs=fs, cycles=3, mass=3000.0)]), RIG, EFFECTS)
     assert all(span <= 0.4 + 1e-9 for span in found.lines.spans)
@@ -385,6 +385,7 @@ def test_the_measured_winch_has_inertia_and_drag(
     assert found.lines.span <= 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [LONG, "20191008_0001.csv", "20191008_0004.csv"])
 def test_measured_logs_without_a_withheld_part_name_the_same(shared: Path, name: str) -> None:
     found = diagnose_line(Entries([measured(shared, name)]), RIG, EFFECTS)

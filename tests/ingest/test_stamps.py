@@ -28,6 +28,7 @@ FORMS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_stamp_in_any_form_gives_the_same_clock(tmp_path: Path) -> None:
     def check(form: str, delimiter: str) -> None:
         run = read(tmp_path, text(*with_time(stamps(form)), delimiter=delimiter))

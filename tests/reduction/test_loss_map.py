@@ -257,6 +257,7 @@ def block_spans(points: LossPoints, reduction: Reduction) -> np.ndarray:
     return kept
 
 
+@pytest.mark.slow
 def test_the_loss_of_the_whole_campaign_is_that_of_the_model(crane: tuple[LossMap, float]) -> None:
     found, lost = crane
     assert abs(found.energy - lost) < 1.96 * found.u_energy

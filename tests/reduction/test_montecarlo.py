@@ -426,6 +426,7 @@ def test_the_invented_cycles_are_reduced_to_their_truth() -> None:
     assert 0.5 < true["eta_pto"] < true["eta_trans"] < 0.95
 
 
+@pytest.mark.slow
 def test_intervals_of_equal_cycles_hold_the_truth_as_often_as_they_say() -> None:
     t, channels = cycles_of(3)
     true = mean_truth(t, channels)
@@ -456,6 +457,7 @@ def test_intervals_of_cycles_that_scatter_hold_the_expectation_as_often_as_they_
     assert outside(coverage(repeat, lambda u: u.interval_95, MANY)) == {}
 
 
+@pytest.mark.slow
 def test_intervals_of_the_sensors_hold_the_mean_of_these_very_cycles_as_often_as_they_say() -> None:
     t, equal = cycles_of(4)
     factors = {"force": [0.9, 1.0, 1.15, 1.05], "torque": [0.95, 1.0, 1.1, 0.9], "idc": [1.1, 0.9, 1.0, 1.05]}

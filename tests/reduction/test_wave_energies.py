@@ -284,6 +284,7 @@ def test_mean_powers_of_the_record_have_the_interval_of_the_sensors_and_of_the_w
     assert back.power == found.power
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("waves", "memory", "least"), [(10, 0.0, 0.90), (40, 0.0, 0.92), (120, 0.6, 0.87)])
 def test_intervals_of_mean_powers_hold_the_truth(waves: int, memory: float, least: float) -> None:
     """Waves alone or in groups, between which the machine rests for a tenth of the record; 95 % is meant."""

@@ -129,8 +129,13 @@ BALANCE = 1e-3
 ROUNDING = 1e-12
 """A few operations in double precision."""
 
-LOADS = [("r45ohm.csv", 45.0), ("r18ohm.csv", 18.0), ("open_circuit.csv", math.inf)]
+MIDDLE = ("r18ohm.csv", 18.0)
 HEAVIEST = ("r4p5ohm.csv", 4.5)
+LOADS = [
+    pytest.param(*log, marks=pytest.mark.slow)
+    for log in (HEAVIEST, ("r45ohm.csv", 45.0), ("open_circuit.csv", math.inf))
+]
+LOADS.append(pytest.param(*MIDDLE))
 
 every_effect = pytest.mark.parametrize("name", EFFECTS)
 
@@ -244,8 +249,8 @@ def test_two_effects_of_one_kind_add_up_in_either_order(name: str) -> None:
 @every_effect
 def test_an_effect_shows_in_its_channels_and_in_none_that_it_cannot_touch(name: str) -> None:
     moved, untouched = SHOWS[name]
-    before = simulated("r18ohm.csv", 18.0, None).run.channels
-    after = simulated("r18ohm.csv", 18.0, name).run.channels
+    before = simulated(*MIDDLE, None).run.channels
+    after = simulated(*MIDDLE, name).run.channels
     for channel in moved:
         assert np.abs(after[channel] - before[channel]).max() > NOISE * np.abs(before[channel]).max(), channel
     for channel in untouched | {"displacement", "velocity"}:
@@ -253,16 +258,15 @@ def test_an_effect_shows_in_its_channels_and_in_none_that_it_cannot_touch(name: 
 
 
 @every_effect
-def test_the_energy_of_the_line_is_accounted_for(name: str) -> None:
-    """With two of the loads: the one at which half the step is tried, and one of the others."""
-    other = list(EFFECTS).index(name) % 3
-    for log, load in (HEAVIEST, LOADS[other]):
-        energy = simulated(log, load, name).energy
-        at = int(np.argmax(energy["line"]))
-        booked = sum(float(joule[at]) for entry, joule in energy.items() if entry != "line")
-        assert booked == pytest.approx(float(energy["line"][at]), rel=BALANCE), log
+@pytest.mark.parametrize(("log", "load"), LOADS)
+def test_the_energy_of_the_line_is_accounted_for(log: str, load: float, name: str) -> None:
+    energy = simulated(log, load, name).energy
+    at = int(np.argmax(energy["line"]))
+    booked = sum(float(joule[at]) for entry, joule in energy.items() if entry != "line")
+    assert booked == pytest.approx(float(energy["line"][at]), rel=BALANCE)
 
 
+@pytest.mark.slow
 @every_effect
 def test_half_the_step_gives_the_same(name: str) -> None:
     """At the heaviest load, where currents and their feedback are largest."""

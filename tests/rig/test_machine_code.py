@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CAMPAIGN = """
 [[run]]
 file = "{logs}/r36ohm.csv"
@@ -49,6 +51,7 @@ assert compiled() == before, (compiled(), before)
 """
 
 
+@pytest.mark.slow
 def test_after_compiling_nothing_is_left_to_compile(tmp_path: Path, fixtures: Path) -> None:
     (tmp_path / "campaign.toml").write_text(CAMPAIGN.format(logs=(fixtures / "campaign").as_posix()), encoding="utf-8")
     done = subprocess.run(

@@ -152,6 +152,7 @@ def test_the_papers_generator_efficiencies_are_seven_points_below_anything_its_c
     assert not paper().ok
 
 
+@pytest.mark.slow
 def test_roll_off_explains_neither_of_the_papers_gaps() -> None:
     movers = {mover.effect: mover for mover in paper().explanation.suspects}
     rolloff = movers["ke_rolloff"]
