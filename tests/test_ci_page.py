@@ -13,6 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from calls import call
 from pages import DOCS, ROOT, follow, shown, steps, with_fixtures, write_outputs
 
 PAGE = "ci.md"
@@ -65,7 +66,9 @@ def act(place: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
             marks=pytest.mark.slow,
         ),
         pytest.param(CHECK | LOGS, 0, ["check.xml", "batch/campaign.json"], id="both"),
-        pytest.param(CHECK | LOGS | {"ARGUMENTS": "--window 5.48"}, 2, [], id="both with a window"),
+        pytest.param(
+            CHECK | LOGS | {"ARGUMENTS": "--window 5.48"}, 2, [], id="both with a window", marks=pytest.mark.slow
+        ),
         pytest.param(
             {"LOGS": "fixtures/damaged_logs/*.csv"},
             1,
@@ -88,13 +91,7 @@ def test_the_action_does_what_the_page_says(
 
 def test_the_exit_codes_are_those_of_the_help() -> None:
     for command in (["check"], ["audit"], ["batch"], ["blind", "deal"], ["blind", "diagnose"]):
-        output = subprocess.run(
-            [sys.executable, "-m", "winchcascade", *command, "--help"],
-            capture_output=True,
-            encoding="utf-8",
-            check=True,
-        ).stdout
-        assert "The exit code is 1 if" in " ".join(output.split()), command
+        assert "The exit code is 1 if" in " ".join(call(*command, "--help").out.split()), command
 
 
 if __name__ == "__main__":

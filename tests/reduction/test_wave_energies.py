@@ -1,13 +1,12 @@
 """Energies of irregular waves against the noise-free truth of the model and of the twin; the bootstrap against known series."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from calls import call
 
 from winchcascade import baseline, load_rig, open_campaign, read_run, reduce, simulate
 from winchcascade.blind.injected import Hidden
@@ -31,10 +30,7 @@ HEADERS = {
 
 def waves_rig(folder: Path) -> Rig:
     """The built-in rig with waves for cycles."""
-    printed = subprocess.run(
-        [sys.executable, "-m", "winchcascade", "rig", "hsu2026"], capture_output=True, text=True, check=True
-    )
-    (folder / "waves.toml").write_text(f'{printed.stdout}\n[phases]\nfrom = "waves"\n', encoding="utf-8")
+    (folder / "waves.toml").write_text(f'{command("rig", "hsu2026")}\n[phases]\nfrom = "waves"\n', encoding="utf-8")
     return load_rig(folder / "waves.toml")
 
 
@@ -186,7 +182,7 @@ def test_gaps_of_more_than_a_second_are_left_out_of_the_record(tmp_path: Path) -
 def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp_path: Path, fixtures: Path) -> None:
     log, rig = reciprocating(tmp_path, 12)
     json_file, page, pdf = (tmp_path / f"sines.{ending}" for ending in ("json", "html", "pdf"))
-    files = ["--json", json_file, "--html", page, "--pdf", pdf]
+    files: list[str | Path] = ["--json", json_file, "--html", page, "--pdf", pdf]
     printed = command("reduce", log, "--rig", rig, "--load-ohm", "36", *files)
     assert "record of" in printed
     assert "waves" in json.loads(json_file.read_text(encoding="utf-8"))
@@ -196,11 +192,10 @@ def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp
     assert "waves" not in json.loads(plain)
 
 
-def command(*words: object) -> str:
-    arguments = [sys.executable, "-m", "winchcascade", *map(str, words)]
-    done = subprocess.run(arguments, capture_output=True, encoding="utf-8")
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+def command(*words: str | Path) -> str:
+    done = call(*words)
+    assert done.code == 0, done.err
+    return done.out
 
 
 def test_crane_cycles_have_energies_by_payout_too(fixtures: Path) -> None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import re
-import subprocess
-import sys
 from html import unescape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from calls import call
 from pypdf import PdfReader
 
 from winchcascade import audit, open_campaign, write_report
@@ -26,11 +25,9 @@ if TYPE_CHECKING:
 
 
 def _run(*given: str | Path, code: int = 0) -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "winchcascade", *map(str, given)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == code, done.stdout + done.stderr
-    return done.stdout
+    done = call(*given)
+    assert done.code == code, done.out + done.err
+    return done.out
 
 
 def _text(page: Path) -> str:
