@@ -148,7 +148,16 @@ def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
         assert of.efficiency["eta_gen"] == pytest.approx((of.energy["gen"] or 0.0) / (of.energy["mech"] or 1.0))
     assert found.errors
     assert all(error.shared for error in found.errors)
-    assert joined_waves([found, found]).period.tolist() == [*found.period, *found.period]
+    independent = msgspec.structs.replace(
+        found, errors=tuple(msgspec.structs.replace(error, shared=False) for error in found.errors)
+    )
+    for waves, times in ((found, 2.0), (independent, 2.0**0.5)):  # two logs of it
+        joined = joined_waves([waves, waves])
+        assert joined.period.tolist() == [*found.period, *found.period]
+        for one, both in zip(found.errors, joined.errors, strict=True):
+            assert [abs(joule) for joule in both.energy.values()] == pytest.approx(
+                [times * abs(joule) for joule in one.energy.values()]
+            )
     for stage in STAGES:
         assert sum(c.energy[stage] or 0.0 for c in found.classes) == pytest.approx(found.energy[stage].sum())
         assert found.record_power[stage] * found.record_duration == pytest.approx(found.record_energy[stage])
