@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from trial_cases import NamedCause, Result
 
-from winchcascade.blind.score import MOST_ALTERNATIVES
+from winchcascade.blind.score import MAX_ALTERNATIVES
 
 
 class Bar(NamedTuple):
@@ -16,7 +16,7 @@ class Bar(NamedTuple):
 
     words: str
     low: float
-    least: int
+    minimum: int
     high: float = 1.0
 
 
@@ -37,8 +37,8 @@ class Figure(NamedTuple):
 
     def _result(self, bar: Bar) -> str:
         """Whether the bar is reached; too few cases decide nothing."""
-        if self.of < bar.least:
-            return f"too few: {self.of} of {bar.least}"
+        if self.of < bar.minimum:
+            return f"too few: {self.of} of {bar.minimum}"
         return "reached" if bar.low <= self.part / self.of <= bar.high else "NOT reached"
 
 
@@ -57,7 +57,7 @@ def names_all(result: Result) -> bool:
 
 def counted(cause: NamedCause) -> tuple[str, ...]:
     """The effect of a cause and the alternatives that count."""
-    return cause.names[: 1 + MOST_ALTERNATIVES]
+    return cause.names[: 1 + MAX_ALTERNATIVES]
 
 
 def quiet(result: Result) -> bool:
@@ -195,13 +195,13 @@ def _has_form(result: Result) -> bool:
 def simulation_figures(results: Sequence[Result]) -> list[Figure]:
     same, averaged = ([r for r in results if (r.plan.simulator == "same") is alike] for alike in (True, False))
     hidden = [[r for r in group if r.plan.effects] for group in (same, averaged)]
-    most, each = Bar("90 %", 0.9, 18), Bar("all", 1.0, 20)
+    nine_of_ten, every = Bar("90 %", 0.9, 18), Bar("all", 1.0, 20)
     return [
-        _count("same physics: injected cause named alone", [named_alone(r) for r in hidden[0]], most),
-        _count("same physics: no cause named falsely", [_none_false(r) for r in same], each),
+        _count("same physics: injected cause named alone", [named_alone(r) for r in hidden[0]], nine_of_ten),
+        _count("same physics: no cause named falsely", [_none_false(r) for r in same], every),
         _count("same physics: no model form of the generator", [not _has_form(r) for r in same]),
-        _count("averaged bridge: model form in the generator stage", [_has_form(r) for r in averaged], each),
-        _count("averaged bridge: injected cause named", [names_all(r) for r in hidden[1]], most),
+        _count("averaged bridge: model form in the generator stage", [_has_form(r) for r in averaged], every),
+        _count("averaged bridge: injected cause named", [names_all(r) for r in hidden[1]], nine_of_ten),
         _count("averaged bridge: no cause named falsely", [_none_false(r) for r in averaged]),
     ]
 

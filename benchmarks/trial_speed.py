@@ -13,7 +13,7 @@ from trial_plans import Plan
 
 LOADS = 7
 REPEATS = (1, 10, 20)
-MOST_TIMES, MOST_MEMORY = 20.0, 1500.0
+MAX_TIMES, MAX_MEMORY = 20.0, 1500.0
 """Bars of 140 logs: time over that of seven logs, and memory. [1, MB]"""
 
 
@@ -51,5 +51,5 @@ def speed_lines(path: Path, *, measure: bool) -> Iterator[str]:
     for logs, used in found.used.items():
         yield f"  {logs:>4} logs {used.seconds:>8.1f} s {used.seconds / seven:>6.1f} times seven logs {used.memory:>7.0f} MB"
     last = found.used[LOADS * REPEATS[-1]]
-    for what, value, bar in (("time", last.seconds / seven, MOST_TIMES), ("memory", last.memory, MOST_MEMORY)):
+    for what, value, bar in (("time", last.seconds / seven, MAX_TIMES), ("memory", last.memory, MAX_MEMORY)):
         yield f"  bar of {what}: {bar:g}, {'reached' if value <= bar else 'NOT reached'}"

@@ -46,7 +46,7 @@ def picture() -> str:
     """The picture as SVG: one row and one column for each package, a dot where modules of the row import the column."""
     found, order = imports(), list(PACKAGES)
     width, height = NAMES + CELL * len(order) + 20, TOP + ROW * len(order) + 20
-    most = max(max(others.values(), default=1) for others in found.values())
+    maximum = max(max(others.values(), default=1) for others in found.values())
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="13">',
         "<title>Layers of the package: which package imports which</title>",
@@ -69,7 +69,7 @@ def picture() -> str:
             if other == name:
                 lines.append(f'<rect x="{x - 15:g}" y="{middle - 15:g}" width="30" height="30" fill="#d0d7de"/>')
             elif times := found[name][other]:
-                radius = 4.0 + 10.0 * (times / most) ** 0.5
+                radius = 4.0 + 10.0 * (times / maximum) ** 0.5
                 lines.append(f'<circle cx="{x:g}" cy="{middle:g}" r="{radius:.1f}" fill="#4a6a8a"/>')
                 lines.append(
                     f'<text x="{x:g}" y="{middle + 4:g}" text-anchor="middle" font-size="10" fill="#ffffff">{times}</text>'

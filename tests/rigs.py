@@ -67,8 +67,8 @@ def assert_followed(run: Run, simulated: Run, gains: Mapping[str, float]) -> Non
     for name in ("pressure", "force", "vdc") if run.open_circuit else SENSORS:
         measured = run.channels[name] / gains[name]
         rms = float(np.sqrt(np.mean((simulated.channels[name] - measured)[payout] ** 2)))
-        most = ABSOLUTE.get(name) or PLATEAU_SHARE[name] * float(np.mean(measured[plateau]))
-        assert rms < most, (run.path, name)
+        maximum = ABSOLUTE.get(name) or PLATEAU_SHARE[name] * float(np.mean(measured[plateau]))
+        assert rms < maximum, (run.path, name)
 
 
 def logs_of(folder: Path) -> Iterator[tuple[Path, float]]:

@@ -52,6 +52,6 @@ def test_a_mean_over_no_time_is_not_a_number() -> None:
 
 def test_extremes_are_those_of_the_samples_inside() -> None:
     t, x = np.arange(6.0), np.array([9.0, 1.0, 5.0, 2.0, -4.0, 8.0])
-    least, largest = extremes(t, x, np.array([[0.5, 2.1], [2.2, 2.4], [4.0, 5.0]]))
-    assert least.tolist() == [1.0, 2.0, -4.0]
+    minimum, largest = extremes(t, x, np.array([[0.5, 2.1], [2.2, 2.4], [4.0, 5.0]]))
+    assert minimum.tolist() == [1.0, 2.0, -4.0]
     assert largest.tolist() == [5.0, 2.0, 8.0]

@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 
 DOCS = Path(__file__).parent.parent / "docs"
-MOST = 600_000
+MAX_SIZE = 600_000
 """Size of all pictures together. [bytes]"""
 
 SLOW = {"waterfall.svg"}
@@ -57,7 +57,7 @@ def test_the_readme_shows_every_picture_and_they_are_small() -> None:
     shown = set(re.findall(r"!\[[^\]]+\]\(docs/pictures/([\w.]+)\)", text))
     there = {path.name for path in PICTURES.PICTURES.iterdir()} - {"sources.json"}
     assert shown == there == set(PICTURES.DRAWN) == set(STORED)
-    assert sum(path.stat().st_size for path in PICTURES.PICTURES.iterdir()) <= MOST
+    assert sum(path.stat().st_size for path in PICTURES.PICTURES.iterdir()) <= MAX_SIZE
 
 
 def test_drawings_need_no_other_file() -> None:

@@ -13,7 +13,7 @@ from winchcascade.batch.log_settings import LogSettings
 from winchcascade.batch.plan import Work, make_plan
 from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 
-MOST_BYTES = 200
+MAX_BYTES = 200
 """Of a log's name: file systems take 255, and ending and scratch suffix need some."""
 
 CAMPAIGN = """
@@ -212,7 +212,7 @@ def test_any_names_are_distinguished_and_safe_for_every_file_system(files: list[
     for name in found:
         assert re.search(r'[<>:"/\\|?*\x00-\x1f]', name) is None
         assert name[:1] not in ("", ".", " ")  # the end may be: an ending follows
-        assert len(name.encode("utf-8", "surrogatepass")) <= MOST_BYTES
+        assert len(name.encode("utf-8", "surrogatepass")) <= MAX_BYTES
 
 
 def test_a_key_changes_with_every_option_and_with_the_rig(campaign: Path) -> None:

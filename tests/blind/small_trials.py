@@ -15,8 +15,8 @@ from winchcascade.blind.cases import (
     TRIAL,
     Answer,
     Case,
-    Envelope,
     Kind,
+    SealedAnswers,
     campaign_toml,
     make_campaign,
     seal,
@@ -42,7 +42,7 @@ def answer(
 
 def sealed_trial(folder: Path, *answers: Answer) -> Path:
     """A folder with sealed answers and no logs."""
-    content, trial = seal(Envelope(0, answers))
+    content, trial = seal(SealedAnswers(0, answers))
     (folder / "diagnoses").mkdir(parents=True)
     (folder / SEALED).write_bytes(content)
     (folder / TRIAL).write_bytes(trial_bytes(trial))

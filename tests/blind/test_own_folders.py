@@ -212,10 +212,10 @@ def test_the_command_rejects_a_forged_name_with_one_sentence(folders: Path, tmp_
 
 
 def test_a_sealed_file_of_other_names_is_rejected(tmp_path: Path, folders: Path) -> None:
-    from winchcascade.blind.cases import Envelope, open_seal
+    from winchcascade.blind.cases import SealedAnswers, open_seal
 
     trial = shutil.copytree(folders / "trial", tmp_path / "trial")
-    content, record = seal(Envelope(7, ()))
+    content, record = seal(SealedAnswers(7, ()))
     forged = content.replace(
         b"[]", (trial / SEALED).read_bytes().partition(b'"answers": ')[2].partition(b"],\n")[0] + b"]"
     )

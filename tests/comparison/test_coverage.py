@@ -20,7 +20,7 @@ from winchcascade.report.records import reduction_record
 TRIALS = 300
 """Pairs of sides."""
 
-LEAST, MOST = 0.92, 0.985
+LOWEST, HIGHEST = 0.92, 0.985
 """Of 300 intervals of 95 %, fewer than 92 % or more than 98.5 % hold the truth less than once in a hundred times. The sum of
 the few rectangular errors of these sensors is flatter than normal, which makes intervals hold up to 97 %."""
 
@@ -102,7 +102,7 @@ def trials(scatter: float, *, common: bool, same_sensors: bool, repeats: int = 1
 
 
 def outside(found: Mapping[str, float]) -> dict[str, float]:
-    return {m: share for m, share in found.items() if not LEAST <= share <= MOST}
+    return {m: share for m, share in found.items() if not LOWEST <= share <= HIGHEST}
 
 
 @pytest.mark.slow

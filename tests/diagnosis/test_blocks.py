@@ -16,7 +16,7 @@ from winchcascade.diagnosis.block_means import BLOCK, PHASES, Blocks, blocks_of
 from winchcascade.reduction.phases import detect, smoothed_velocity
 
 RIG = built_in()
-LEAST_COVERED = 0.97
+MIN_COVERED = 0.97
 """Samples that lie in blocks: what is left are stretches shorter than half a block, and the last sample."""
 
 
@@ -35,7 +35,7 @@ def test_blocks_cover_the_log_and_no_sample_twice(run: Run) -> None:
     for block in inside(blocks, run):
         taken[block] += 1
     assert taken.max() == 1
-    assert np.mean(taken) > LEAST_COVERED
+    assert np.mean(taken) > MIN_COVERED
 
 
 def test_blocks_of_a_coarse_log_are_longer_and_cover_it(run: Run) -> None:
@@ -44,7 +44,7 @@ def test_blocks_of_a_coarse_log_are_longer_and_cover_it(run: Run) -> None:
     blocks = blocks_of(coarse, RIG)
     assert blocks.count.min() >= 3
     assert np.median(blocks.count) == 4
-    assert blocks.count.sum() > LEAST_COVERED * coarse.t.size
+    assert blocks.count.sum() > MIN_COVERED * coarse.t.size
     assert np.mean(blocks.joined) > 0.5
 
 

@@ -218,9 +218,9 @@ def test_at_rest_or_without_current_no_region_is_reported() -> None:
     assert " rpm, most clearly in open circuit" in where_sentence(found)
 
 
-@pytest.mark.parametrize(("most", "stated"), [(0.4, False), (0.6, True)])
-def test_a_current_of_less_than_half_an_ampere_is_no_region(most: float, stated: bool) -> None:
-    sentence = where_sentence(Where("generator", place("vdc", 9.0), (100.0, 900.0), (-0.1, most), 2.0))
+@pytest.mark.parametrize(("maximum", "stated"), [(0.4, False), (0.6, True)])
+def test_a_current_of_less_than_half_an_ampere_is_no_region(maximum: float, stated: bool) -> None:
+    sentence = where_sentence(Where("generator", place("vdc", 9.0), (100.0, 900.0), (-0.1, maximum), 2.0))
     assert (" A DC" in sentence) == stated
     assert "between 100 and 900 rpm" in sentence
 

@@ -70,8 +70,8 @@ def test_the_run_down_of_the_generator_is_known_no_better_than_its_run(data: Fit
     log, vdc = data.logs[1], CHANNELS.index("vdc")
     phase = log.course.blocks.phase
     run = np.quantile(np.abs(log.measured[phase == PHASES.index("payout"), vdc]), TOP)
-    least = RIG.model.discrepancy * OF_A_BLOCK * run
-    assert np.all(log.noise.model[phase == PHASES.index("hold"), vdc] >= 0.99 * least)
+    minimum = RIG.model.discrepancy * OF_A_BLOCK * run
+    assert np.all(log.noise.model[phase == PHASES.index("hold"), vdc] >= 0.99 * minimum)
 
 
 def test_a_channel_that_says_nothing_gives_zeros(data: Fitted) -> None:

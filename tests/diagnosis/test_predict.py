@@ -12,7 +12,7 @@ from winchcascade import read_run, simulate
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import blocks_of
-from winchcascade.diagnosis.predict import _SHAFT_FROM, CHANNELS, MOST_KEPT, Course
+from winchcascade.diagnosis.predict import _SHAFT_FROM, CHANNELS, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import Constants, constants
 from winchcascade.rig.parts import Model
@@ -75,7 +75,7 @@ def test_a_change_at_the_line_really_leaves_the_shaft_alone(run: Run) -> None:
 def test_the_solution_that_was_used_longest_ago_goes_first(run: Run) -> None:
     course = Course(run, blocks_of(run, RIG, (1, 1)), step=0.01)
     first, second = course.shaft(NUMBERS), course.shaft(changed("gear"))
-    for k in range(MOST_KEPT - 1):
+    for k in range(MAX_KEPT - 1):
         course.shaft(NUMBERS._replace(b_rotor=1e-4 * (k + 1)))
         assert course.shaft(NUMBERS) is first
     assert course.shaft(changed("gear")) is not second

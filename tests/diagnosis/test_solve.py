@@ -16,7 +16,7 @@ from winchcascade.diagnosis.solve import (
     box_minimum,
     gauss_newton,
     huber,
-    least_within,
+    minimum_within,
     weights,
 )
 
@@ -108,7 +108,7 @@ def test_beyond_the_inner_bounds_the_objective_rises(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rate = rng.uniform(0.0, 2.0, low.size)
     bounds = Bounds(low - 2.0, high + 2.0, low, high, rate)
-    x = least_within(a.T @ a, a.T @ b, bounds)
+    x = minimum_within(a.T @ a, a.T @ b, bounds)
 
     def rises(x: np.ndarray) -> float:
         return objective(a, b, x) + bounds.penalty(x)

@@ -340,11 +340,11 @@ BELOW = 0.1
 """Share of the draws with a size below the threshold that the task sets: these one log need not show."""
 
 
-def _lag(log: Log, rng: Rng, threshold: float, most: float) -> float:
-    least = max(threshold, log.step)
+def _lag(log: Log, rng: Rng, threshold: float, maximum: float) -> float:
+    minimum = max(threshold, log.step)
     if rng.random() < BELOW:
-        return either(rng, log_uniform(rng, 0.3 * least, least))
-    return either(rng, log_uniform(rng, 1.05 * least, most))
+        return either(rng, log_uniform(rng, 0.3 * minimum, minimum))
+    return either(rng, log_uniform(rng, 1.05 * minimum, maximum))
 
 
 def _at(log: Log, name: str, t: Signal) -> Signal:
@@ -421,8 +421,8 @@ def second_clock(log: Log, rng: Rng) -> Damage:
 def filtered(log: Log, rng: Rng) -> Damage:
     """A low-pass filter of first order with a time constant of 0.1 s (or one sample) to 1.5 s in one amplifier."""
     name = ("velocity", "torque", "vdc", "idc")[rng.integers(4)]
-    least = max(PHYSICS if name == "torque" else THRESHOLD, log.step)
-    tau = log_uniform(rng, 1.05 * least, 1.5)
+    minimum = max(PHYSICS if name == "torque" else THRESHOLD, log.step)
+    tau = log_uniform(rng, 1.05 * minimum, 1.5)
     keep = np.exp(-log.step / tau)
     x = log.columns[name]
     smooth = lfilter([1 - keep], [1, -keep], x, zi=[keep * x[0]])[0]

@@ -247,11 +247,11 @@ def _limit_memory(room: int) -> None:
 def memory_taken() -> Iterator[Callable[[], int]]:
     """Yield what tells, afterwards, the most memory that was taken meanwhile beyond what was taken before. [bytes]"""
     Path("/proc/self/clear_refs").write_text("5")
-    before, most = _resident("VmRSS"), [0]
+    before, maximum = _resident("VmRSS"), [0]
     try:
-        yield lambda: most[0]
+        yield lambda: maximum[0]
     finally:
-        most[0] = _resident("VmHWM") - before
+        maximum[0] = _resident("VmHWM") - before
 
 
 def _resident(which: str) -> int:

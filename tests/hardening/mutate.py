@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from seeds import SEEDS, seeds, unzipped, zipped
 
 ZIPPED = b"PK\x03\x04"
-MOST_BYTES = 400_000
+MAX_BYTES = 400_000
 """No mutation is larger: what a size alone does is tested on its own."""
 
 WORDS = [
@@ -208,7 +208,7 @@ def _changed(start: bytes, changes: Sequence[Change], chance: random.Random) -> 
     data = bytearray(start)
     for _ in range(chance.choice((1, 1, 1, 2, 3, 5, 20))):
         chance.choice(changes)(data, chance)
-        del data[MOST_BYTES:]
+        del data[MAX_BYTES:]
         data = data or bytearray(b"x")
     if start[:19] == b"MATLAB 5.0 MAT-file" and chance.random() < 0.3:
         return _packed_anew(start, chance)

@@ -109,11 +109,11 @@ def gain_reason(found: Reduction) -> Reason | None:
     compared = compare_cycles(found.cycles, found.rig, found.bridged, found.run)
     if not compared or any(c.chance <= ALPHA for c in compared):
         return None
-    most = min(compared, key=lambda c: c.chance)
+    rarest = min(compared, key=lambda c: c.chance)
     return Reason(
         "the change of the efficiency is inside what speed and repeatability allow",
-        f"{most.metric} {abs(most.change):.1%} over {len(most.cycles)} cycles; {most.explained:.1%} by speed, gaps and zeros "
-        f"and {_by_chance(most, len(compared)):.1%} by chance",
+        f"{rarest.metric} {abs(rarest.change):.1%} over {len(rarest.cycles)} cycles; {rarest.explained:.1%} by speed, gaps "
+        f"and zeros and {_by_chance(rarest, len(compared)):.1%} by chance",
     )
 
 

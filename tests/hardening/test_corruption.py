@@ -130,7 +130,7 @@ def test_every_class_has_logs_of_several_loads_and_rates(folder: Path) -> None:
         assert len(chosen.ways) > 1
 
 
-MOST_SILENT, MOST_SILENT_IN_A_CLASS = 0.05, 0.15
+MAX_SILENT, MAX_SILENT_IN_A_CLASS = 0.05, 0.15
 """Largest shares of silent corruptions among those that move a number beyond the bar."""
 
 
@@ -140,8 +140,8 @@ def test_few_corruptions_beyond_the_bar_are_silent(folder: Path) -> None:
     assert [r.fault for r in results if r.fault] == []
     found = table(results)
     for kind in CLASSES:
-        assert silent_share([r for r in results if r.kind == kind]) <= MOST_SILENT_IN_A_CLASS, found
-    assert silent_share(results) <= MOST_SILENT, found
+        assert silent_share([r for r in results if r.kind == kind]) <= MAX_SILENT_IN_A_CLASS, found
+    assert silent_share(results) <= MAX_SILENT, found
 
 
 @pytest.mark.slow

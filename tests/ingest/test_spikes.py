@@ -48,8 +48,8 @@ def test_a_spike_of_a_third_of_the_span_is_found_at_rest_on_ramps_and_on_the_pla
         x = logged(name, channel)
         places = range(30, x.size - 30, x.size // 40)
         found = [with_spikes(x, [k], size) == [k] for k in places]
-        least = 0.95 if abs(size) < 1 else 1.0  # where the torque jumps, a third of the span is ordinary
-        assert np.mean(found) >= least
+        minimum = 0.95 if abs(size) < 1 else 1.0  # where the torque jumps, a third of the span is ordinary
+        assert np.mean(found) >= minimum
 
     names = ["smooth", "heavy_load", "hundred_hertz", "everything"]
     assert failures(check, all_pairs(names, SENSORS, [0.3, -0.3, 1.0, -10.0, 1000.0])) == []

@@ -72,10 +72,10 @@ def test_the_mean_efficiency_is_the_mean_of_ratios_and_the_total_the_ratio_of_su
 @given(st.lists(st.floats(1.0, 1e4), min_size=2, max_size=20))
 def test_no_cycle_deviates_by_more_than_the_largest_deviation(values: list[float]) -> None:
     cycles = [Metrics(energy_line=v) for v in values]
-    mean, most = ensemble_mean(cycles).energy_line, largest_deviation(cycles).energy_line
+    mean, maximum = ensemble_mean(cycles).energy_line, largest_deviation(cycles).energy_line
     assert mean is not None
-    assert most is not None
-    assert all(abs(v - mean) <= most / 100 * mean * (1 + 1e-9) for v in values)
+    assert maximum is not None
+    assert all(abs(v - mean) <= maximum / 100 * mean * (1 + 1e-9) for v in values)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -366,7 +366,7 @@ def test_a_selection_of_many_cycles_stands_for_all_of_them() -> None:
 # ------------------------------------------------------------------------------------------------ coverage
 REPEATS = 200
 MANY = 600
-LEAST, MOST = 0.91, 0.99
+LOWEST, HIGHEST = 0.91, 0.99
 """Of 200 intervals that hold the truth with 95 %, fewer than 91 % or more than 99 % do so once in 200 times. Few cycles whose
 scatter decides are drawn more often: Student's draws make their intervals hold up to 97.5 %."""
 
@@ -408,7 +408,7 @@ def coverage(
 
 
 def outside(found: Mapping[str, float]) -> dict[str, float]:
-    return {m: share for m, share in found.items() if not LEAST <= share <= MOST}
+    return {m: share for m, share in found.items() if not LOWEST <= share <= HIGHEST}
 
 
 def mean_truth(t: Signal, channels: Channels) -> dict[str, float]:

@@ -58,7 +58,7 @@ ROUNDING = 1e-9
 FREEDOM_ROUNDING = 1e-6
 """Degrees of freedom go with the fourth power of a scatter that is a small difference of large numbers."""
 
-MOST = 0.8
+MAX_PART = 0.8
 """The force cell's part in the variance of eta_trans: 0.2 % of 19.6 kN, where the line pulls 2 kN."""
 
 
@@ -316,7 +316,7 @@ def test_a_sensor_without_any_accuracy_has_no_known_error(sensor: Sensor) -> Non
 def test_the_force_cell_makes_most_of_the_variance_of_the_transmission_efficiency(path: Path) -> None:
     found = budget(reduce(read_run(path)))
     force = [r.of for r in found.rows if r.source is not None and r.source.channel == "force"]
-    assert sum(shares(of, found.mean).eta_trans or 0.0 for of in force) > MOST
+    assert sum(shares(of, found.mean).eta_trans or 0.0 for of in force) > MAX_PART
 
 
 @pytest.mark.parametrize("metric", METRICS)

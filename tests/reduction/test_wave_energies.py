@@ -289,8 +289,8 @@ def test_mean_powers_of_the_record_have_the_interval_of_the_sensors_and_of_the_w
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("waves", "memory", "least"), [(10, 0.0, 0.90), (40, 0.0, 0.92), (120, 0.6, 0.87)])
-def test_intervals_of_mean_powers_hold_the_truth(waves: int, memory: float, least: float) -> None:
+@pytest.mark.parametrize(("waves", "memory", "minimum"), [(10, 0.0, 0.90), (40, 0.0, 0.92), (120, 0.6, 0.87)])
+def test_intervals_of_mean_powers_hold_the_truth(waves: int, memory: float, minimum: float) -> None:
     """Waves alone or in groups, between which the machine rests for a tenth of the record; 95 % is meant."""
     rng, held, number = np.random.default_rng(11), 0, 200
     for _ in range(number):
@@ -299,7 +299,7 @@ def test_intervals_of_mean_powers_hold_the_truth(waves: int, memory: float, leas
         record = float(period.sum()) / 0.9
         low, high = mean_power((record, float(joules.sum())), (period, joules)).interval or (0.0, 0.0)
         held += low <= 450.0 <= high
-    assert least <= held / number <= 0.985
+    assert minimum <= held / number <= 0.985
 
 
 def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:

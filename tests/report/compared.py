@@ -57,9 +57,9 @@ def before_braking(comparison: ModelComparison) -> list[int]:
     return found
 
 
-def binned(rows: list[int], x: Signal, y: Signal, width: float, least: int) -> dict[float, float]:
+def binned(rows: list[int], x: Signal, y: Signal, width: float, minimum: int) -> dict[float, float]:
     """Means of y in bins of x by the middles of the bins, one sample after the other."""
     bins: dict[int, list[float]] = {}
     for k in rows:
         bins.setdefault(math.floor(float(x[k]) / width), []).append(float(y[k]))
-    return {(n + 0.5) * width: float(np.mean(ys)) for n, ys in sorted(bins.items()) if len(ys) >= least}
+    return {(n + 0.5) * width: float(np.mean(ys)) for n, ys in sorted(bins.items()) if len(ys) >= minimum}

@@ -18,7 +18,7 @@ from page_scripts import check_scripts, markup_of
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import run_batch
 from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.report.campaign import DRAWS, MOST_RUNS, best_load, make_campaign_report
+from winchcascade.report.campaign import DRAWS, MAX_RUNS, best_load, make_campaign_report
 from winchcascade.report.campaign_figures import over_load
 from winchcascade.report.campaign_record import (
     CampaignRecord,
@@ -307,12 +307,12 @@ def test_a_campaign_of_one_log_has_a_report_without_a_best_load(bare: Path) -> N
 
 
 def test_of_very_many_logs_a_table_lists_the_first_and_the_last(bare: Path) -> None:
-    runs = [run(f"{k}.csv", 1.0 + k, 0.7, 0.01) for k in range(2 * MOST_RUNS)]
+    runs = [run(f"{k}.csv", 1.0 + k, 0.7, 0.01) for k in range(2 * MAX_RUNS)]
     report = make_campaign_report(summary(*runs), bare)
     rows = table(report, "efficiencies").rows
-    assert len(rows) == MOST_RUNS + 1
-    assert (rows[0][0], rows[-1][0]) == (f"{2 * MOST_RUNS - 1}.csv", "0.csv")
-    assert rows[MOST_RUNS // 2][0] == f"… {MOST_RUNS} more, in the dataset"
+    assert len(rows) == MAX_RUNS + 1
+    assert (rows[0][0], rows[-1][0]) == (f"{2 * MAX_RUNS - 1}.csv", "0.csv")
+    assert rows[MAX_RUNS // 2][0] == f"… {MAX_RUNS} more, in the dataset"
 
 
 def test_tables_show_each_window_and_mixed_rules_are_reported(bare: Path) -> None:

@@ -69,7 +69,7 @@ def test_the_text_of_an_audit_holds_findings_claims_and_windows() -> None:
     for words in (
         "27 ohm, eta_pto: 0.707 is printed",
         "A change of one cell makes the row consistent: eta_pto 0.708, or energy_line 8621 to 8623 J.",
-        "the text says 982 W, but the table prints 903 W",
+        "the text states 982 W, but the table prints 903 W",
         "69 % is eta_pto, gen out of line",
         "45 ohm, 36 ohm can share one window: 5.4790 to 5.4817 s, such as 5.48 s",
         "found: 1 contradiction between cells, 2 contradicted claims",

@@ -91,7 +91,7 @@ def test_a_channel_that_a_run_lacks_has_no_curve() -> None:
 
 def test_of_many_cycles_a_page_holds_some_of_every_load_and_the_worst(monkeypatch: pytest.MonkeyPatch) -> None:
     found = diagnosed("copper")
-    monkeypatch.setattr(histories, "MOST_CYCLES", 4)
+    monkeypatch.setattr(histories, "MAX_CYCLES", 4)
     gaps = {(log, cycle): 1.0 for log in (0, 1) for cycle in range(1, 21)} | {(1, 7): 9.0}
     assert chosen_cycles(found, gaps) == [(0, 1), (0, 20), (1, 1), (1, 7), (1, 20)]
 
@@ -147,7 +147,7 @@ def test_repaired_stretches_and_phases_of_a_cycle_are_stated_since_its_onset() -
 def test_seven_runs_of_three_cycles_stay_small() -> None:
     found = diagnosed("copper")
     one = cycle_histories(found)[0][0]
-    points, most = 850, 1_500_000  # 34 s at 25 Hz; characters
+    points, maximum = 850, 1_500_000  # 34 s at 25 Hz; characters
     logged, given, caused = (np.resize(x, (points, len(CHANNELS))) for x in one.sides)
     longer = one._replace(t=np.resize(one.t, points), logged=logged, given=given, caused=caused)
-    assert len(histories_json(found, [longer] * 21, 0, "logged")) < most
+    assert len(histories_json(found, [longer] * 21, 0, "logged")) < maximum

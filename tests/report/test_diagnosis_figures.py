@@ -287,8 +287,8 @@ def test_a_larger_effect_would_be_named_and_a_smaller_one_would_not() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("times", "named"), [(2.0, True), (0.4, False)])
 def test_what_is_said_of_the_smallest_effect_holds_in_logs(times: float, named: bool) -> None:
-    (least,) = (one.value for one in thresholds(diagnosed("nothing")) if one.effect == "copper_heating")
-    assert least is not None
-    runs = [one.run for one in made_logs({"copper_heating": {"r_s_change": times * least}})]
+    (minimum,) = (one.value for one in thresholds(diagnosed("nothing")) if one.effect == "copper_heating")
+    assert minimum is not None
+    runs = [one.run for one in made_logs({"copper_heating": {"r_s_change": times * minimum}})]
     found: ModelDiagnosis = diagnose(runs, load_rig("hsu2026"), {suspect: EFFECTS[suspect] for suspect in SUSPECTS})
     assert [cause.effect for cause in found.causes] == (["copper_heating"] if named else [])

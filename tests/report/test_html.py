@@ -30,7 +30,7 @@ from winchcascade.rig.open_rig import load_rig
 ROOT = Path(__file__).parents[2]
 CLEAN = ROOT / "fixtures" / "campaign" / "r36ohm.csv"
 
-MOST_BYTES = 2_000_000
+MAX_BYTES = 2_000_000
 """A page that can still be sent by mail."""
 
 WORDS = (
@@ -245,7 +245,7 @@ def test_a_page_has_no_character_that_html_forbids(hostile: Made) -> None:
 
 def test_a_log_of_hours_has_a_page_that_can_be_sent_by_mail(long: Made) -> None:
     assert len(long.reduction.cycles) >= 249
-    assert len(long.page.encode()) < MOST_BYTES
+    assert len(long.page.encode()) < MAX_BYTES
 
 
 def path_of(page: str, gid: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

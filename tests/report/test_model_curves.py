@@ -13,7 +13,7 @@ from winchcascade.report.model_account import (
     DAMPERS,
     GROUPS,
     HAUL_IN,
-    LEAST,
+    MIN_BIN_SAMPLES,
     SHOWN,
     Account,
     ModelComparison,
@@ -47,7 +47,7 @@ def accounts(comparisons: dict[str, ModelComparison]) -> dict[str, Account]:
 def means_over_speed(c: ModelComparison) -> Callable[[Signal], dict[float, float]]:
     """Means of a channel by bins of generator speed, of the samples before braking."""
     rpm = c.run.channels["velocity"] / 0.13 * 50.0 * 30.0 / math.pi
-    return lambda y: binned(before_braking(c), rpm, y, 100.0, LEAST)
+    return lambda y: binned(before_braking(c), rpm, y, 100.0, MIN_BIN_SAMPLES)
 
 
 # ----------------------------------------------------------------------------------------------------------- the curves
@@ -94,12 +94,12 @@ def test_pressure_and_force_are_means_over_displacement_and_velocity(
     back = np.flatnonzero(c.haul_in).tolist()
     x = c.run.channels
     for name, rows in (("pressure_kgcm2", out), (HAUL_IN, back)):
-        expected = binned(rows, x["displacement"], x["pressure"] / KGCM2, 0.5, LEAST)
-        places = binned(rows, x["displacement"], x["displacement"], 0.5, LEAST)
+        expected = binned(rows, x["displacement"], x["pressure"] / KGCM2, 0.5, MIN_BIN_SAMPLES)
+        places = binned(rows, x["displacement"], x["displacement"], 0.5, MIN_BIN_SAMPLES)
         assert curves[name].log == pytest.approx(list(expected.values()), rel=KEPT)
         assert curves[name].x == pytest.approx(list(places.values()), rel=KEPT, abs=1e-4)
     expected = binned(
-        sorted({*before_braking(c), *back}), x["velocity"], c.simulation.run.channels["force"], 0.1, LEAST
+        sorted({*before_braking(c), *back}), x["velocity"], c.simulation.run.channels["force"], 0.1, MIN_BIN_SAMPLES
     )
     assert curves["force_n"].simulated == pytest.approx(list(expected.values()), rel=KEPT)
     assert min(curves["force_n"].x) < -0.5 < 0.5 < max(curves["force_n"].x)
@@ -144,8 +144,8 @@ def test_the_sweep_holds_the_rigs_own_damper_and_more_damper_takes_more_force(
     assert (sweep.factors, sweep.nominal) == (DAMPERS, 7.5e-4)
     rpm = c.run.channels["velocity"] / 0.13 * 50.0 * 30.0 / math.pi
     rows = before_braking(c)
-    own = binned(rows, rpm, c.simulation.run.channels["force"], 100.0, LEAST)
-    log = binned(rows, rpm, c.run.channels["force"], 100.0, LEAST)
+    own = binned(rows, rpm, c.simulation.run.channels["force"], 100.0, MIN_BIN_SAMPLES)
+    log = binned(rows, rpm, c.run.channels["force"], 100.0, MIN_BIN_SAMPLES)
     assert sweep.rpm == pytest.approx(list(own))
     assert sweep.simulated[DAMPERS.index(1.0)] == pytest.approx(list(own.values()), rel=KEPT)
     assert sweep.log == pytest.approx(list(log.values()), rel=KEPT)

@@ -32,7 +32,7 @@ MARKUP = (
 )
 """What Typst might take for something else than text."""
 
-MOST_PAGES = 10
+MAX_PAGES = 10
 """Of a log of three cycles; a page more would be one that is all but empty."""
 
 
@@ -106,7 +106,7 @@ def test_the_title_and_the_maker_are_in_the_metadata(clean: Made) -> None:
 
 def test_every_page_has_its_number_and_every_page_but_the_first_its_name(clean: Made) -> None:
     n = len(clean.pages)
-    assert 3 <= n <= MOST_PAGES
+    assert 3 <= n <= MAX_PAGES
     for k, text in enumerate(clean.pages, start=1):
         assert text.rstrip().endswith(f"{k} / {n}")
         assert text.startswith("r36ohm.csv") == (k > 1)

@@ -16,10 +16,10 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.figures import powers_of
-from winchcascade.report.time_histories import MOST_SPANS, READ_OUT, clock_zero, envelope, readout
+from winchcascade.report.time_histories import MAX_SPANS, READ_OUT, clock_zero, envelope, readout
 
 SLACK = 4
-"""Rows beyond `most`: the last stretch may be a short one (2), first and last row are always kept (2)."""
+"""Rows beyond `maximum`: the last stretch may be a short one (2), first and last row are always kept (2)."""
 
 FOUR_DIGITS = 0.5e-3
 """What four digits may change in a value, relatively."""
@@ -50,14 +50,14 @@ def array(shape: str, n: int, seed: int) -> np.ndarray[tuple[int], np.dtype[np.f
 @example("noise", 200, 100, 1)
 @example("steps", 201, 100, 1)
 @example("noise", 1, 4, 1)
-def test_every_sample_lies_between_kept_ones_of_its_neighbourhood(shape: str, n: int, most: int, seed: int) -> None:
+def test_every_sample_lies_between_kept_ones_of_its_neighbourhood(shape: str, n: int, maximum: int, seed: int) -> None:
     x = array(shape, n, seed)
-    rows = envelope(x, most)
+    rows = envelope(x, maximum)
     assert (rows[0], rows[-1]) == (0, n - 1)
     assert (np.diff(rows) > 0).all()
-    assert rows.size <= most + SLACK
+    assert rows.size <= maximum + SLACK
     assert (x[rows].min(), x[rows].max()) == (x.min(), x.max())
-    near = math.ceil(2 * n / most)  # two rows of each stretch
+    near = math.ceil(2 * n / maximum)  # two rows of each stretch
     for i in range(n):
         beside = x[rows[(rows > i - near) & (rows < i + near)]]
         assert beside.min() <= x[i] <= beside.max()
@@ -177,4 +177,4 @@ def test_a_log_that_begins_late_on_its_own_clock_keeps_its_clock(reduction: Redu
 
 def test_a_reader_chooses_among_not_more_cycles_than_a_list_can_hold(reduction: Reduction) -> None:
     many = msgspec.structs.replace(reduction, cycles=reduction.cycles * 200)
-    assert len(page(many)["cycles"]) == MOST_SPANS
+    assert len(page(many)["cycles"]) == MAX_SPANS

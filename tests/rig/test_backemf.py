@@ -13,7 +13,7 @@ from winchcascade import read_run
 from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.rig.backemf import RPM_LEAST, back_emf
+from winchcascade.rig.backemf import RPM_MIN, back_emf
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import Model
 
@@ -95,7 +95,7 @@ def test_samples_of_the_regression_are_those_above_1000_rpm_in_the_payouts_hande
     run = made_log()
     payouts = steady_payouts(run)
     whole, first = back_emf(run, MODEL, payouts), back_emf(run, MODEL, payouts[:1])
-    assert whole.rpm.min() > RPM_LEAST
+    assert whole.rpm.min() > RPM_MIN
     assert whole.rpm.shape == whole.v_ll.shape == whole.vdc.shape
     assert 2.5 < whole.rpm.size / first.rpm.size < 3.5
 

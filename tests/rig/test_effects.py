@@ -199,10 +199,10 @@ def test_a_declaration_has_its_texts(name: str) -> None:
 @every_effect
 def test_fields_have_unit_source_and_bounds_that_hold_the_absent_value(name: str) -> None:
     for field in EFFECTS[name].fields:
-        least, most = field.possible
+        minimum, maximum = field.possible
         assert field.unit
         assert field.source
-        assert least <= field.low <= field.absent <= field.high <= most
+        assert minimum <= field.low <= field.absent <= field.high <= maximum
         assert field.low < field.high
 
 

@@ -63,10 +63,10 @@ BALANCED = 1e-3
 def test_the_lines_energy_is_stored_lost_or_delivered(fixtures: Path, load: float) -> None:
     run = read_run(fixtures / "campaign" / "r18ohm.csv", load=load)
     energy = simulate(run, baseline(built_in())).energy
-    most = int(np.argmax(energy["line"]))
+    last = int(np.argmax(energy["line"]))
     assert tuple(energy) == LEDGER
-    assert sum(energy[name][most] for name in LEDGER[1:]) == pytest.approx(energy["line"][most], rel=BALANCED)
-    assert all(energy[name][most] >= -1e-3 for name in LEDGER[1:])
+    assert sum(energy[name][last] for name in LEDGER[1:]) == pytest.approx(energy["line"][last], rel=BALANCED)
+    assert all(energy[name][last] >= -1e-3 for name in LEDGER[1:])
 
 
 def test_when_the_drum_slows_the_rotor_runs_on_alone(fixtures: Path) -> None:

@@ -66,8 +66,8 @@ def test_stages_follow_a_campaign_without_an_effect(shared: Path, case: str, log
     for output in outputs:
         measured = run.channels[output.channel][on]
         idle = run.open_circuit and output.channel == "torque"
-        most = IN_OPEN_CIRCUIT if idle else SHARE[output.stage, output.channel]
-        assert rms(output.predicted[on] - measured) < most * float(np.mean(measured)), output.stage
+        maximum = IN_OPEN_CIRCUIT if idle else SHARE[output.stage, output.channel]
+        assert rms(output.predicted[on] - measured) < maximum * float(np.mean(measured)), output.stage
         assert np.mean(np.isfinite(output.predicted[on])) > 0.9, output.stage
 
 

@@ -18,7 +18,7 @@ from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.kernel import SHAFT, STATE, Constants, LineMotion, constants, solve_shaft
 from winchcascade.rig.parts import Model, changed
 from winchcascade.rig.simulate import motion_of
-from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, Direction, Tangent, direction, tangent_of
+from winchcascade.rig.tangent import MAX_WAYS, NUMBERS, Direction, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -135,4 +135,4 @@ def test_a_direction_that_was_not_carried_is_rejected() -> None:
         tangent.moves(constants(WORN, 36.0))
     way = direction(numbers, constants(WORN, 36.0))
     with pytest.raises(ValueError, match="directions of the roll-off"):
-        derivatives(course.v, numbers, [way] * (MOST_WAYS + 1))
+        derivatives(course.v, numbers, [way] * (MAX_WAYS + 1))

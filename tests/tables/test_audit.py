@@ -102,9 +102,9 @@ def violation(x: NDArray[np.float64], spans: dict[str, Span], ratio: float, prod
         high = min(spans[eta].high, quotient / (1.0 - ratio), 1.0)
         out += [max(0.0, low / high - 1.0), max(0.0, quotient - 1.0)]
         left[eta] = (low, high)
-    least = left["eta_trans"][0] * left["eta_gen"][0] * (1.0 - product)
-    most = left["eta_trans"][1] * left["eta_gen"][1] * (1.0 + product)
-    return np.array([*out, max(0.0, least / left["eta_pto"][1] - 1.0), max(0.0, left["eta_pto"][0] / most - 1.0)])
+    minimum = left["eta_trans"][0] * left["eta_gen"][0] * (1.0 - product)
+    maximum = left["eta_trans"][1] * left["eta_gen"][1] * (1.0 + product)
+    return np.array([*out, max(0.0, minimum / left["eta_pto"][1] - 1.0), max(0.0, left["eta_pto"][0] / maximum - 1.0)])
 
 
 def distance(table: PublishedTable, row: TableRow) -> float:
@@ -264,12 +264,12 @@ def test_these_two_claims_are_all_that_is_contradicted(hsu: Audit) -> None:
 
 def test_903_in_the_text_changes_the_verdict() -> None:
     changed = audit(parse_table(HSU_TEXT.replace("value = 982", "value = 903"), "t"))
-    assert claim(changed, "the text says 903 W").verdict == "confirmed"
+    assert claim(changed, "the text states 903 W").verdict == "confirmed"
 
 
 def test_a_wrong_cell_beside_a_right_text_is_reported_the_other_way_round() -> None:
     text = HSU_TEXT.replace("value = 982", "value = 903").replace("power_gen = 903", "power_gen = 982")
-    verdict = claim(audit(parse_table(text, "t")), "the text says 903 W")
+    verdict = claim(audit(parse_table(text, "t")), "the text states 903 W")
     assert verdict.verdict == "contradicted"
     assert "903 W is consistent with the rest of the row" in verdict.sentence
 
@@ -277,21 +277,21 @@ def test_a_wrong_cell_beside_a_right_text_is_reported_the_other_way_round() -> N
 def test_text_and_cell_that_are_both_wrong_are_reported_so() -> None:
     verdict = claim(audit(parse_table(HSU_TEXT.replace("power_gen = 903", "power_gen = 850"), "t")), "982 W")
     assert verdict.verdict == "contradicted"
-    assert "the text says 982 W, but the table prints 850 W; neither is consistent with the rest" in verdict.sentence
+    assert "the text states 982 W, but the table prints 850 W; neither is consistent with the rest" in verdict.sentence
 
 
 def test_text_and_cell_that_would_both_fit_are_reported_so() -> None:
     said = '[[claim]]\nsays = "E"\nwhere = "made"\nmetric = "energy_line"\nload_ohm = 36.0\nvalue = 7125\nunit = "J"\n'
     verdict = claim(audit(parse_table(f"{HSU_TEXT}\n{said}decimals = 0\n", "t")), "7125 J")
     assert verdict.verdict == "contradicted"
-    assert "the text says 7125 J, but the table prints 7123 J; both are consistent with the rest" in verdict.sentence
+    assert "the text states 7125 J, but the table prints 7123 J; both are consistent with the rest" in verdict.sentence
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words", "expected"),
     [
         ("value = 69\n", "value = 77\n", "77 %", "confirmed"),
-        ("largest_at_ohm = 18.0\n", "largest_at_ohm = 27.0\n", "eta_pto: the text says largest at 27 ohm, but", "contradicted"),
+        ("largest_at_ohm = 18.0\n", "largest_at_ohm = 27.0\n", "the text states largest at 27 ohm, but", "contradicted"),
         ("largest_at_ohm = [27.0, 18.0]", "largest_at_ohm = [9.0, 18.0]", "eta_pto 0.707 at 27 ohm", "contradicted"),
         ("largest_at_ohm = [27.0, 18.0]", "largest_at_ohm = 17.0", "largest at 17 ohm", "not_checkable"),
         ("to_ohm = 4.5\n", "to_ohm = 4.0\n", "to 4 ohm", "not_checkable"),
@@ -319,7 +319,7 @@ def test_rows_that_print_the_same_do_not_tell_which_is_larger() -> None:
         "largest_at_ohm = [27.0, 18.0]", "largest_at_ohm = 27.0"
     )
     (verdict,) = [
-        c for c in audit(parse_table(text, "t")).claims if "eta_pto: the text says largest at 27" in c.sentence
+        c for c in audit(parse_table(text, "t")).claims if "eta_pto: the text states largest at 27" in c.sentence
     ]
     assert verdict.verdict == "not_checkable"
 

@@ -273,7 +273,7 @@ def state_of(work: Work, runs: Path, reports: Sequence[str], beside: Sequence[st
 
 
 def _is_of(work: Work, runs: Path) -> bool:
-    """Whether the result that is there is of the log as it is now, or the log is out of reach; then it may count again."""
+    """Whether the result that is there is of the log as it is now, or the log cannot be read; then it may count again."""
     now = fingerprint(work.address)
     kept = marked(runs / f"{work.name}.json", _Kept)
     return not now or (isinstance(kept, _Kept) and kept.log.sha256 == now)

@@ -169,7 +169,7 @@ SEALED_SCHEMA = "winchcascade/sealed/1"
 TRIAL_SCHEMA = "winchcascade/trial/1"
 
 
-class Envelope(msgspec.Struct, frozen=True):
+class SealedAnswers(msgspec.Struct, frozen=True):
     """All answers of a trial, with the seed from which the cases were generated."""
 
     seed: int
@@ -186,13 +186,13 @@ class Trial(msgspec.Struct, frozen=True):
     schema: str = TRIAL_SCHEMA
 
 
-def seal(envelope: Envelope) -> tuple[bytes, Trial]:
+def seal(sealed: SealedAnswers) -> tuple[bytes, Trial]:
     """Put answers into the bytes of a sealed file, and make the record of the trial with their digest."""
-    content = trial_bytes(envelope)
-    return content, Trial(tuple(a.case for a in envelope.answers), digest_of(content))
+    content = trial_bytes(sealed)
+    return content, Trial(tuple(a.case for a in sealed.answers), digest_of(content))
 
 
-def trial_bytes(record: Trial | Envelope) -> bytes:
+def trial_bytes(record: Trial | SealedAnswers) -> bytes:
     """Content of the file of the record of a trial, or of its answers."""
     return json_bytes(record)
 
@@ -233,7 +233,7 @@ def _check_names(names: Sequence[str], path: Path) -> None:
             )
 
 
-def open_seal(folder: Path) -> tuple[Trial, Envelope]:
+def open_seal(folder: Path) -> tuple[Trial, SealedAnswers]:
     """Open the answers of a trial.
 
     Raises
@@ -248,6 +248,6 @@ def open_seal(folder: Path) -> tuple[Trial, Envelope]:
             f"{path}: the answers were changed after the cases were dealt: their SHA-256 is {found}, {TRIAL} has "
             f"{trial.sealed_sha256}; put the dealt file back, or deal again."
         )
-    envelope = decoded(path, content, Envelope, "holds no answers that this version can read", "deal again")
-    _check_names([answer.case for answer in envelope.answers], path)
-    return trial, envelope
+    sealed = decoded(path, content, SealedAnswers, "holds no answers that this version can read", "deal again")
+    _check_names([answer.case for answer in sealed.answers], path)
+    return trial, sealed

@@ -26,7 +26,7 @@ SMOOTHING = 0.6
 ZERO_REACH = 3.0
 """Limit of the fitted zero of a sensor in its standard uncertainties; a bias beyond it is a gap."""
 
-LEAST = 0.5
+MIN_EXCESS = 0.5
 """Excess over noise, in mean squares of noise for each channel and log, below which there is no gap to close."""
 
 
@@ -67,7 +67,7 @@ def closure_of(case: Path, predictions: Path) -> RecomputedClosure:
             return RecomputedClosure(fault=f"{name}: the predicted log has other stamps than the log")
         excess += [e for channel in SENSORS if (e := _excess(channel, log, old, new)) is not None]
     before, after = (sum((e[k] for e in excess), 0.0) for k in (0, 1))
-    share = 1.0 - after / before if before > LEAST * len(excess) else None
+    share = 1.0 - after / before if before > MIN_EXCESS * len(excess) else None
     return RecomputedClosure(before, after, len(excess), share)
 
 
@@ -104,7 +104,7 @@ def _blocks(log: Run) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 _APART = 3
 """Distance in blocks of those whose difference gives the noise: nearer ones share its slow part."""
 
-_FEWEST = 8
+_MIN_DIFFERENCES = 8
 """Minimum number of differences for an estimate of the noise."""
 
 
@@ -114,7 +114,7 @@ def _noise(gap: Signal, numbers: NDArray[np.intp]) -> float:
     It contains the noise of the sensor and the tether, and that of the encoder in a prediction.
     """
     k = np.flatnonzero(numbers[2 * _APART :] - numbers[: -2 * _APART] == 2 * _APART)
-    if k.size < _FEWEST:
+    if k.size < _MIN_DIFFERENCES:
         return 0.0
     curvature = gap[k] - 2.0 * gap[k + _APART] + gap[k + 2 * _APART]
     return GAUSS * median(np.abs(curvature)) / math.sqrt(6.0)

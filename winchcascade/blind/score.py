@@ -168,7 +168,7 @@ class DiagnosedAlternative(msgspec.Struct, frozen=True):
     effect: str
 
 
-MOST_ALTERNATIVES = 2
+MAX_ALTERNATIVES = 2
 """Maximum number of alternatives of a cause that count."""
 
 
@@ -182,7 +182,7 @@ class Cause(msgspec.Struct, frozen=True):
     @property
     def names(self) -> tuple[str, ...]:
         """The effect and the alternatives that count."""
-        return (self.effect, *(alternative.effect for alternative in self.rivals[:MOST_ALTERNATIVES]))
+        return (self.effect, *(alternative.effect for alternative in self.rivals[:MAX_ALTERNATIVES]))
 
 
 class Claimed(msgspec.Struct, frozen=True):
@@ -206,11 +206,11 @@ def score(folder: Path) -> Score:
     ------
     OptionError : the folder is no trial, the answers were changed, nothing was diagnosed, or a diagnosis cannot be read
     """
-    trial, envelope = open_seal(folder)
-    cases = tuple(_score_case(folder, answer) for answer in envelope.answers)
+    trial, sealed = open_seal(folder)
+    cases = tuple(_score_case(folder, answer) for answer in sealed.answers)
     if all(case.outcome == "missing" for case in cases):
         raise OptionError(f"{folder}: no case is diagnosed; run blind diagnose {folder} first.")
-    return Score(trial.sealed_sha256, envelope.seed, cases)
+    return Score(trial.sealed_sha256, sealed.seed, cases)
 
 
 def read_diagnosis(path: Path) -> Diagnosis | None:
@@ -259,7 +259,7 @@ def _claims(found: Diagnosis) -> bool:
     return found.verdict in ("explained", "partly_explained") and bool(found.causes)
 
 
-MOST_NAMES = 2
+MAX_NAMES = 2
 """Maximum number of causes with which an outsider counts as recognised; it never does if it is explained."""
 
 
@@ -275,7 +275,7 @@ def outcome_of(answer: Answer, found: Diagnosis) -> Outcome:
     if found.verdict == "no_gap":
         return "silent"
     if answer.kind == "outsider":
-        partly = found.verdict == "partly_explained" and len(found.causes) <= MOST_NAMES
+        partly = found.verdict == "partly_explained" and len(found.causes) <= MAX_NAMES
         return "recognised" if found.verdict == "unexplained" or partly else "mistaken"
     if not _claims(found):
         return "abstained"

@@ -16,7 +16,7 @@ from winchcascade.blind.cases import (
     SEALED,
     TRIAL,
     Case,
-    Envelope,
+    SealedAnswers,
     Trial,
     answer_of,
     make_campaign,
@@ -122,7 +122,7 @@ def deal(
     if cases < 1 or seed < 0:
         raise OptionError(f"--cases {cases} --seed {seed}: expected at least one case and a seed of 0 or more.")
     plan = plan_cases(cases, seed)
-    content, trial = seal(Envelope(seed, tuple(answer_of(case) for case in plan)))
+    content, trial = seal(SealedAnswers(seed, tuple(answer_of(case) for case in plan)))
     workers, watch = workers or Workers(), watch or Nobody()
     make_folder(out, ours=(out / TRIAL).is_file(), what="a trial", force=force)
     with locked(out, watch.waiting):

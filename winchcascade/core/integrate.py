@@ -26,7 +26,7 @@ ENOUGH = 400_000
 GAUSS = 1.4826
 """Standard deviation of a normal variable over the median of its magnitude."""
 
-FEWEST = 12
+MIN_SAMPLES = 12
 """Fewer samples show no noise."""
 
 
@@ -89,7 +89,7 @@ def white_noise(x: Signal) -> float:
     From its fourth differences, which take out a cubic and most of a ringing that is slow beside the samples, by their median
     magnitude. A signal that rarely changes has at least the noise of its resolution.
     """
-    if x.size < FEWEST:
+    if x.size < MIN_SAMPLES:
         return 0.0
     steps = np.abs(np.diff(x))
     changes = steps[steps > 1e-12 * np.max(np.abs(x), initial=1e-300)]

@@ -34,7 +34,7 @@ LONG = 1_000_000
 
 _ADDRESS = r"(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}"
 
-MOST_WORKERS = 61
+MAX_WORKERS = 61
 """Windows cannot wait for more processes than this."""
 
 PATIENCE = 0.2
@@ -199,7 +199,7 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
     ----------
     work : a function of a module, so that another process can find it
     """
-    workers = min(workers, len(jobs), MOST_WORKERS)
+    workers = min(workers, len(jobs), MAX_WORKERS)
     if workers <= 1:
         for place, job in enumerate(jobs):
             yield _tried(work, place, job)

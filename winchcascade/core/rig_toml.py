@@ -146,7 +146,7 @@ class _Log(msgspec.Struct, frozen=True):
     sample_rate_hz: Annotated[float | None, Expected("a number above 0", lambda rate: 0.0 < rate < float("inf"))] = None
 
 
-_MOST_COLUMNS = 100_000
+_MAX_COLUMNS = 100_000
 """No log has more columns."""
 
 HUGE = 1e12
@@ -386,7 +386,7 @@ def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, g
         column = Column(stated) if isinstance(stated, str) else _convert(stated, Column, place)
         if bool(column.name.strip()) == (column.number is not None):
             raise RigError(f'{place}: expected either name = "..." or number = ..., the column from 1 on.')
-        if column.number is not None and not 1 <= column.number <= _MOST_COLUMNS:
+        if column.number is not None and not 1 <= column.number <= _MAX_COLUMNS:
             raise RigError(f"{place}: number is {column.number}; expected the column's place, from 1 on.")
         if column.override and column.unit is None:
             raise RigError(f'{place}: override = true without a unit; add unit = "...", or leave override out.')

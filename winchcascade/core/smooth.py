@@ -15,7 +15,7 @@ _BLOCK = 1 << 18
 _CELLS = 2_000_000
 """Size of the matrices in which uneven stretches are fitted, so that a long log needs no more memory than a short one."""
 
-_MOST = 1000
+_MAX_NEIGHBOURS = 1000
 """Neighbours that a quadratic is fitted to: stamps that crowd would cost the square of their number."""
 
 
@@ -124,13 +124,13 @@ def _fit(t: Signal, x: Signal, where: Index, half_width: float) -> Signal:
     """Value, at each sample, of the quadratic through its neighbours within `half_width` [s]; of many every so-manyth."""
     first = np.searchsorted(t, t[where] - half_width, side="left")
     last = np.searchsorted(t, t[where] + half_width, side="right")
-    every = np.maximum(-(-(last - first) // _MOST), 1)
-    most = int((-(-(last - first) // every)).max(initial=1))
+    every = np.maximum(-(-(last - first) // _MAX_NEIGHBOURS), 1)
+    maximum = int((-(-(last - first) // every)).max(initial=1))
     fitted = np.empty(where.size)
-    rows = max(1, _CELLS // most)
+    rows = max(1, _CELLS // maximum)
     for start in range(0, where.size, rows):
         block = slice(start, start + rows)
-        index = first[block, None] + every[block, None] * np.arange(most)
+        index = first[block, None] + every[block, None] * np.arange(maximum)
         inside = index < last[block, None]
         index = np.minimum(index, t.size - 1)
         u = np.where(inside, (t[index] - t[where[block], None]) / half_width, 0.0)

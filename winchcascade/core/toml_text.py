@@ -13,7 +13,7 @@ import msgspec
 
 from winchcascade.core.errors import WinchcascadeError
 
-_LARGEST = 2**63
+_MAX_INTEGER = 2**63
 
 Entries = TypeVar("Entries", bound=msgspec.Struct)
 
@@ -54,7 +54,7 @@ def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> dict[s
     except ValueError:  # Python turns no more than thousands of digits into a whole number
         too_large, values = "a whole number has thousands of digits", {}
     for place, number in _whole_numbers(values, ""):
-        if abs(number) > _LARGEST:
+        if abs(number) > _MAX_INTEGER:
             size = f"{number:.3g}" if abs(number) < 10**300 else "of hundreds of digits"
             too_large = too_large or f"{place} is the whole number {size}"
     if too_large:

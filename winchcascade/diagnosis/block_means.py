@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 BLOCK = 0.44
 """Length of a block, unless samples are few: one period of the tether's ringing at 2.2 to 2.3 Hz. [s]"""
 
-LEAST_SAMPLES = 4.0
+MIN_SAMPLES = 4.0
 """A block of a coarse log is longer, so that it holds this number of samples: the scatter of fewer is uncertain. [1]"""
 
 PHASES = ("payout", "hold", "haul_in")
@@ -106,14 +106,14 @@ def middles(blocks: Blocks, here: NDArray[np.bool_]) -> NDArray[np.intp]:
     return 1 + np.flatnonzero(here[:-2] & here[1:-1] & here[2:] & blocks.joined[1:-1] & blocks.joined[2:])
 
 
-def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], least: int = 1) -> float:
-    """Standard deviation of block means about their smooth course, in the unit of x; NaN with fewer than `least` triples.
+def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], minimum: int = 1) -> float:
+    """Standard deviation of block means about their smooth course, in the unit of x; NaN with fewer than `minimum` triples.
 
     From second differences, by the median: a smooth difference contributes nothing, and a step to few of them.
     """
     k = middles(blocks, here)
     second = np.abs(x[k - 1] - 2.0 * x[k] + x[k + 1]) / math.sqrt(6.0)
-    return GAUSS * median(second) if k.size >= least else math.nan
+    return GAUSS * median(second) if k.size >= minimum else math.nan
 
 
 def _stretches(run: Run, cycles: list[Cycle]) -> list[tuple[float, float, int, int]]:
@@ -129,7 +129,7 @@ def _stretches(run: Run, cycles: list[Cycle]) -> list[tuple[float, float, int, i
 
 def _cut(run: Run, begin: float, end: float, phase: int, cycle: int) -> NDArray[np.intp]:
     """Cut a stretch into equal blocks, (m, 5) as the fields of `Blocks`; drop those in which gaps leave less than half."""
-    length = max(BLOCK, LEAST_SAMPLES / run.fs)
+    length = max(BLOCK, MIN_SAMPLES / run.fs)
     pieces = max(round((end - begin) / length), 1)
     if end - begin < 0.5 * length * pieces:
         return np.zeros((0, 5), dtype=np.intp)

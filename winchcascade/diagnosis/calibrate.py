@@ -21,7 +21,7 @@ from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.solve import huber, normal_equations
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf, back_emf
+from winchcascade.rig.backemf import COVERED, RPM_MIN, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
 
 
@@ -204,11 +204,11 @@ def _require_open_circuit(run: Run, rig: Rig, payouts: Sequence[tuple[float, flo
     if not moving.any() or not {"vdc", "idc"} <= run.channels.keys():
         return
     voltage, current = (median(run.channels[name][moving]) for name in ("vdc", "idc"))
-    most = open_circuit_current(rig, abs(voltage))
-    if current > most:
+    maximum = open_circuit_current(rig, abs(voltage))
+    if current > maximum:
         raise LogError(
             f"{run.name}: stated as an open circuit, but it delivers {voltage * current:.3g} W (Vdc {voltage:.4g} V, Idc "
-            f"{current:.4g} A; expected at most {most:.2g} A). A calibration needs a log without load: choose that log, or "
+            f"{current:.4g} A; expected at most {maximum:.2g} A). A calibration needs a log without load: choose that log, or "
             "check Idc."
         )
 
@@ -225,7 +225,7 @@ def _back_emf_constant(rig: Rig, regression: BackEmf) -> Number:
         regression.high,
         (regression.high - regression.k_e) / COVERED,
         new=True,
-        how=f"regression of Vdc above {RPM_LEAST:g} rpm, R2 = {regression.r2:.5f}",
+        how=f"regression of Vdc above {RPM_MIN:g} rpm, R2 = {regression.r2:.5f}",
     )
 
 

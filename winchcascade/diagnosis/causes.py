@@ -261,13 +261,15 @@ def _refit_same(data: Fitted, suspects: Suspects, found: Found, name: str, other
 def _named(data: Fitted, best: Fit, other: Fit, chance: dict[Names, float]) -> Alternative:
     """The alternative of a fit, and where the two differ most; nowhere if nothing that the logs measure distinguishes them."""
     effect = next(n for n in other.names if n not in best.names)
-    most: Spot | None = None
+    clearest: Spot | None = None
     difference = (best.z - other.z).reshape(-1, len(CHANNELS))
     for log, k, phase, here in data.cells():
         size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
-        if size > (most.z if most else 0.0):
-            most = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
-    return Alternative(effect, chance[tuple(sorted(other.names))], most if most and most.z > ALIKE else None)
+        if size > (clearest.z if clearest else 0.0):
+            clearest = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
+    return Alternative(
+        effect, chance[tuple(sorted(other.names))], clearest if clearest and clearest.z > ALIKE else None
+    )
 
 
 class _Explanations(NamedTuple):

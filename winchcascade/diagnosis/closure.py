@@ -13,7 +13,7 @@ from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.misfit import LEAST as LEAST_BLOCKS
+from winchcascade.diagnosis.misfit import MIN_BLOCKS as MIN_BLOCKS
 from winchcascade.diagnosis.misfit import WITHIN, Fitted, Log, unsteadiness_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
 
@@ -31,7 +31,7 @@ DRAWS = 400
 REACH = 3.0
 """Limit of the nuisances of a prediction, in standard uncertainties, so that only the causes can close the gap."""
 
-LEAST = 0.2
+MIN_EXCESS = 0.2
 """Minimum excess over noise of a gap before, on average over channels and logs and in squares of noise, to be closed."""
 
 ROUGH = 2.5
@@ -174,7 +174,7 @@ def _share(sums: Signal) -> float:
     """
     before, after, noise, count = (sums[:, k, :][sums[:, 3, :] >= 3.0] for k in range(4))
     old, new = float(np.sum((before - noise) / noise)), float(np.sum((after - noise) / noise))
-    return 1.0 - new / old if old > LEAST * max(count.size, 1) else 0.0
+    return 1.0 - new / old if old > MIN_EXCESS * max(count.size, 1) else 0.0
 
 
 def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:
@@ -274,4 +274,4 @@ FORCE = CHANNELS.index("force")
 def _at_rest(log: Log) -> float:
     """Scatter of the force from block to block while the line rests, NaN where there are too few blocks. [N]"""
     blocks = log.course.blocks
-    return scatter_about_course(blocks, log.measured[:, FORCE], blocks.phase == PHASES.index("hold"), LEAST_BLOCKS)
+    return scatter_about_course(blocks, log.measured[:, FORCE], blocks.phase == PHASES.index("hold"), MIN_BLOCKS)

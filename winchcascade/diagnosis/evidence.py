@@ -18,7 +18,7 @@ from winchcascade.diagnosis.solve import (
     Jacobian,
     gauss_newton,
     huber,
-    least_within,
+    minimum_within,
     normal_equations,
     quadratic,
 )
@@ -55,7 +55,7 @@ DOUBTFUL = 5.0
 ROUNDS = 8
 """Maximum number of rounds of screening and refitting."""
 
-MOST = 9
+MAX_SUSPECTS = 9
 """Maximum number of suspects in a set."""
 
 CLEARLY = 5.0
@@ -245,7 +245,7 @@ class Linear(msgspec.Struct, frozen=True):
         if names:
             pull = self.slope[chosen] - self.curve[np.ix_(chosen, ~chosen)] @ step[~chosen]
             bounds = self.bounds.some(chosen).about(self.value[chosen])
-            step[chosen] = least_within(self.curve[np.ix_(chosen, chosen)], pull, bounds)
+            step[chosen] = minimum_within(self.curve[np.ix_(chosen, chosen)], pull, bounds)
         objective = 0.5 * float(step @ self.curve @ step) - float(self.slope @ step)
         x = self.value + step
         return objective + self.bounds.penalty(x) - self.bounds.penalty(self.value), x
@@ -318,12 +318,12 @@ def screen(linear: Linear, scale: float, begin: Names) -> list[Names]:
             known[names] = _worth(linear, names, scale)
         return known[names]
 
-    beam, best, most = [tuple(sorted(begin))], -math.inf, min(len(begin) + FURTHER, MOST)
+    beam, best, maximum = [tuple(sorted(begin))], -math.inf, min(len(begin) + FURTHER, MAX_SUSPECTS)
     while rate(beam[0]) > best + 1e-9:
         best = rate(beam[0])
         near: set[Names] = set(beam)
         for names in beam:
-            if len(names) < most:
+            if len(names) < maximum:
                 near |= {tuple(sorted((*names, name))) for name in linear.place if name not in names}
             near |= {tuple(n for n in names if n != gone) for gone in names}
         beam = sorted(near, key=rate, reverse=True)[:BEAM]
@@ -442,10 +442,10 @@ def _smallest(
             _refit(data, suspects, fits, names, best)
             if not fits[names].settled and best.evidence(scale) - fits[names].evidence(scale) >= CLEARLY:
                 _refit(data, suspects, fits, names, fits[names], quick=False)
-        least = max(near, key=lambda names: fits[names].evidence(scale), default=None)
-        if least is None or best.evidence(scale) - fits[least].evidence(scale) >= CLEARLY:
+        smaller = max(near, key=lambda names: fits[names].evidence(scale), default=None)
+        if smaller is None or best.evidence(scale) - fits[smaller].evidence(scale) >= CLEARLY:
             break
-        linear, best = linearise(data, suspects, fits[least])
+        linear, best = linearise(data, suspects, fits[smaller])
     return best, linear
 
 
@@ -460,9 +460,9 @@ def _refit(
 
 def _promising(linear: Linear, scale: float, about: Names) -> list[Names]:
     """Sets for which the closed form has more evidence than for the set that it is expanded about, or about as much."""
-    least = _worth(linear, about, scale) - DOUBTFUL
+    minimum = _worth(linear, about, scale) - DOUBTFUL
     ranked = screen(linear, scale, about)[: 3 * REFITTED]
-    return [names for names in ranked if names != about and _worth(linear, names, scale) > least][:REFITTED]
+    return [names for names in ranked if names != about and _worth(linear, names, scale) > minimum][:REFITTED]
 
 
 def _worth(linear: Linear, names: Names, scale: float) -> float:

@@ -17,7 +17,7 @@ from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of, in_a_row, middles, scatter_about_course
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
-from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MOST_DERIVATIVES, MOST_KEPT, Course
+from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_DERIVATIVES, MAX_KEPT, Course
 from winchcascade.diagnosis.solve import Jacobian, Local
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import constants
@@ -44,7 +44,7 @@ GAIN_STEP = 0.005
 MOVING = 0.03
 """Slower than this, friction only bounds the force. [m/s]"""
 
-MOST_NOISE = 3.0
+MAX_NOISE = 3.0
 """Number of standard deviations of its noise that the smoothed velocity reaches occasionally."""
 
 CREEPING = 0.002
@@ -57,7 +57,7 @@ NOISELESS = 3e-4
 """A simulated log may have no noise: its blocks count as known to this share of the channel's largest, about what a coarser
 step and a grid of the solutions leave. [1]"""
 
-LEAST = 12
+MIN_BLOCKS = 12
 """Minimum number of blocks from which a noise of their own is estimated."""
 
 WITHIN = 25.0
@@ -146,8 +146,8 @@ class Fitted:
         jobs = [partial(_log, rig, self.nominal, *one) for one in each]
         self.logs = all_at_once(jobs, [run.t[-1] - run.t[0] for run in runs])
         for log in self.logs:
-            log.course.most_kept = max(min(MOST_KEPT, ALL_KEPT // len(self.logs)), 2)
-            log.course.keeps_derivatives = len(self.logs) <= MOST_DERIVATIVES
+            log.course.max_kept = max(min(MAX_KEPT, ALL_KEPT // len(self.logs)), 2)
+            log.course.keeps_derivatives = len(self.logs) <= MAX_DERIVATIVES
         self.sizes = [log.measured.shape[0] for log in self.logs]
         self.rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self.sizes]).tolist())]
         self.blocks = in_a_row([log.course.blocks for log in self.logs])
@@ -478,12 +478,12 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     moved, fast = course.predict(model, 1.0 + GAIN_STEP) - predicted, np.abs(speed[:, None]) > CREEPING
     slope = np.divide(moved, GAIN_STEP * speed[:, None], out=np.zeros_like(predicted), where=fast)
     white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
-    least = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
-    bare = np.maximum(white / np.sqrt(blocks.count)[:, None], least)
+    minimum = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
+    bare = np.maximum(white / np.sqrt(blocks.count)[:, None], minimum)
     samples = max(round(float(np.median(blocks.count))), 1)
     velocity = line_velocity(run)
     drive = slope * velocity.noise(samples)
-    return Noise(_seen(course, model, speed, velocity.most_noise), bare, bare, drive, np.zeros_like(bare))
+    return Noise(_seen(course, model, speed, velocity.max_noise), bare, bare, drive, np.zeros_like(bare))
 
 
 def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDArray[np.bool_]:
@@ -501,7 +501,7 @@ def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDA
     force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
     seen[:, [force, torque]] &= ((np.abs(speed) > MOVING) & ~hold)[:, None]
     generator, numbers = model.generator, constants(model, course.load)
-    rpm = MOST_NOISE * u_velocity * numbers.gear / numbers.r_drum * 30.0 / math.pi
+    rpm = MAX_NOISE * u_velocity * numbers.gear / numbers.r_drum * 30.0 / math.pi
     if generator.k_e * rpm > 2.0 * generator.v_diode:
         seen[:, [vdc, idc]] &= (np.abs(speed) > MOVING)[:, None]
     if np.isinf(course.load):
@@ -532,7 +532,7 @@ def unsteadiness_of(noise: Noise, blocks: Blocks, residual: Signal) -> Signal:
     for phase in range(len(PHASES)):
         for k in range(len(CHANNELS)):
             here = noise.seen[:, k] & (blocks.phase == phase)
-            found = scatter_about_course(blocks, residual[:, k], here, LEAST)
+            found = scatter_about_course(blocks, residual[:, k], here, MIN_BLOCKS)
             if np.isfinite(found):
                 table[phase, k] = found, np.median(expected[middles(blocks, here), k])
     return table

@@ -18,7 +18,7 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.causes import parameters_of
-from winchcascade.diagnosis.closure import LEAST, alarms_of, closure_between
+from winchcascade.diagnosis.closure import MIN_EXCESS, alarms_of, closure_between
 from winchcascade.diagnosis.contributions import from_own_simulation, without
 from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Place, Spot
 from winchcascade.diagnosis.evidence import Found, search
@@ -205,7 +205,7 @@ def _agrees(result: ModelDiagnosis, own: OwnSimulation) -> bool:
     if result.verdict != "explained" or result.closure is None:
         return False
     shrunk = result.closure.channels.values()
-    return all(one.before <= math.sqrt(1.0 + LEAST) * one.noise for one in shrunk) and all(
+    return all(one.before <= math.sqrt(1.0 + MIN_EXCESS) * one.noise for one in shrunk) and all(
         cause.effect in own.numbers
         and all(
             number.low <= own.numbers[cause.effect][name].high and own.numbers[cause.effect][name].low <= number.high
@@ -264,7 +264,7 @@ def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence
     forms: list[ModelForm] = []
     for name in best.names:
         change = here - data.predict(best.nu, [effect for other, effect in effects.items() if other != name])
-        size, place = _most(data, change, places)
+        size, place = _maximum(data, change, places)
         if place is not None and size >= data.rig.model.relevant_share and abs(place.z) >= SHOWS:
             forms.append(_form(suspects[name].stage, place, name))
     for alarm in alarms_of(data, suspects, best):
@@ -281,7 +281,7 @@ def _form(stage: str, place: Place, likely: str | None) -> ModelForm:
     return ModelForm(stage, place.channel, place.phase, place.load, place.bias, place.z, likely)
 
 
-def _most(data: Fitted, change: Signal, places: Sequence[Place]) -> tuple[float, Place | None]:
+def _maximum(data: Fitted, change: Signal, places: Sequence[Place]) -> tuple[float, Place | None]:
     """The place that a change of the blocks, (M, 5), moves most, and by which share of the maximum of its channel there."""
     by_place = {(p.log, p.channel, p.phase): p for p in places}
     size, found = 0.0, None

@@ -19,7 +19,7 @@ from winchcascade.rig.readings import (
     sensor_numbers,
 )
 from winchcascade.rig.simulate import READ, motion_of
-from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
+from winchcascade.rig.tangent import MAX_WAYS, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,7 +62,7 @@ class Course:
         self._averages = Averages(
             self.matrix.indptr.astype(np.intp), self.matrix.indices.astype(np.intp), self.matrix.data
         )
-        self.most_kept, self.keeps_derivatives = MOST_KEPT, True
+        self.max_kept, self.keeps_derivatives = MAX_KEPT, True
         self._kept: dict[tuple[float | tuple[float, ...], ...], Signal] = {}
         self._tangent: Tangent | None = None
         self._state = np.empty((self.v.size, len(STATE)))
@@ -77,7 +77,7 @@ class Course:
         if key not in self._kept:
             solution = self._solve(numbers, gain)
             solved = np.stack([solution[:, SHAFT.index(name)] for name in SEEN])
-            while len(self._kept) >= self.most_kept:
+            while len(self._kept) >= self.max_kept:
                 del self._kept[next(iter(self._kept))]
         else:
             solved = self._kept.pop(key)  # and put it last: what begins several fits is used again and again
@@ -101,7 +101,7 @@ class Course:
         if known is not None and _of_the_shaft(known.numbers) == _of_the_shaft(numbers):
             if all(way in known.directions for way in ways):
                 return known
-            ways = list(dict.fromkeys((*ways, *known.directions)))[:MOST_WAYS]
+            ways = list(dict.fromkeys((*ways, *known.directions)))[:MAX_WAYS]
         if self._latest is None or _of_the_shaft(self._latest) != _of_the_shaft(numbers):
             self._solve(numbers)  # seldom, as the residuals were just computed here
         found = tangent_of(self.v, self.step, numbers, self._state, self.every, ways)
@@ -207,13 +207,13 @@ SOLVED_ANEW = ("friction", "averaged", "uncommutated", "quasi_static", "weightle
 """Numbers of `Constants` whose changes are solved anew, not followed to first order."""
 
 
-MOST_KEPT = 16
+MAX_KEPT = 16
 """Maximum number of solutions kept for a log; the one that was used longest ago is dropped first."""
 
 ALL_KEPT = 1200
 """Maximum number of solutions kept for all logs of a fit, about 0.2 MB each; at least two are kept for each log."""
 
-MOST_DERIVATIVES = 25
+MAX_DERIVATIVES = 25
 """Maximum number of logs for which the latest derivatives are kept, about 5 MB for each log."""
 
 

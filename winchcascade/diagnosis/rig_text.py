@@ -360,7 +360,7 @@ def _numbers(found: ModelDiagnosis, name: str, values: Signal, u: Signal, source
         changes = [with_values(effect, row) for row in ends]
         low, value, high = ((change if earlier is None else change.after(earlier)).values[k] for change in changes)
         low, value, high = (float(rounded(x, (high - low) / (2.0 * COVERED))) for x in (low, value, high))
-        least, most = field.possible
-        interval = {"low": max(low, least), "high": min(high, most)} if u[k] else {}
+        minimum, maximum = field.possible
+        interval = {"low": max(low, minimum), "high": min(high, maximum)} if u[k] else {}
         numbers[field.name] = EffectNumber(value, field.unit, source, **interval)
     return numbers

@@ -203,7 +203,7 @@ def best_step(z: Signal, j: Jacobian, x: Signal, bounds: Bounds, nuisances: int)
     while True:
         order = np.argsort(~unbounded, kind="stable")
         q = quadratic(curve[np.ix_(order, order)], slope[order], int(np.sum(unbounded)))
-        phi = least_within(q.curve, q.slope, within.some(~unbounded))
+        phi = minimum_within(q.curve, q.slope, within.some(~unbounded))
         step[order] = np.concatenate((q.own - q.back @ phi, phi))
         beyond = unbounded & ((step < within.low) | (step > within.high))
         if not beyond.any():
@@ -211,7 +211,7 @@ def best_step(z: Signal, j: Jacobian, x: Signal, bounds: Bounds, nuisances: int)
         unbounded &= ~beyond
 
 
-def least_within(curve: Signal, slope: Signal, bounds: Bounds) -> Signal:
+def minimum_within(curve: Signal, slope: Signal, bounds: Bounds) -> Signal:
     """Where x' curve x / 2 - slope' x, with what is added beyond the inner bounds, is least within bounds, (k,).
 
     Each number lies below, between or above its inner bounds; where the objective falls across one, it changes sides.

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 CHANCE = 1e-3
 """A trend or a scatter is reported if runs that agree would show as large a one with less than this probability."""
 
-FEWEST = 3
+MIN_RUNS = 3
 """Minimum number of runs with a number of their own for a trend or a scatter."""
 
 NO_PART = 1e-9
@@ -239,7 +239,7 @@ def trends_of(x: Signal, covariance: Signal, rulers: Rulers) -> tuple[list[Trend
     """
     from scipy.special import chdtrc
 
-    if x.size < FEWEST:
+    if x.size < MIN_RUNS:
         return [], np.ones(x.size)
     alone = {along: _slopes(x, covariance, {along: ruler})[0][along] for along, ruler in rulers.items()}
     passing = sorted((along for along in alone if alone[along].chance < CHANCE), key=lambda a: alone[a].chance)
@@ -248,7 +248,7 @@ def trends_of(x: Signal, covariance: Signal, rulers: Rulers) -> tuple[list[Trend
         chance = float(chdtrc(x.size - 1, (x - course) @ np.linalg.solve(covariance, x - course)))
         return [Trend("scatter", float(np.ptp(x)), math.nan, chance)] if chance < CHANCE else [], course
     first, *others = passing
-    together = _slopes(x, covariance, rulers)[0] if others and x.size > FEWEST else {}
+    together = _slopes(x, covariance, rulers)[0] if others and x.size > MIN_RUNS else {}
     clear: list[Along] = [along for along in together if together[along].chance < CHANCE]
     if len(clear) > 1:
         return [together[along] for along in clear], _slopes(x, covariance, rulers)[1]

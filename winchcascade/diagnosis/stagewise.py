@@ -184,5 +184,5 @@ def _noise(log: Log, output: StageOutput, here: NDArray[np.bool_], residual: Sig
     """
     run, blocks = log.run, log.course.blocks
     white = white_noise(run.channels[output.channel]) / np.sqrt(blocks.count[here])
-    least = NOISELESS * float(np.nanmax(np.abs(output.predicted))) if run.simulated else 0.0
-    return np.maximum(np.fmax(white, scatter_about_course(blocks, residual, here)), least)
+    minimum = NOISELESS * float(np.nanmax(np.abs(output.predicted))) if run.simulated else 0.0
+    return np.maximum(np.fmax(white, scatter_about_course(blocks, residual, here)), minimum)

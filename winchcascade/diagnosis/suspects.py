@@ -36,8 +36,8 @@ def freedom(*effects: Effect) -> Freedom:
     """The fields of some suspects in a row."""
     fields = [field for effect in effects for field in effect.fields]
     table = np.array([(f.absent, f.low, f.high, *f.possible) for f in fields], dtype=np.float64).reshape(-1, 5)
-    absent, low, high, least, most = np.ascontiguousarray(table.T)
-    bounds = Bounds(least, most, low, high, 1.0 / (TAIL * (high - low)))
+    absent, low, high, minimum, maximum = np.ascontiguousarray(table.T)
+    bounds = Bounds(minimum, maximum, low, high, 1.0 / (TAIL * (high - low)))
     return Freedom(tuple(field.name for field in fields), absent, low, high, bounds)
 
 

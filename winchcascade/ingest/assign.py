@@ -221,10 +221,10 @@ def _names_with_units(headers: Sequence[Header]) -> list[str]:
     ]
 
 
-def listed(names: Sequence[str], most: int = 12) -> str:
+def listed(names: Sequence[str], maximum: int = 12) -> str:
     """Names of columns for a sentence: a limited number of them, none of them long, and none of them empty."""
-    shown = ", ".join((n if len(n) <= 40 else n[:37] + "...") or "(no name)" for n in names[:most])
-    return shown + (f" and {len(names) - most} more" if len(names) > most else "") if names else "no columns"
+    shown = ", ".join((n if len(n) <= 40 else n[:37] + "...") or "(no name)" for n in names[:maximum])
+    return shown + (f" and {len(names) - maximum} more" if len(names) > maximum else "") if names else "no columns"
 
 
 def _matches(

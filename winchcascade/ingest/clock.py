@@ -44,7 +44,7 @@ NO_TIME = 1e-150
 SHORTEST = 1e-9
 """No log is sampled more often. [s]"""
 
-MOST = 1e12
+MAX_LOST = 1e12
 """Samples that one gap may have lost; a gap that would hold more comes from a wrong stamp."""
 
 
@@ -182,7 +182,7 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
         )
     at = np.flatnonzero(long)
     gaps = np.column_stack((t[at], t[at + 1]))
-    steps = np.rint(np.minimum(interval[at] / usual, MOST)).astype(np.int64)
+    steps = np.rint(np.minimum(interval[at] / usual, MAX_LOST)).astype(np.int64)
     unlogged = steps - 1 - np.maximum(rows[at + 1] - rows[at] - 1, 0)
     lost = unlogged > 0
     if lost.any():

@@ -17,13 +17,13 @@ SECONDS_SETTING = "WINCHCASCADE_READ_SECONDS"
 
 MB = 10**6
 
-LEAST_MEMORY, MEMORY_PER_BYTE = 2000 * MB, 20
+MIN_MEMORY, MEMORY_PER_BYTE = 2000 * MB, 20
 """Limit of memory: the larger of a fixed number of bytes and a number of bytes for each byte of the file.
 
 An .xlsx of a million rows takes 13 times its size; no other format that was measured takes more. [bytes]
 """
 
-LEAST_SECONDS, SECONDS_PER_BYTE = 60.0, 4.0 / MB
+MIN_SECONDS, SECONDS_PER_BYTE = 60.0, 4.0 / MB
 """Limit of time: the larger of the two. An .xlsx takes 0.33 s for each megabyte, on a busy machine ten times as long. [s]"""
 
 NUMBERS_SHARE, NUMBERS_PER_BYTE = 16, 10
@@ -49,10 +49,10 @@ class Limits(msgspec.Struct, frozen=True):
 
 def limits_for(size: int) -> Limits:
     """Set the limits for a file of this size in bytes; OptionError for a setting that is no positive number."""
-    memory = _setting(MEMORY_SETTING, max(LEAST_MEMORY, MEMORY_PER_BYTE * size) / MB) * MB
+    memory = _setting(MEMORY_SETTING, max(MIN_MEMORY, MEMORY_PER_BYTE * size) / MB) * MB
     return Limits(
         int(memory),
-        _setting(SECONDS_SETTING, max(LEAST_SECONDS, SECONDS_PER_BYTE * size)),
+        _setting(SECONDS_SETTING, max(MIN_SECONDS, SECONDS_PER_BYTE * size)),
         int(max(memory / NUMBERS_SHARE, NUMBERS_PER_BYTE * size)),
     )
 
@@ -91,9 +91,9 @@ def limit_this_process(memory: int, parent: int, *, unpacks: bool = False) -> No
         if os.getppid() != parent:
             sys.exit()
         caps.append((resource.RLIMIT_AS, _pages(os.getpid(), 0) + _ADDRESSES * memory))
-    for which, most in caps:
+    for which, maximum in caps:
         hard = resource.getrlimit(which)[1]
-        resource.setrlimit(which, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+        resource.setrlimit(which, (maximum if hard == resource.RLIM_INFINITY else min(maximum, hard), hard))
 
 
 def _pages(pid: int, place: int) -> int:

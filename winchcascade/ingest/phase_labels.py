@@ -14,7 +14,7 @@ from winchcascade.ingest.checks.quality import Checked
 from winchcascade.ingest.dialects import Header, read_header
 from winchcascade.ingest.source import LogSource, LogTable
 
-MOST_VALUES = 8
+MAX_VALUES = 8
 """Values of a column that a message lists."""
 
 NEARLY = 1.0 - 1e-9
@@ -66,7 +66,7 @@ def phase_labels(
         )
     found = {value: _code(value, rule) for value in set(values)}
     if 1 not in found.values():
-        seen = ", ".join(repr(value.strip()) for value in sorted(found)[:MOST_VALUES])
+        seen = ", ".join(repr(value.strip()) for value in sorted(found)[:MAX_VALUES])
         raise LogError(
             f"{where}: no sample of the column {rule.column!r} has a value of payout, {list(rule.payout)}; it holds {seen}. "
             "Correct payout under [phases] of the rig file."

@@ -33,7 +33,7 @@ from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_clock, require_rising
 from winchcascade.ingest.dialects import nameless
 from winchcascade.ingest.open_log import open_log
-from winchcascade.ingest.source import FEWEST_ROWS, LogSource, LogTable
+from winchcascade.ingest.source import MIN_ROWS, LogSource, LogTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +57,7 @@ are whole seconds (FAT), up to 2 s. [ns]
 FEW_ROWS = 200
 """Largest number of rows of a table without clock that may be step means."""
 
-_FEWEST_STAMPS = 3
+_MIN_STAMPS = 3
 """Fewer stamps show no clock."""
 
 
@@ -183,10 +183,10 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
     """Check the loaded columns of a log; `load_source` is that of a property of the log."""
     source, found, table, labels = opened
     samples = len(next(iter(table.values.values())))
-    fewest = 1 if rig.phases.source == "rows" else FEWEST_ROWS
-    if samples < fewest:
+    minimum = 1 if rig.phases.source == "rows" else MIN_ROWS
+    if samples < minimum:
         raise LogError(
-            f"{where}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {fewest}, as of a "
+            f"{where}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {minimum}, as of a "
             'test with a cycle. Where each row is the mean of a step, set from = "rows" under [phases] of the rig file.'
         )
     clock, time_findings = _clock(source, table, found, rig, samples, where)
@@ -294,8 +294,8 @@ def _is_clock(table: LogTable) -> bool:
     if not isinstance(stamps, np.ndarray):
         return 2 * sum(map(looks_like_a_stamp, stamps)) > len(stamps)
     good = stamps[np.isfinite(stamps)]
-    if good.size < _FEWEST_STAMPS or table.stamped:
-        return good.size >= _FEWEST_STAMPS and bool(good[-1] > good[0])
+    if good.size < _MIN_STAMPS or table.stamped:
+        return good.size >= _MIN_STAMPS and bool(good[-1] > good[0])
     return bool(np.all(good[1:] > good[:-1]) and np.any(good != np.rint(good)))
 
 

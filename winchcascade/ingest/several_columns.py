@@ -27,7 +27,7 @@ CLEARER = 3.0
 APART = 0.05
 """The correlation of the second best column is lower by at least this. [1]"""
 
-_MOST_SAMPLES = 20_000
+_MAX_SAMPLES = 20_000
 """Samples on which columns are compared, spread over the log."""
 
 _Kind = Literal["as_is", "size", "travel"]
@@ -79,7 +79,7 @@ def _signal(table: LogTable, match: Match) -> Signal:
     """Samples of a column in SI units, spread over the log."""
     values = table.values[match.index]
     offset = 0.0 if match.unit is None else match.unit.offset
-    return values[:: max(1, values.size // _MOST_SAMPLES)] * match.factor + offset
+    return values[:: max(1, values.size // _MAX_SAMPLES)] * match.factor + offset
 
 
 def _choice(name: str, columns: Sequence[Signal], known: Mapping[str, Signal]) -> tuple[int | None, str]:

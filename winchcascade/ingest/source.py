@@ -17,13 +17,13 @@ from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.cells import is_stamp
 from winchcascade.ingest.dialects import Header, recognise
 
-FEWEST_ROWS = 10
+MIN_ROWS = 10
 """A table with fewer rows than this is a list of parameters or results: it shows no motion."""
 
 LOG_ENDINGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
 """Endings of files that are taken for logs among others; the reader is chosen by their content."""
 
-MOST_NAMED = 12
+MAX_NAMED = 12
 """Names that a message lists."""
 
 
@@ -135,8 +135,8 @@ def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str)
     ------
     LogError : there is no such table, or there are several candidates and none is wanted
     """
-    more = f" and {len(candidates) - MOST_NAMED} more" if len(candidates) > MOST_NAMED else ""
-    listed = ", ".join(map(repr, candidates[:MOST_NAMED])) + more
+    more = f" and {len(candidates) - MAX_NAMED} more" if len(candidates) > MAX_NAMED else ""
+    listed = ", ".join(map(repr, candidates[:MAX_NAMED])) + more
     if wanted is None and len(candidates) > 1:
         raise LogError(
             f"{where}: {len(candidates)} {kind}s could be the log: {listed}; expected one; name it with "

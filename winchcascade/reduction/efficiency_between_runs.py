@@ -25,10 +25,10 @@ day to day, and what the laws leave of a real machine."""
 FAR = 0.01
 """Smallest distance of interest: twice the 0.005 to which an efficiency can be stated at best. [1]"""
 
-MOST_FAR = 3
+MAX_FAR = 3
 """Minimum number of logs for each one that lies far from the others; with more of these the usual value is unclear."""
 
-MOST_PAIRED = 30
+MAX_PAIRED = 30
 """Maximum number of logs of which pairs are tried: of more the others outvote two that were swapped."""
 
 ALONE = 1e-6
@@ -100,7 +100,7 @@ def _apart(metric: str, logs: Sequence[LogEfficiency], metrics: int) -> list[Apa
     left = list(range(len(logs)))
     rows = _rows(metric, logs)
     found: list[Apart] = []
-    while rows is not None and len(found) < max(len(logs) // MOST_FAR, 1):
+    while rows is not None and len(found) < max(len(logs) // MAX_FAR, 1):
         chosen, others = _most_apart(rows, left, metrics)
         if not chosen:
             break
@@ -191,11 +191,11 @@ def _most_apart(rows: _Rows, left: Sequence[int], metrics: int) -> tuple[tuple[i
     """The log, or the two, that lie furthest from the others, and the logs without which nothing would; empty if none."""
     best, significant = _furthest(rows, left, metrics)
     if significant:
-        few = left if len(left) <= MOST_PAIRED else []
+        few = left if len(left) <= MAX_PAIRED else []
         return (best,), tuple(
             k for k in few if k != best and not _furthest(rows, [n for n in left if n != k], metrics)[1]
         )
-    pairs = list(combinations(left, 2)) if 2 * MOST_FAR <= len(left) <= MOST_PAIRED else []
+    pairs = list(combinations(left, 2)) if 2 * MAX_FAR <= len(left) <= MAX_PAIRED else []
     found = {pair: _pair_chance(rows, left, pair) * len(pairs) * metrics for pair in pairs}
     best_pair = min(found, key=lambda pair: found[pair], default=())
     return (best_pair, ()) if best_pair and found[best_pair] < ALPHA else ((), ())

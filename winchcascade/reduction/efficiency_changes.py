@@ -34,7 +34,7 @@ PRIOR = 10
 """The assumed standard deviation has this number of degrees of freedom; more cycles than that decide for themselves."""
 
 
-MOST_ALONG = 20
+MAX_ALONG = 20
 """Maximum number of cycles to which a straight line is fitted, about a quarter of an hour on the bench. Over longer logs the
 operating conditions drift as well; of many cycles the two halves show a drift nearly as clearly as the line does."""
 
@@ -43,7 +43,7 @@ MOVES = 0.0025
 which the tool was used, states efficiencies to 0.003 to 0.005."""
 
 
-MOST_WINDOWS = 12
+MAX_WINDOWS = 12
 """Number of windows that are evaluated: an even selection of those of a longer log. Noise belongs to the sensors. [1]"""
 
 INDEPENDENT = 0.04
@@ -169,7 +169,7 @@ def energy_noise(run: Run, rig: Rig, windows: Sequence[Window]) -> dict[str, flo
     ----------
     windows : those that are whole
     """
-    chosen = windows[:: -(-len(windows) // MOST_WINDOWS)] if windows else ()
+    chosen = windows[:: -(-len(windows) // MAX_WINDOWS)] if windows else ()
     rows = [slice(*np.searchsorted(run.t, (w.onset, w.cutoff)).tolist()) for w in chosen]
     count = max(1, int(INDEPENDENT * run.fs + 1e-6))
     found = {}
@@ -258,10 +258,10 @@ def _cycles_apart(n: int, row: int) -> Mask | None:
 def _drift_weights(n: int) -> Signal:
     """Weights that give the change from the first to the last cycle along a fitted straight line, (1, n).
 
-    Of two cycles that is their difference, which is compared anyway: then (0, 2), and so of more than `MOST_ALONG`.
+    Of two cycles that is their difference, which is compared anyway: then (0, 2), and so of more than `MAX_ALONG`.
     """
     along = np.linspace(-0.5, 0.5, n)
-    return (along / (along @ along))[None][: 0 if n > MOST_ALONG else n - 2]
+    return (along / (along @ along))[None][: 0 if n > MAX_ALONG else n - 2]
 
 
 def probability(t: float, freedom: float) -> float:

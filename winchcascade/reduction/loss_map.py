@@ -310,16 +310,16 @@ def convex_hull(x: Signal, y: Signal) -> Signal:
     corners = np.unique(np.column_stack((x, y)), axis=0).tolist()
     if len(corners) < 3:
         return np.array(corners).reshape(-1, 2)
-    least = EDGE * float(np.prod(np.ptp(corners, axis=0)))
-    lower, upper = _chain(corners, least), _chain(corners[::-1], least)
+    minimum = EDGE * float(np.prod(np.ptp(corners, axis=0)))
+    lower, upper = _chain(corners, minimum), _chain(corners[::-1], minimum)
     return np.array(lower[:-1] + upper[:-1])
 
 
-def _chain(corners: Sequence[Sequence[float]], least: float) -> list[Sequence[float]]:
+def _chain(corners: Sequence[Sequence[float]], minimum: float) -> list[Sequence[float]]:
     """Lower half of a hull of points in order, without points on its edges, where it turns by less than a least area."""
     chain: list[Sequence[float]] = []
     for point in corners:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= least:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= minimum:
             chain.pop()
         chain.append(point)
     return chain

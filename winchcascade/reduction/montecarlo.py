@@ -40,7 +40,7 @@ DRAWS = 8191
 """Default number of draws of all errors, a prime; the ends of an interval are then known to 0.5 % of its width, to 1 % where
 few cycles decide it."""
 
-FEWEST_DRAWS = 100
+MIN_DRAWS = 100
 """Smallest number of draws: the ends of an interval are then known to 10 % of its width."""
 
 MULTIPLIER = 3483
@@ -53,13 +53,13 @@ MULTIPLIERS = 16
 DIMENSIONS = 8
 """Number of errors for which a multiplier is searched; few logs have more that matter."""
 
-MOST_FREEDOM = 10_000
+MAX_FREEDOM = 10_000
 """Degrees of freedom from which Student's distribution counts as normal: its 97.5 % quantile is then within 0.02 %."""
 
 GRID = 1 << 14
 """Points at which a distribution is integrated: neighbouring ones are 1/50 of a standard deviation apart or closer."""
 
-MOST_CYCLES = 250
+MAX_CYCLES = 250
 """Of more cycles an even selection is drawn for ratios: the sensors' errors act on all of them nearly alike."""
 
 LINEAR_WITHIN = 0.02
@@ -127,10 +127,8 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
     (0.0048, 'gum')
     """
-    if not draws >= FEWEST_DRAWS or draws % 1:
-        raise OptionError(
-            f"draws: {draws!r}; expected a whole number of {FEWEST_DRAWS} or more. The default is {DRAWS}."
-        )
+    if not draws >= MIN_DRAWS or draws % 1:
+        raise OptionError(f"draws: {draws!r}; expected a whole number of {MIN_DRAWS} or more. The default is {DRAWS}.")
     draws = int(draws)
     model = error_model(reduction)
     known = budget(reduction, model)
@@ -212,12 +210,12 @@ def _rectangular(draws: int) -> Signal:
 
 
 @cache
-def _student(draws: int, freedom: int = MOST_FREEDOM) -> Signal:
+def _student(draws: int, freedom: int = MAX_FREEDOM) -> Signal:
     """Middle of each stratum of Student's distribution; of many degrees of freedom, of the normal distribution.
 
     The angle whose tangent is t / sqrt(freedom) has a density in proportion to the power freedom - 1 of its cosine.
     """
-    freedom = min(freedom, MOST_FREEDOM)
+    freedom = min(freedom, MAX_FREEDOM)
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, GRID + 1)
     density = np.cos(angle) ** (freedom - 1)
     share = np.append(0.0, np.cumsum(density[1:] + density[:-1]))
@@ -338,7 +336,7 @@ _kept_weights = lru_cache(maxsize=4)(_weights)
 
 def _ratio(out: _Drawn, into: _Drawn, rows: Index, mean: float) -> Signal:
     """Mean of the ratios of the cycles for each draw, about their reduced mean."""
-    chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_CYCLES)).round().astype(int)]
+    chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MAX_CYCLES)).round().astype(int)]
     total = np.zeros(out.weights.shape[1])
     for k in chosen.tolist():
         total += (out.parts[k] @ out.weights) / (into.parts[k] @ into.weights)

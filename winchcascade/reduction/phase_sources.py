@@ -30,7 +30,7 @@ RPM = np.pi / 30.0
 BESIDE_GAP = 1e-6
 """Time between a gap and a span that does not touch it. [s]"""
 
-FEWEST = 2.0
+MIN_STRETCH = 2.0
 """Minimum length of a stretch between two gaps, in sampling intervals; shorter ones are left out."""
 
 
@@ -155,8 +155,8 @@ def _whole(run: Run, rig: Rig) -> Detected:
     gaps = gaps[gaps[:, 1] - gaps[:, 0] > gap_limits(run, rig).gap_max]
     begins = [float(run.t[0]), *(np.maximum.accumulate(gaps[:, 1]) + BESIDE_GAP).tolist()]
     ends = [*(gaps[:, 0] - BESIDE_GAP).tolist(), float(run.t[-1])]
-    least = FEWEST / run.fs
-    spans = [span(a, b) for a, b in zip(begins, ends, strict=True) if b - a > least]
+    minimum = MIN_STRETCH / run.fs
+    spans = [span(a, b) for a, b in zip(begins, ends, strict=True) if b - a > minimum]
     return Detected(spans, _motion(run, rig))
 
 

@@ -108,9 +108,9 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
     force, line = run.channels.get("force"), BUILT_IN["line"].stream(run.channels, None)
     nothing: list[float | None] = [None] * len(cycles)
-    least = nothing if force is None else extremes(run.t, force, hauls)[0].tolist()
+    minimum = nothing if force is None else extremes(run.t, force, hauls)[0].tolist()
     energy = nothing if line is None else integrals(run.t, line, hauls).tolist()
-    hauled = zip(top, _means(phased, ("force",), hauls), least, energy, strict=True)
+    hauled = zip(top, _means(phased, ("force",), hauls), minimum, energy, strict=True)
     points, flows = _points(phased), _both_ways(phased)
     return [
         PhaseSummary(

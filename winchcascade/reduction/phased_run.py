@@ -16,7 +16,7 @@ from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.phase_sources import find_cycles
 from winchcascade.reduction.phases import Cycle, Plateau, check_cycles, find_plateau
 
-MOST_CYCLES = 12
+MAX_CYCLES = 12
 """Maximum number of cycles that are checked: an even selection of those of a longer log. Faults of a sensor concern all."""
 
 
@@ -54,7 +54,7 @@ class PhasedRun(msgspec.Struct, frozen=True):
     def chosen(self) -> list[int]:
         """Indices of the cycles that are checked."""
         n = len(self.cycles)
-        return list(range(n)) if n <= MOST_CYCLES else np.linspace(0, n - 1, MOST_CYCLES).round().astype(int).tolist()
+        return list(range(n)) if n <= MAX_CYCLES else np.linspace(0, n - 1, MAX_CYCLES).round().astype(int).tolist()
 
     def rows(self, start: float, end: float) -> slice:
         """Rows of the log from one instant to another."""
@@ -215,19 +215,17 @@ def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]
     """
     if not isinstance(phased.rule, float):
         return []
-    least = phased.rig.thresholds.aborted_below * _usual_travel(phased)
+    minimum = phased.rig.thresholds.aborted_below * _usual_travel(phased)
     whole = [
         (c, w)
         for c, w, travel in zip(phased.cycles, windows, phased.travel, strict=True)
-        if not c.begins_inside and not c.ends_inside and travel >= least
+        if not c.begins_inside and not c.ends_inside and travel >= minimum
     ]
     late = [(c, w) for c, w in whole if w.cutoff - c.payout_end > _detection_slack(phased)]
     if not late:
         return []
-    most = max(w.cutoff - c.payout_end for c, w in late)
-    found = (
-        f"{len(late)} of {len(whole)} payouts end before their window of {phased.rule:g} s does, by up to {most:.2f} s"
-    )
+    maximum = max(w.cutoff - c.payout_end for c, w in late)
+    found = f"{len(late)} of {len(whole)} payouts end before their window of {phased.rule:g} s does, by up to {maximum:.2f} s"
     lengths = [c.payout_end - c.onset for c, _ in whole]
     fits = math.floor(100.0 * min(lengths)) / 100.0
     if 2 * len(late) > len(whole):

@@ -140,8 +140,8 @@ def _moved_unseen(run: Run, first: Index, last: Index) -> Signal:
     return displacement[np.minimum(last, top)] - displacement[np.clip(first - 1, 0, top)]
 
 
-def _turning_points(position: list[float], least: float) -> list[int]:
-    """Indices of alternating lows and highs of a position that differ by at least `least`, ends of motion included."""
+def _turning_points(position: list[float], minimum: float) -> list[int]:
+    """Indices of alternating lows and highs of a position that differ by at least `minimum`, ends of motion included."""
     low = high = 0
     turns: list[int] = []
     rising: bool | None = None
@@ -150,10 +150,10 @@ def _turning_points(position: list[float], least: float) -> list[int]:
             low = k
         if rising is not False and x > position[high]:
             high = k
-        if rising is not True and x - position[low] >= least:
+        if rising is not True and x - position[low] >= minimum:
             turns.append(low)
             rising, high = True, k
-        elif rising is not False and position[high] - x >= least:
+        elif rising is not False and position[high] - x >= minimum:
             turns.append(high)
             rising, low = False, k
     if rising is not None:
@@ -202,9 +202,9 @@ def _motion(t: Signal, runs: _Runs, leg: tuple[int, int], thresholds: Thresholds
     """First and last run of a leg that are motions in its direction: not noise about the threshold, creep, or a jog apart."""
     along = [k for k in range(*leg) if sign * runs.travel[k] > 0]
     top = max(runs.peak[k] for k in along)
-    least = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
-    motions = [k for k in along if runs.peak[k] >= least]
-    lively = [k for k in range(motions[0], motions[-1] + 1) if runs.peak[k] >= least or runs.peak[k] == 0.0]
+    minimum = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
+    motions = [k for k in along if runs.peak[k] >= minimum]
+    lively = [k for k in range(motions[0], motions[-1] + 1) if runs.peak[k] >= minimum or runs.peak[k] == 0.0]
     parts = []
     for part in _parted_by_rests(t, runs, lively):
         position = list(accumulate((runs.travel[k] for k in part), initial=0.0))

@@ -35,7 +35,7 @@ from winchcascade.reduction.phase_summary import PhaseSummary, summarise
 from winchcascade.reduction.phased_run import PhasedRun, Window, check_lengths, find_phases, find_window, find_windows
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 
-MOST_BINS = 20_000
+MAX_BINS = 20_000
 """Maximum number of bins of generator speed: more show an error in a rig file."""
 
 
@@ -250,10 +250,10 @@ def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
     if found is None:
         return ()
     speed, rpm = found
-    most = largest(speed) * rpm / rig.thresholds.rpm_bin
-    if most > MOST_BINS:
+    maximum = largest(speed) * rpm / rig.thresholds.rpm_bin
+    if maximum > MAX_BINS:
         raise OptionError(
-            f"{run.name}: {most:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MOST_BINS}. Check gear_ratio, "
+            f"{run.name}: {maximum:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
             f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
         )
     counted = [k for k, window in enumerate(windows) if window.fault is None]

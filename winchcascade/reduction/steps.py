@@ -18,10 +18,10 @@ BLOCKS = 8
 NOISE = 5.0
 """Widening of a band: range of a few dozen block means that scatter by noise alone, in their standard deviations."""
 
-FEWEST = 20
+MIN_CHANGES = 20
 """Fewer changes show no noise."""
 
-LARGEST = 0.99
+WIDTH_QUANTILE = 0.99
 """Quantile of |speed| and |torque| whose share is the width of a band: a single peak does not widen it. [1]"""
 
 
@@ -45,7 +45,7 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
     shares = {"speed": rule.speed_band, "torque": rule.torque_band}
     rows = int(at[1] - at[0])
     widths = [
-        shares[name] * quantile(np.abs(run.channels[name]), LARGEST) + NOISE * _noise(run.channels[name], rows)
+        shares[name] * quantile(np.abs(run.channels[name]), WIDTH_QUANTILE) + NOISE * _noise(run.channels[name], rows)
         for name in names
     ]
     unusable = _touched(run, at, gap_max) | (np.abs(means[0]) <= rule.rpm_onset * np.pi / 30.0)
@@ -68,7 +68,7 @@ def _noise(x: Signal, rows: int) -> float:
     """Standard deviation of block means by the noise of the samples, where the channel is not constant."""
     change = np.diff(x)
     change = change[change != 0.0]
-    if change.size < FEWEST:
+    if change.size < MIN_CHANGES:
         return 0.0
     return GAUSS * median(np.abs(change - median(change))) / math.sqrt(2.0 * rows)
 

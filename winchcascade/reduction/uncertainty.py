@@ -217,13 +217,13 @@ def _reach(
     model: ErrorModel, slopes: Mapping[str, Signal], complete: Mask
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Largest share of the energy of each stage, in any cycle, that all errors together could change, and that gains could."""
-    most = np.array([NORMAL_REACH * s.u if s.limit is None else s.limit for s in model.sources])
+    maximum = np.array([NORMAL_REACH * s.u if s.limit is None else s.limit for s in model.sources])
     is_gain = np.array([s.part == "gain" for s in model.sources], dtype=bool)
     reach, gains = {}, {}
     for name, stage in model.stages.items():
         energy = np.maximum(np.abs(stage.energy), NOTHING)
         share = np.max((np.abs(slopes[name]) / energy)[:, complete & (stage.t > 0)], axis=1, initial=0.0)
-        reach[name], gains[name] = float(most @ share), float(np.sum(most[is_gain & (share > 0.0)]))
+        reach[name], gains[name] = float(maximum @ share), float(np.sum(maximum[is_gain & (share > 0.0)]))
     return reach, gains
 
 

@@ -23,7 +23,7 @@ DRAWS = 4000
 SEED = 20260101
 """Draws of the bootstrap and the seed of its random numbers: the same data give the same interval."""
 
-FEWEST = 8
+MIN_WAVES = 8
 """Fewer waves give no interval: their blocks would be the sample itself."""
 
 SIGNIFICANT = 2.0
@@ -116,7 +116,7 @@ def _with_interval(
     """A value of which the ratio of the sums of two series makes a share, with its interval."""
     u_sensors = None if errors is None else math.hypot(*(size for size, _ in errors))
     x, y = of
-    if value is None or x.size < FEWEST:
+    if value is None or x.size < MIN_WAVES:
         return RatioOfSums(value, u_sensors=u_sensors)
     rng = np.random.default_rng(SEED)
     ends = np.cumsum(counts or [x.size])
@@ -174,7 +174,7 @@ def block_length(x: Signal) -> int:
     """
     n = x.size
     y = x - x.mean()
-    most = max(1, n // 3)
+    maximum = max(1, n // 3)
     lags = min(n - 1, math.ceil(math.sqrt(n)) + 10)
     covariance = np.array([float(y[: n - k] @ y[k:]) / n for k in range(lags + 1)])
     if covariance[0] <= 0.0:
@@ -189,9 +189,9 @@ def block_length(x: Signal) -> int:
     r = covariance[np.abs(k)] * weight
     spread, slope = float(r.sum()), float(np.abs(k) @ r)
     if spread <= 0.0:
-        return most
+        return maximum
     length = (2.0 * slope**2 / (4.0 / 3.0 * spread**2)) ** (1.0 / 3.0) * n ** (1.0 / 3.0)
-    return int(min(max(1, math.ceil(length)), most))
+    return int(min(max(1, math.ceil(length)), maximum))
 
 
 def _last_correlated(below: Mask, run: int) -> int:

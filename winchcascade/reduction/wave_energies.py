@@ -33,7 +33,7 @@ from winchcascade.reduction.wave_bootstrap import (
 NORMAL: Shape = "normal"
 """Distribution of what bridged gaps may have changed."""
 
-MOST_CLASSES = 6
+MAX_CLASSES = 6
 """Classes of payout, and of period, at most."""
 
 Pairs = Mapping[str, tuple[str, str]]
@@ -330,7 +330,7 @@ def _ratios(joule: Mapping[str, float], pairs: Pairs) -> dict[str, float | None]
 
 
 def class_width(x: Signal) -> float:
-    """Width of classes that begin at zero: 1, 2 or 5 times a power of ten, and no more classes than `MOST_CLASSES`.
+    """Width of classes that begin at zero: 1, 2 or 5 times a power of ten, and no more classes than `MAX_CLASSES`.
 
     >>> class_width(np.array([0.3, 4.0])), class_width(np.array([11.9]))
     (1.0, 2.0)
@@ -338,5 +338,5 @@ def class_width(x: Signal) -> float:
     top = float(np.max(np.abs(x)))
     if not top > 0.0:
         return 1.0
-    power = 10.0 ** math.floor(math.log10(top / MOST_CLASSES))
-    return next(width * power for width in (1.0, 2.0, 5.0, 10.0) if top < MOST_CLASSES * width * power)
+    power = 10.0 ** math.floor(math.log10(top / MAX_CLASSES))
+    return next(width * power for width in (1.0, 2.0, 5.0, 10.0) if top < MAX_CLASSES * width * power)

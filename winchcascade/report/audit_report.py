@@ -190,7 +190,7 @@ def _physics(ranges: AttainableRanges) -> tuple[Section, ...]:
         section(
             "effects", "Effects that could explain it",
             None if ranges.ok else _effects(ranges),
-            *(_note(text, "All within reach") for text in sets),
+            *(_note(text, "All within the attainable range") for text in sets),
         ),
     )  # fmt: skip
 
@@ -211,7 +211,7 @@ def _range_columns(metric: str) -> list[TableColumn[AttainableRow]]:
             of=lambda r: (
                 ""
                 if (c := cell(r)) is None
-                else ("out of reach" if c.outside else "within reach" if c.gap == 0.0 else "within rounding")
+                else ("outside" if c.outside else "inside" if c.gap == 0.0 else "within rounding")
             ),
         ),
     ]
@@ -235,7 +235,7 @@ def _effects(ranges: AttainableRanges) -> Table | None:
 
 
 def _effect_columns(ranges: AttainableRanges, metric: str) -> list[TableColumn[SuspectResult]]:
-    """What an effect must be to bring an efficiency within reach, and how much of it a plausible value takes away."""
+    """What value of an effect brings an efficiency within the attainable range, and how much a plausible value contributes."""
 
     def needs(suspect: SuspectResult) -> str:
         text = words.needed_words(ranges, suspect.ability(metric))

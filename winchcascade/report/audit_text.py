@@ -220,7 +220,8 @@ def _span_record(span: Span | None) -> tuple[float, float] | None:
 
 # ------------------------------------------------------------------------------------------- the table against a rig
 _WORTH, _NOTHING = 0.2, 0.005
-"""An effect that takes away less than this share of what is out of reach is not shown in detail, or said to do nothing. [1]"""
+"""An effect that removes less than this share of the excess over the attainable range is not shown in detail, or is listed
+as one that does nothing. [1]"""
 
 _SIZES = {1: "one effect", 2: "pairs", 3: "sets of three"}
 
@@ -296,7 +297,7 @@ def verdict_sentences(ranges: AttainableRanges, metric: str) -> tuple[list[str],
     judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
     outside = [cell for cell in judged if cell.outside]
     if not outside:
-        return [f"{metric}: all {len(judged)} rows within reach"], []
+        return [f"{metric}: all {len(judged)} rows within the attainable range"], []
     sentences = [
         f"{metric}: {len(cells)} of {len(judged)} rows {side} what the rig can reach, by "
         f"{_range([100.0 * abs(cell.gap) for cell in cells], '.1f')} points "
@@ -315,14 +316,14 @@ def verdict_sentences(ranges: AttainableRanges, metric: str) -> tuple[list[str],
 
 
 def wanted(ranges: AttainableRanges) -> list[str]:
-    """Efficiencies whose causes are listed: the two stages where they are out of reach, else their product."""
+    """Efficiencies whose causes are listed: the two stages where they are outside the attainable range, else their product."""
     outside = {cell.metric for _, cell in ranges.outside}
     stages: list[str] = [metric for metric in ("eta_trans", "eta_gen") if metric in outside]
     return stages or sorted(outside)
 
 
 def _neither(ranges: AttainableRanges) -> list[str]:
-    """Effects that cannot bring any of the efficiencies within reach, and how much of it they take away."""
+    """Effects that cannot bring any of the efficiencies within the attainable range, and how much of it they take away."""
     metrics = wanted(ranges)
     found = [(mover.effect, [mover.ability(m) for m in metrics]) for mover in ranges.explanation.suspects]
     unable = {name: [one.closed for one in each] for name, each in found if all(one.verdict == "no" for one in each)}
@@ -334,7 +335,7 @@ def _neither(ranges: AttainableRanges) -> list[str]:
         *(
             wrapped(
                 f"{'explain neither' if len(metrics) > 1 else 'do not explain it'} alone; at a plausible value they take away "
-                f"so much of what is out of reach of {' and of '.join(metrics)}: {some}"
+                f"so much of what lies outside the attainable range of {' and of '.join(metrics)}: {some}"
             )
             if some
             else []
@@ -371,12 +372,16 @@ def needed_words(ranges: AttainableRanges, ability: Ability) -> str:
 def _sets(ranges: AttainableRanges) -> list[str]:
     found = ranges.explanation
     if found.sets:
-        lines = ["", f"all within reach at plausible values, the smallest sets ({_SIZES[found.size]}), best fit first:"]
+        size = _SIZES[found.size]
+        lines = [
+            "",
+            f"all within the attainable range at plausible values, the smallest sets ({size}), best fit first:",
+        ]
         return lines + [line for values in found.sets for line in indented(values_text(ranges, values))]
-    none = f"no set of up to {found.size} effects brings all within reach at plausible values"
+    none = f"no set of up to {found.size} effects brings all within the attainable range at plausible values"
     lines = ["", none] if found.size else []
     if found.closest is not None:
-        out = f"{100.0 * found.closest.out_of_reach:.1f} points out of reach in all"
+        out = f"{100.0 * found.closest.out_of_reach:.1f} points outside the attainable range in all"
         lines += indented(f"closest: {values_text(ranges, found.closest)}; {out}")
     return lines
 
@@ -470,14 +475,14 @@ def _values_record(values: Values) -> dict[str, Any]:
 
 POINT_AUDIT_SCHEMA = "winchcascade/point-audit/1"
 
-_MOST_SHOWN = 12
+_MAX_SHOWN = 12
 """Broken laws that the text shows; the JSON has all."""
 
 
 def point_audit_text(audit: PointAudit) -> str:
     """What a table of operating points contradicts in itself."""
     table, broken = audit.table, audit.broken
-    more = [f"and {len(broken) - _MOST_SHOWN} more"] if len(broken) > _MOST_SHOWN else []
+    more = [f"and {len(broken) - _MAX_SHOWN} more"] if len(broken) > _MAX_SHOWN else []
     return joined(
         [
             *title_lines(table),
@@ -485,7 +490,7 @@ def point_audit_text(audit: PointAudit) -> str:
             "",
             f"{len(table.rows)} rows, {audit.laws} cells compared",
             *paragraphs(unread_sentences(audit)),
-            *paragraphs([*_broken_sentences(audit, _MOST_SHOWN), *more], "  "),
+            *paragraphs([*_broken_sentences(audit, _MAX_SHOWN), *more], "  "),
             "",
             _summary(point_summary(audit), audit.ok),
         ]
@@ -505,8 +510,8 @@ def law_sentences(audit: PointAudit) -> list[str]:
 def unread_sentences(audit: PointAudit) -> list[str]:
     """Which cells hold a text where a number was expected."""
     unread = audit.table.unread
-    more = f"; and {len(unread) - _MOST_SHOWN} more" if len(unread) > _MOST_SHOWN else ""
-    return [f"not numbers, and not compared: {'; '.join(unread[:_MOST_SHOWN])}{more}"] if unread else []
+    more = f"; and {len(unread) - _MAX_SHOWN} more" if len(unread) > _MAX_SHOWN else ""
+    return [f"not numbers, and not compared: {'; '.join(unread[:_MAX_SHOWN])}{more}"] if unread else []
 
 
 def point_summary(audit: PointAudit) -> str:
@@ -523,8 +528,8 @@ def broken_laws_text(audit: PointAudit) -> str:
     return joined(paragraphs(_broken_sentences(audit), "  "))
 
 
-def _broken_sentences(audit: PointAudit, most: int | None = None) -> list[str]:
-    return [*(fault.sentence for fault in audit.faults), *(item.sentence for item in audit.broken[:most])]
+def _broken_sentences(audit: PointAudit, maximum: int | None = None) -> list[str]:
+    return [*(fault.sentence for fault in audit.faults), *(item.sentence for item in audit.broken[:maximum])]
 
 
 def point_audit_record(audit: PointAudit) -> dict[str, Any]:

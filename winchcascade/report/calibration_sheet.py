@@ -35,7 +35,7 @@ from winchcascade.report.report_model import (
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import data_lines, headed, indented, joined, table_lines, wrapped
 from winchcascade.report.wording import page_text
-from winchcascade.rig.backemf import RPM_LEAST, BackEmf
+from winchcascade.rig.backemf import RPM_MIN, BackEmf
 
 CALIBRATION_SCHEMA = "winchcascade/calibration/1"
 
@@ -219,7 +219,7 @@ def findings(calibration: Calibration) -> list[str]:
 METHOD = (
     Note(
         "The back-EMF constant is the slope of a line through zero: back-EMF, line to line, rms, over the speed of the "
-        f"generator above {RPM_LEAST:g} rpm, in payouts without their braking. The back-EMF follows from the DC voltage; the "
+        f"generator above {RPM_MIN:g} rpm, in payouts without their braking. The back-EMF follows from the DC voltage; the "
         "two conducting diodes, commutation, and the currents of bleed resistor and charging capacitor are included. A lag of "
         "Vdc is fitted beside the slope. The uncertainty combines that of the fit and that of the gain of the Vdc sensor.",
         "Back-EMF constant",

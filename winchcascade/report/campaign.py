@@ -61,7 +61,7 @@ DRAWS = 20_000
 LISTED = 800
 """Characters of a list of files that is given in full."""
 
-MOST_RUNS = 150
+MAX_RUNS = 150
 """Logs that a table lists; of more the first and the last half of that."""
 
 
@@ -131,7 +131,7 @@ def campaign_report(
             section("repeatability", "Repeatability", logs_repeatability_table(runs)),
             section(
                 "findings", "Logs and findings", logs or Note("No log could be used."),
-                _BETWEEN.of(campaign.between[: row_limit(MOST_RUNS)]), _FAULTS.of(failed[: row_limit(MOST_RUNS)]),
+                _BETWEEN.of(campaign.between[: row_limit(MAX_RUNS)]), _FAULTS.of(failed[: row_limit(MAX_RUNS)]),
             ),
             *((symbols_section(cascade_of(runs)),) if runs else ()),
             _provenance(campaign, runs, command),
@@ -269,7 +269,7 @@ def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Seq
     total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
     found = [run for run in runs if run.findings]
     kinds = ", ".join(sorted({kind.replace("_", " ") for run in found for kind in run.findings}))
-    worst = [(most, run) for run in loaded if (most := run.max_deviation_percent.get(eta)) is not None]
+    worst = [(maximum, run) for run in loaded if (maximum := run.max_deviation_percent.get(eta)) is not None]
     return [
         *([data_point([run.origin for run in runs])] if runs else []),
         *([Point("Windows", mixed, "warn")] if mixed else []),
@@ -282,8 +282,8 @@ def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Seq
         *([Point("Findings", f"In {len(found)} of {len(runs)} logs: {kinds}.", "warn")] if found else []),
         *([Point("Findings", "No fault found in any log.", "good")] if runs and not found else []),
         *(
-            Point("Repeatability", f"{SYMBOL[eta]} deviates from its mean by {most:.2f} % at most, at {_name(run)}.")
-            for most, run in sorted(worst, key=lambda pair: -pair[0])[:1]
+            Point("Repeatability", f"{SYMBOL[eta]} deviates from its mean by {maximum:.2f} % at most, at {_name(run)}.")
+            for maximum, run in sorted(worst, key=lambda pair: -pair[0])[:1]
         ),
     ]
 
@@ -317,13 +317,13 @@ _LOG: TableColumn[LogSummary] = TableColumn("Log", text=True, of=lambda run: run
 _LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=run_load_text)
 _WINDOW: TableColumn[LogSummary] = TableColumn("Window", "s", of=window_text)
 _CYCLES: TableColumn[LogSummary] = TableColumn("Cycles", of=lambda run: run.complete)
-_LISTED_RUNS = Limit(MOST_RUNS, "more, in the dataset")
+_LISTED_RUNS = Limit(MAX_RUNS, "more, in the dataset")
 
 
 def _linked(table: Table | None, runs: Sequence[LogSummary]) -> Table | None:
     """A table whose rows lead to the reports of the logs, unless it lists a part of them alone."""
     links = tuple(f"runs/{quote(run.name)}.html" for run in runs)
-    return None if table is None else replace(table, links=() if len(runs) > MOST_RUNS else links)
+    return None if table is None else replace(table, links=() if len(runs) > MAX_RUNS else links)
 
 
 def _given(runs: Sequence[LogSummary], metrics: Iterable[str]) -> list[str]:

@@ -37,9 +37,9 @@ CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
 LISTED_RUNS = Limit(20, "more, in the dataset")
 """Logs that are listed; of more the first and the last half of that."""
 
-MOST_FAULTS = 10
+MAX_FAULTS = 10
 
-MOST_ALTERED = 5
+MAX_ALTERED = 5
 """Altered files that are named."""
 
 
@@ -256,14 +256,14 @@ def fault_text(campaign: CampaignRecord, out: Path) -> str:
 def _fault_lines(campaign: CampaignRecord, out: Path) -> list[str]:
     return at_most(
         [headed(wrapped(f"failed: {named_fault(run)}", piped=None), "failed", "contradiction") for run in campaign.failed],
-        MOST_FAULTS, f"more failed, all in {out / 'campaign.json'}",
+        MAX_FAULTS, f"more failed, all in {out / 'campaign.json'}",
     )  # fmt: skip
 
 
 def altered_lines(altered: Sequence[str]) -> list[str]:
     """One line that names files which were changed after they were made, and so were made again; none if there are none."""
-    more = f" and {len(altered) - MOST_ALTERED} more" if len(altered) > MOST_ALTERED else ""
-    names = ", ".join(map(one_line, altered[:MOST_ALTERED]))
+    more = f" and {len(altered) - MAX_ALTERED} more" if len(altered) > MAX_ALTERED else ""
+    names = ", ".join(map(one_line, altered[:MAX_ALTERED]))
     return (
         wrapped(f"made again, as the content did not match the digest of the earlier call: {names}{more}", piped=None)
         if altered
@@ -340,7 +340,7 @@ def _marked(runs: Sequence[LogSummary]) -> list[str]:
 def _between(campaign: CampaignRecord) -> list[str]:
     """Findings of single logs beside the others."""
     texts = (one_line(f"{name}: {found.kind}: {found.message}; {found.action}") for name, found in campaign.between)
-    return at_most([wrapped(text, "  ") for text in texts], MOST_FAULTS, "more, in the dataset", indent="  ")
+    return at_most([wrapped(text, "  ") for text in texts], MAX_FAULTS, "more, in the dataset", indent="  ")
 
 
 CampaignTable = Literal["runs", "cycles", "bins", "findings"]

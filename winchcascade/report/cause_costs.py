@@ -235,7 +235,7 @@ def _beside(part: ContributionPart) -> str:
 COLUMNS = 3
 """Panels of the waterfall figure side by side."""
 
-MOST_LOADS = 9
+MAX_LOADS = 9
 """Loads in the waterfall figure at most; all are in the table."""
 
 BAR = 0.165
@@ -294,7 +294,7 @@ def _waterfalls(found: ModelDiagnosis, table: Sequence[Contribution], bar: float
 
 def waterfall_costs(found: ModelDiagnosis) -> list[Contribution]:
     """The split of the leading efficiency at the loads that are drawn."""
-    return load_costs(found, leading_metric(found.contributions))[:MOST_LOADS]
+    return load_costs(found, leading_metric(found.contributions))[:MAX_LOADS]
 
 
 def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution]) -> None:

@@ -12,7 +12,7 @@ from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Reported, Trend
 from winchcascade.diagnosis.line.line_data import CyclePart, beside
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.stability import FEWEST
+from winchcascade.diagnosis.stability import MIN_RUNS
 from winchcascade.report.digits import significant, upper
 from winchcascade.report.gap_words import NAMES, display_of, number_words, phase_words, probability_words
 from winchcascade.report.wording import load_words
@@ -250,7 +250,7 @@ def trend_words(found: DiagnosisResult) -> str:
 
 def stability_words(found: DiagnosisResult) -> str:
     """Whether the runs agree on the number of each cause; nothing where too few give one."""
-    compared = [cause for cause in found.causes if len(runs_with_number(cause)) >= FEWEST]
+    compared = [cause for cause in found.causes if len(runs_with_number(cause)) >= MIN_RUNS]
     which = "of every cause" if len(found.causes) > 1 else "of the cause"
     if len(compared) < len(found.causes):
         which = f"of {', '.join(cause.effect for cause in compared)}"

@@ -37,7 +37,7 @@ from winchcascade.tables.check import CellCheck, Check, RowKey
 from winchcascade.tables.point_table import PointTable
 
 CHECK_SCHEMA = "winchcascade/check/1"
-MOST_FINDINGS = 5
+MAX_FINDINGS = 5
 """Findings of a log that are printed beside its cells; of more the number."""
 
 _PARTS = {"rounding": "= rounding", "deviation": "+ deviation", "uncertainty": "+ 2 u", "means": "+ means"}
@@ -78,7 +78,7 @@ def _findings(check: Check, row: RowKey) -> list[str]:
     """What is wrong with the log of a row: nothing, or the number of its findings and the first of them."""
     found = [[f"! {one_line(text)}"] for text in check.findings.get(row, ())]
     return (
-        [f"findings in this log: {len(found)}", *at_most(found, MOST_FINDINGS, "more, all in --json")] if found else []
+        [f"findings in this log: {len(found)}", *at_most(found, MAX_FINDINGS, "more, all in --json")] if found else []
     )
 
 

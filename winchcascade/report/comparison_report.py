@@ -87,7 +87,7 @@ def make_comparison_report(found: Comparison, gate: Gate | None = None, *, comma
     figure = picture(
         difference_figure(found, drawn_metrics(found)), "differences",
         "Differences B − A of the efficiencies with 95 % intervals. A marker is full where the interval excludes zero."
-        + (f" {MOST_DRAWN} runs, evenly chosen." if len(drawn(found)) < len(found.runs) else ""),
+        + (f" {MAX_DRAWN} runs, evenly chosen." if len(drawn(found)) < len(found.runs) else ""),
         "Points with intervals about a line at zero, one panel for each efficiency; the values are in the table.",
     )  # fmt: skip
     sections = filled(
@@ -287,7 +287,7 @@ PANEL = 1.02
 _HEAD, _GAP = 0.3, 0.34
 """Margin above the first panel, and space between two panels. [in]"""
 
-MOST_DRAWN = 16
+MAX_DRAWN = 16
 """Runs in a panel at most; of more, an even selection."""
 
 UPRIGHT, UPRIGHT_NARROW = 9, 4
@@ -316,7 +316,7 @@ def _turned(runs: int) -> bool:
 
 def drawn(found: Comparison) -> list[MatchedRuns]:
     """The runs that are drawn, from the heaviest load to the open circuit."""
-    return evenly([*reversed(found.runs)], MOST_DRAWN)
+    return evenly([*reversed(found.runs)], MAX_DRAWN)
 
 
 def _names(runs: Sequence[MatchedRuns]) -> list[str]:

@@ -32,13 +32,13 @@ from winchcascade.report.style import (
 from winchcascade.report.time_histories import PANELS, REPAIRED, REPAIRED_HEIGHT, mark_repaired, repaired_spans
 from winchcascade.report.wording import load_words
 
-MOST_CYCLES = 24
+MAX_CYCLES = 24
 """Maximum number of cycles of all runs that a page holds."""
 
 SHOWN_HZ = 25.0
 """Histories that are sampled faster are averaged down to about this rate. [Hz]"""
 
-MOST_POINTS = 1500
+MAX_POINTS = 1500
 """Maximum number of instants of a cycle."""
 
 LEAD, TAIL = 1.0, 0.5
@@ -109,11 +109,11 @@ def cycle_gaps(found: ModelDiagnosis) -> dict[tuple[int, int], float]:
 
 def chosen_cycles(found: ModelDiagnosis, gaps: dict[tuple[int, int], float]) -> list[tuple[int, int]]:
     """All cycles by run and number, or as many as a page holds: evenly over loads and time, those with the largest gap too."""
-    if len(gaps) <= MOST_CYCLES:
+    if len(gaps) <= MAX_CYCLES:
         return sorted(gaps)
     each = {k: sorted(cycle for log, cycle in gaps if log == k) for k in by_load(found)}
-    logs = evenly([k for k, cycles in each.items() if cycles], MOST_CYCLES)
-    share, shown = max(MOST_CYCLES // len(logs), 1), most_telling(found)
+    logs = evenly([k for k, cycles in each.items() if cycles], MAX_CYCLES)
+    share, shown = max(MAX_CYCLES // len(logs), 1), most_telling(found)
     worst = max(gaps, key=lambda pair: (pair[0] == shown, gaps[pair]))
     chosen = {(k, cycle) for k in logs for cycle in evenly(each[k], share)}
     return sorted({*chosen, worst})
@@ -153,7 +153,7 @@ def _of_a_run(found: ModelDiagnosis, log: int, chosen: Sequence[tuple[int, int]]
         onset = float(run.t[blocks.start[out[0]]])
         span = onset - LEAD, float(run.t[blocks.stop[moving[-1]] - 1]) + TAIL
         rows = slice(*np.searchsorted(run.t, span).tolist())
-        step = max(round(run.fs / SHOWN_HZ), -(-(rows.stop - rows.start) // MOST_POINTS), 1)
+        step = max(round(run.fs / SHOWN_HZ), -(-(rows.stop - rows.start) // MAX_POINTS), 1)
         t, *shown = (_averaged(x[rows], step) for x in (run.t - onset, *sides))
         end = float(run.t[blocks.stop[out[-1]] - 1]) - onset
         repaired = {name: _since(repaired_spans(run, [name]), onset, span) for name in CHANNELS}

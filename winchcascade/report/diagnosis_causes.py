@@ -343,7 +343,7 @@ def thresholds(found: ModelDiagnosis) -> list[Threshold]:
     """
     rows = []
     for name, effect in found.suspects.items():
-        free, share = freedom(effect), _least_share(found.found.linear, name, found.found.scale)
+        free, share = freedom(effect), _minimum_share(found.found.linear, name, found.found.scale)
         way = _far_end(free.absent, free.low, free.high) - free.absent
         absent, seen = (with_values(effect, free.absent + x * way).reported for x in (0.0, share or 0.0))
         shown = display_of(name, effect.parameter, effect.unit)
@@ -366,7 +366,7 @@ def _far_end(absent: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarra
     return np.where(high - absent >= absent - low, high, low)
 
 
-def _least_share(linear: Linear, name: str, scale: float) -> float | None:
+def _minimum_share(linear: Linear, name: str, scale: float) -> float | None:
     """Share of the way from absent to the far bound at which an effect gains evidence over nothing, by halving."""
     if not _gains(linear, name, scale, 1.0):
         return None

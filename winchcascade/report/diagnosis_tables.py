@@ -45,7 +45,7 @@ from winchcascade.report.report_model import (
 )
 from winchcascade.report.wording import load_words
 
-MOST_PLACES, MOST_NUISANCES = 12, 10
+MAX_PLACES, MAX_NUISANCES = 12, 10
 """Rows of the places with the largest gap, and of the nuisances that the fit moves most."""
 
 SIGNS = {
@@ -56,7 +56,7 @@ SIGNS = {
 }
 """Kinds of alarms, and the unit of their size."""
 
-LEAST_PULL = 1.0
+MIN_PULL = 1.0
 """Nuisances within this many of their standard uncertainties are not listed."""
 
 
@@ -114,7 +114,7 @@ def places_table(found: ModelDiagnosis) -> Table | None:
         f"Where the gap is largest: {len(significant_ones) or 'none'} of {len(ranked)} places deviate by more than "
         f"{STANDS_OUT:g} standard uncertainties.",
         (text_column("Channel"), *_yardsticks("zero")),
-        [_place_row(p) for p in significant_ones[: row_limit(MOST_PLACES)] or ranked[:3]],
+        [_place_row(p) for p in significant_ones[: row_limit(MAX_PLACES)] or ranked[:3]],
         "Bias: logged minus simulated, the zero of the log's sensor taken off. The three columns beside it are standard "
         "uncertainties of the bias; u is their root of squares.",
     )
@@ -254,7 +254,7 @@ def nuisances_table(found: ModelDiagnosis) -> Table | None:
             text_column("Unit"),
             number_column("In uncertainties"),
         ),
-        [_nuisance_row(n, x, files) for n, x in pulls[: row_limit(MOST_NUISANCES)] if abs(x) > LEAST_PULL],
+        [_nuisance_row(n, x, files) for n, x in pulls[: row_limit(MAX_NUISANCES)] if abs(x) > MIN_PULL],
         "Numbers of the rig file, loads, gains and zeros of the sensors are known to a tolerance only, and no model is exact; "
         "every fit lets them move within it, at a price. A discrepancy of the model is a share of the channel's plateau in the "
         f"log. A number that moves beyond {PULLED:g} of its uncertainties is a sign of something else.",

@@ -69,7 +69,7 @@ TONES: dict[str, Tone] = {
 }
 """Colours of the verdicts."""
 
-MOST_ALARMS = 4
+MAX_ALARMS = 4
 """Signs of something unexplained that are listed; all are in the JSON."""
 
 NARROWEST = 6
@@ -263,10 +263,10 @@ def _residual(found: DiagnosisResult) -> list[str]:
     if found.remainder is None:
         return []
     alarms = () if isinstance(found, LineDiagnosis) else found.remainder.alarms
-    more = len(alarms) - MOST_ALARMS
+    more = len(alarms) - MAX_ALARMS
     return [
         *entry("residual", words.remainder_words(found)),
-        *(line for a in alarms[1:MOST_ALARMS] for line in entry("", f"{alarm_words(a, words.files_of(found))}.")),
+        *(line for a in alarms[1:MAX_ALARMS] for line in entry("", f"{alarm_words(a, words.files_of(found))}.")),
         *(entry("", f"... {more} more, all in --json") if more > 0 else []),
     ]
 

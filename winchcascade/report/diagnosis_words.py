@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from winchcascade.core.campaign_file import Origin, joint_origin
 from winchcascade.core.rig_file import ModelAccuracy
-from winchcascade.diagnosis.block_means import BLOCK, LEAST_SAMPLES
+from winchcascade.diagnosis.block_means import BLOCK, MIN_SAMPLES
 from winchcascade.diagnosis.causes import AS_GOOD, BACK, HOLD, RAMP
 from winchcascade.diagnosis.closure import PULLED, RESTLESS, ROUGH, by_cycles
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -405,8 +405,8 @@ METHOD = (
     "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "
     "and 4; the diode bridge as a switched circuit). The numbers of the file enter unchanged; none is calibrated first.",
     f"Blocks. Logs and simulations are averaged over blocks of about {BLOCK:g} s within one phase, a period of the "
-    f"tether's ringing, which cancels with most of the correlation between samples; below {LEAST_SAMPLES / BLOCK:.0f} Hz a "
-    f"block is longer and holds about {LEAST_SAMPLES:.0f} samples. The noise of a block comes from the "
+    f"tether's ringing, which cancels with most of the correlation between samples; below {MIN_SAMPLES / BLOCK:.0f} Hz a "
+    f"block is longer and holds about {MIN_SAMPLES:.0f} samples. The noise of a block comes from the "
     "log itself: fourth differences of its samples, the velocity's noise carried through the model, and second "
     "differences from block to block.",
     "Tolerances. Numbers of the rig file, loads, gains, timing and zeros of the sensors are known only so well. Every fit "

@@ -221,8 +221,8 @@ def _best_points(reduction: Reduction) -> list[Point]:
     best, worst, m = extremes
     high, low = (cycle.metrics.value(m) for cycle in (best, worst))
     decimals = max(places((high - low) / 3.0) if high > low else 0, 3 - math.floor(math.log10(max(abs(high), NOTHING))))
-    most = reduction.max_deviation_percent[m]
-    deviates = "" if most is None else f"; the largest deviation from the mean is {most:.2f} %"
+    maximum = reduction.max_deviation_percent[m]
+    deviates = "" if maximum is None else f"; the largest deviation from the mean is {maximum:.2f} %"
     text = f"Cycle {best.cycle} with {SYMBOL[m]} = {number(high, decimals)}, cycle {worst.cycle} with {number(low, decimals)}"
     return [Point("Best and worst", f"{text}{deviates}.")]
 

@@ -56,15 +56,15 @@ def csv_text(table: Table) -> str:
 def _spread(name: str, cells: Sequence[Cell]) -> tuple[list[str], list[list[Cell]]]:
     """The columns that hold the values of one: number, ends of the interval, and the unit where rows differ in it."""
     texts = [cell for cell in cells if isinstance(cell, NumberText)]
-    most, united = max((len(text.values) for text in texts), default=1), any(text.unit for text in texts)
+    maximum, united = max((len(text.values) for text in texts), default=1), any(text.unit for text in texts)
     ends = [f"{name}, low", f"{name}, high"]
     if any(text.form == PLUS_MINUS for text in texts):
         ends = [name, f"{name}, standard uncertainty"]
-    names = {1: [name], 2: ends, 3: [name, *ends]}[most]
+    names = {1: [name], 2: ends, 3: [name, *ends]}[maximum]
 
     def values(cell: Cell) -> list[Cell]:
         own, unit = (list(cell.values), cell.unit) if isinstance(cell, NumberText) else ([cell], "")
-        return [*own, *[None] * (most - len(own)), *([unit] if united else [])]
+        return [*own, *[None] * (maximum - len(own)), *([unit] if united else [])]
 
     return [*names, *([f"{name}, unit"] if united else [])], [values(cell) for cell in cells]
 

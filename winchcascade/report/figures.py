@@ -101,9 +101,9 @@ def powers_of(reduction: Reduction) -> dict[str, Signal]:
     return {stage: watts for stage, watts in found.items() if watts is not None}
 
 
-def _trace(ax: Axes, t: Signal, x: Signal, *, most: int = DRAWN, **style: Any) -> None:
+def _trace(ax: Axes, t: Signal, x: Signal, *, maximum: int = DRAWN, **style: Any) -> None:
     """Draw a signal over time by as many points as show its peaks."""
-    rows = envelope(x, most)
+    rows = envelope(x, maximum)
     ax.plot(t[rows], x[rows], **style)
 
 
@@ -278,12 +278,12 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     ]
     if not rows:
         return None
-    most = max(item.leaves.count("\n") for _, flow in rows for item in flow)
-    figure = wide_figure((2.3 + 0.12 * max(most - 1, 0)) * len(rows))
+    maximum = max(item.leaves.count("\n") for _, flow in rows for item in flow)
+    figure = wide_figure((2.3 + 0.12 * max(maximum - 1, 0)) * len(rows))
     for k, (title, flow) in enumerate(rows):
         ax = figure.add_axes((0.0, 1.0 - (k + 1) / len(rows), 1.0, 1.0 / len(rows)))
         ax.set_axis_off()
-        _draw_flow(ax, flow, lowest=-0.62 - 0.12 * max(most - 1, 0))
+        _draw_flow(ax, flow, lowest=-0.62 - 0.12 * max(maximum - 1, 0))
         ax.text(0.008, 0.985, f"({'ab'[k]}) {title}", transform=ax.transAxes, ha="left", va="top", fontsize=8.5)
     return figure
 
@@ -414,8 +414,8 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     for k, (ax, (title, unit, x)) in enumerate(zip(axes, columns, strict=False)):
         short, unit = readable(unit, x)
         for c, part in parts:
-            style, most = _overlaid_style(c, best, worst), max(150, OVERLAID_POINTS // len(chosen))
-            _trace(ax, run.t[part] - c.phases.onset, x[part] * short, most=most, **style)
+            style, maximum = _overlaid_style(c, best, worst), max(150, OVERLAID_POINTS // len(chosen))
+            _trace(ax, run.t[part] - c.phases.onset, x[part] * short, maximum=maximum, **style)
         ax.axvline(chosen[0].window.cutoff - chosen[0].window.onset, color=COLOURS["soft"], ls="--", lw=0.8)
         label_panel(ax, ascii_lowercase[k], title, unit=unit, x="Time since onset (s)" if k + 2 >= len(columns) else "")
         ax.set_xlim(-1.0, longest)

@@ -84,7 +84,7 @@ def line_how_far(found: LineDiagnosis) -> Section:
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
-MOST_SETS = 12
+MAX_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""
 
 
@@ -166,7 +166,7 @@ def sets_table(found: LineDiagnosis) -> Table | None:
     """The sets of suspects that predict best, and the single ones."""
     choice = found.choice
     ranked = sorted(choice.errors, key=choice.error)
-    shown = ranked[:MOST_SETS] + [names for names in ranked[MOST_SETS:] if len(names) < 2]
+    shown = ranked[:MAX_SETS] + [names for names in ranked[MAX_SETS:] if len(names) < 2]
     return formatted_table(
         "sets",
         f"Sets of suspects by the squared error that remains on held-out cycles: {len(shown)} of {len(ranked)}.",

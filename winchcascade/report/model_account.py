@@ -22,7 +22,7 @@ from winchcascade.rig.simulate import Simulation
 LONGEST = 200.0
 """Of a longer log its first complete cycles are simulated: as many as this holds, at half a millisecond a step. [s]"""
 
-MOST_SAMPLES = 300_000
+MAX_SAMPLES = 300_000
 """And no more samples than this, whatever the sampling rate."""
 
 LEAD = 2.0
@@ -145,7 +145,7 @@ def _obstacles(reduction: Reduction) -> tuple[tuple[bool, str], ...]:
 def _part(reduction: Reduction) -> tuple[Run, tuple[CycleResult, ...]]:
     """The log with its complete cycles, or of a long one the first of them."""
     run, complete = reduction.run, reduction.complete
-    longest = min(LONGEST, MOST_SAMPLES / run.fs)
+    longest = min(LONGEST, MAX_SAMPLES / run.fs)
     if run.t[-1] - run.t[0] <= longest:
         return run, complete
     begin = complete[0].phases.onset - LEAD
@@ -179,16 +179,16 @@ def _within(t: Signal, spans: Sequence[tuple[float, float]]) -> Mask:
     return inside
 
 
-LEAST = 3
+MIN_BIN_SAMPLES = 3
 """Bins of fewer samples are left out, or of fewer than there are cycles."""
 
 FAINT = 0.02
 """Nothing is divided by a mean below this share of the maximum: a ratio of two noises has no meaning."""
 
-MOST_BINS = 40
+MAX_BINS = 40
 """Bins of displacement and of velocity, about at most."""
 
-MOST_SPEED_BINS = 200
+MAX_SPEED_BINS = 200
 """Bins of generator speed: where those of the rig file are more, they are made wider."""
 
 _KGCM2 = KGF * 1e4
@@ -268,7 +268,7 @@ class ChannelDifference(msgspec.Struct, frozen=True):
 
 
 # ------------------------------------------------------------------------------------------------------------ the bins
-def means(x: Signal, width: float, *columns: Signal, least: int) -> tuple[Signal, ...]:
+def means(x: Signal, width: float, *columns: Signal, minimum: int) -> tuple[Signal, ...]:
     """Average columns in bins of x, and give the middles of the bins before them; bins of few samples are left out.
 
     >>> import numpy as np
@@ -280,29 +280,29 @@ def means(x: Signal, width: float, *columns: Signal, least: int) -> tuple[Signal
     number = np.floor(x / width).astype(np.int64)
     low = int(number.min())
     count = np.bincount(number - low)
-    full = np.flatnonzero(count >= max(least, 1))
+    full = np.flatnonzero(count >= max(minimum, 1))
     middles: Signal = (full + low).astype(np.float64) * width + 0.5 * width
     return (middles, *(np.bincount(number - low, weights=y)[full] / count[full] for y in columns))
 
 
-def least_of(comparison: ModelComparison) -> int:
-    """Samples that a bin must have: as many as there are cycles, `LEAST` at most."""
-    return min(LEAST, len(comparison.cycles))
+def minimum_of(comparison: ModelComparison) -> int:
+    """Samples that a bin must have: as many as there are cycles, `MIN_BIN_SAMPLES` at most."""
+    return min(MIN_BIN_SAMPLES, len(comparison.cycles))
 
 
 def speed_width(comparison: ModelComparison) -> float:
     """Width of the bins of generator speed: that of the rig file, unless it makes too many. [rpm]"""
     rpm = comparison.rpm[comparison.driven]
-    return max(comparison.rig.thresholds.rpm_bin, round_width(float(np.ptp(rpm)) if rpm.size else 0.0, MOST_SPEED_BINS))
+    return max(comparison.rig.thresholds.rpm_bin, round_width(float(np.ptp(rpm)) if rpm.size else 0.0, MAX_SPEED_BINS))
 
 
-def round_width(extent: float, most: int = MOST_BINS) -> float:
+def round_width(extent: float, maximum: int = MAX_BINS) -> float:
     """Width of bins of which no more than a given number cover an extent: 1, 2 or 5 times a power of ten.
 
     >>> round_width(10.0), round_width(2.2)
     (0.5, 0.1)
     """
-    raw = max(extent, 1e-9) / most
+    raw = max(extent, 1e-9) / maximum
     power_of_ten = 10.0 ** np.floor(np.log10(raw))
     return next(float(round(k * power_of_ten, 12)) for k in (1, 2, 5, 10) if k * power_of_ten >= raw * (1 - 1e-9))
 
@@ -366,7 +366,7 @@ def curves_of(comparison: ModelComparison) -> dict[str, ComparedCurve]:
     for name, (x, rows, width, middles) in abscissas(comparison).items():
         if name in log:
             columns = (column[rows] for column in (x, log[name], simulated[name]))
-            middle, *binned = means(x[rows], width, *columns, least=least_of(comparison))
+            middle, *binned = means(x[rows], width, *columns, minimum=minimum_of(comparison))
             found[name] = (middle if middles else binned[0], *binned[1:])
     for name, above, below in (("resistance_ohm", "vdc_v", "idc_a"), ("eta_gen", "power_gen_w", "power_mech_w")):
         if above in found and below in found:
@@ -481,7 +481,7 @@ def budget_of(comparison: ModelComparison) -> LossBudget | None:
 
 
 # ----------------------------------------------------------------------------------------------------- an open circuit
-MOST_POINTS = 150
+MAX_POINTS = 150
 """Samples of a regression that are kept to be drawn; of more an even selection."""
 
 DAMPERS = (0.0, 0.5, 1.0, 1.5, 2.0)
@@ -529,7 +529,7 @@ def sweep_of(comparison: ModelComparison) -> Sweep | None:
         damped = msgspec.structs.replace(model, drivetrain=shaft)
         simulation = comparison.simulation if factor == 1.0 else simulate(run, damped)
         forces.append(simulation.run.channels["force"][rows])
-    rpm, log, *simulated = means(comparison.rpm[rows], speed_width(comparison), *forces, least=least_of(comparison))
+    rpm, log, *simulated = means(comparison.rpm[rows], speed_width(comparison), *forces, minimum=minimum_of(comparison))
     return Sweep(kept(rpm), kept(log), DAMPERS, tuple(kept(x) for x in simulated), nominal)
 
 
@@ -542,7 +542,7 @@ def regression_of(comparison: ModelComparison) -> Regression | None:
         fit = back_emf_of(comparison.run, comparison.rig, before_braking(comparison.cycles))
     except LogError:
         return None
-    even = np.linspace(0, fit.rpm.size - 1, min(fit.rpm.size, MOST_POINTS)).round().astype(np.intp)
+    even = np.linspace(0, fit.rpm.size - 1, min(fit.rpm.size, MAX_POINTS)).round().astype(np.intp)
     rpm, v_ll, v_dc = (kept(x[even]) for x in (fit.rpm, fit.v_ll, fit.vdc))
     return Regression(rpm, v_ll, v_dc, fit.k_e, fit.low, fit.high, fit.r2, fit.rpm.size, model.generator.k_e)
 

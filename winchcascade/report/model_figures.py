@@ -50,7 +50,7 @@ from winchcascade.report.style import (
     text_width,
 )
 
-MOST_MARKS = 330
+MAX_MARKS = 330
 """Markers in a row of panels, about at most: of several logs with many bins each has its turn."""
 
 
@@ -115,7 +115,7 @@ def panels(
     figure, grid = panel_figure(height, rows, columns, margins=Margins(right=0.972, head=head), gaps=gaps)
     shaded = False
     for ax, name, letter in zip(grid, given, _LETTERS if len(given) > 1 else ("",), strict=False):
-        _panel(ax, letter, name, drawn, (clouds or {}).get(name), MOST_MARKS // columns)
+        _panel(ax, letter, name, drawn, (clouds or {}).get(name), MAX_MARKS // columns)
         if "rpm" in SHOWN[name].over:
             ax.set_xlim(left=0.0)
             shaded |= shade_over_speed(ax, rated)
@@ -129,7 +129,7 @@ def panels(
 
 
 def _panel(
-    ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], cloud: tuple[Signal, Signal] | None, most: int
+    ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], cloud: tuple[Signal, Signal] | None, maximum: int
 ) -> None:
     """Draw one quantity of all logs with a maximum number of markers."""
     shown, keys = SHOWN[name], (name, HAUL_IN) if name == "pressure_kgcm2" else (name,)
@@ -137,7 +137,7 @@ def _panel(
     short, unit = readable(shown.unit, *(np.array((*c.log, *c.simulated)) for _, _, c in curves))
     if cloud is not None:
         dots(ax, cloud[0], cloud[1] * short, COLOURS["soft"])
-    step = max(1, -(-sum(len(c.x) for _, _, c in curves) // most))
+    step = max(1, -(-sum(len(c.x) for _, _, c in curves) // maximum))
     for k, (d, key, c) in enumerate(curves):
         ax.plot(c.x, np.array(c.log) * short, color=COLOURS[d.log], lw=1.2, ls=_BACK if key == HAUL_IN else "-")
         ax.plot(

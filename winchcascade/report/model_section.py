@@ -52,7 +52,7 @@ LOSSES = ("loss_w", "eta_gen")
 CLOUD = 500
 """Samples of a log that are drawn in each panel at most; of more, an even selection."""
 
-MOST_REASONS = 3
+MAX_REASONS = 3
 """Logs of a campaign whose reason for not being simulated is named."""
 
 
@@ -210,8 +210,8 @@ def _reasons(left_out: Sequence[Named], *, alone: bool) -> str:
     whys = {log.account.why for log in left_out}
     if alone and len(whys) == 1:
         return f"Left out: {whys.pop()}"
-    named = "; ".join(f"{log.name}: {log.account.why.rstrip('.')}" for log in left_out[:MOST_REASONS])
-    more = f"; and {len(left_out) - MOST_REASONS} more" if len(left_out) > MOST_REASONS else ""
+    named = "; ".join(f"{log.name}: {log.account.why.rstrip('.')}" for log in left_out[:MAX_REASONS])
+    more = f"; and {len(left_out) - MAX_REASONS} more" if len(left_out) > MAX_REASONS else ""
     return f"Not simulated: {named}{more}."
 
 

@@ -176,7 +176,7 @@ def template_folder() -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / "templates"
 
 
-MOST_CHARACTERS = 1000
+MAX_CHARACTERS = 1000
 """A text longer than this is cut: no cell may be taller than a page."""
 
 _UNSHOWN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
@@ -193,8 +193,8 @@ def shown(text: str) -> str:
     'a⟨U+0007⟩b'
     """
     text = _UNSHOWN.sub(lambda found: " " if found[0] in "\n\r\t" else f"⟨U+{ord(found[0]):04X}⟩", text)
-    if len(text) > MOST_CHARACTERS:
-        text = f"{text[:MOST_CHARACTERS]} … ({len(text) - MOST_CHARACTERS} characters more)"
+    if len(text) > MAX_CHARACTERS:
+        text = f"{text[:MAX_CHARACTERS]} … ({len(text) - MAX_CHARACTERS} characters more)"
     return text
 
 

@@ -79,15 +79,15 @@ def every_row() -> Iterator[None]:
         _EVERY_ROW.reset(token)
 
 
-def row_limit(most: int | None) -> int | None:
+def row_limit(maximum: int | None) -> int | None:
     """Rows that a table lists at most: what is given, or no limit where every row is wanted."""
-    return None if _EVERY_ROW.get() else most
+    return None if _EVERY_ROW.get() else maximum
 
 
 class Limit(msgspec.Struct, frozen=True):
-    """How many items a table lists: of more than `most`, the first and the last half of that. `more` names the others."""
+    """How many items a table lists: of more than `maximum`, the first and the last half of that. `more` names the others."""
 
-    most: int
+    maximum: int
     more: str = "more"
 
 
@@ -99,13 +99,15 @@ def rows_of(
     >>> rows_of([TableColumn("k", of=int), TableColumn("text", of=str)], range(9), Limit(2))
     [(0, '0'), ('… 7 more', ''), (8, '8')]
     """
-    most = None if limit is None else row_limit(limit.most)
+    maximum = None if limit is None else row_limit(limit.maximum)
     rows = [
         tuple(column.of(item) for column in columns if column.of is not None)
-        for item in (items if most is None or len(items) <= most else [*items[: most // 2], *items[-(most // 2) :]])
+        for item in (
+            items if maximum is None or len(items) <= maximum else [*items[: maximum // 2], *items[-(maximum // 2) :]]
+        )
     ]
-    if limit is not None and most is not None and len(items) > most:
-        rows.insert(most // 2, (f"… {len(items) - most} {limit.more}", *[""] * (len(columns) - 1)))
+    if limit is not None and maximum is not None and len(items) > maximum:
+        rows.insert(maximum // 2, (f"… {len(items) - maximum} {limit.more}", *[""] * (len(columns) - 1)))
     return rows
 
 

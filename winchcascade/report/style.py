@@ -290,7 +290,7 @@ _LOW = 7.0
 """Size of a label of two lines. [pt]"""
 
 
-MOST_COLUMNS = 7
+MAX_COLUMNS = 7
 """Entries in a line of a legend at most."""
 
 SHORT = 18
@@ -323,7 +323,7 @@ def columns_within(texts: Sequence[str], *, handle: float = 2.0, gap: float = 1.
     key = (handle + float(matplotlib.rcParams["legend.handletextpad"])) * size
     edge = 2.0 * float(matplotlib.rcParams["legend.borderpad"]) * size
     widths = np.array([key + text_width(text) for text in texts])
-    for columns in range(min(MOST_COLUMNS, len(texts)), 1, -1):
+    for columns in range(min(MAX_COLUMNS, len(texts)), 1, -1):
         filled = sum(float(column.max()) for column in np.array_split(widths, columns))
         if filled + gap * size * (columns - 1) + edge <= width:
             return columns
@@ -335,19 +335,19 @@ def lines_within(texts: Sequence[str], *, handle: float = 2.0, gap: float = 1.1)
     return -(-len(texts) // columns_within(texts, handle=handle, gap=gap))
 
 
-def cut_apart(names: Sequence[str], most: int = SHORT) -> list[str]:
+def cut_apart(names: Sequence[str], maximum: int = SHORT) -> list[str]:
     """Cut names in the middle, or as near to it as leaves them apart; names that no such cut distinguishes are numbered.
 
     >>> cut_apart(["r9.csv", "2026-03-01_winch_r9.csv", "2026-03-02_winch_r9.csv"])
     ['r9.csv', '2026-03-01…_r9.csv', '2026-03-02…_r9.csv']
     """
-    room = most - 1
+    room = maximum - 1
     for head in sorted(range(2, room - 1), key=lambda head: (abs(head - room / 2.0), head)):
-        cut = [name if len(name) <= most else f"{name[:head]}…{name[head - room :]}" for name in names]
+        cut = [name if len(name) <= maximum else f"{name[:head]}…{name[head - room :]}" for name in names]
         if len(set(cut)) == len(set(names)):
             return cut
     number = {name: k for k, name in enumerate(dict.fromkeys(names), 1)}
-    return [name if len(name) <= most else f"{name[: room - 5]}… ({number[name]})" for name in names]
+    return [name if len(name) <= maximum else f"{name[: room - 5]}… ({number[name]})" for name in names]
 
 
 # --------------------------------------------------------------------------- what figures share
@@ -402,13 +402,13 @@ def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> 
     )  # fmt: skip
 
 
-def evenly(items: Sequence[T], most: int) -> list[T]:
+def evenly(items: Sequence[T], maximum: int) -> list[T]:
     """Items that are evenly spread, up to a maximum number, the first and the last among them.
 
     >>> evenly("abcdefg", 3), evenly("ab", 3)
     (['a', 'd', 'g'], ['a', 'b'])
     """
-    even = np.linspace(0, max(len(items) - 1, 0), min(len(items), most)).round().astype(int)
+    even = np.linspace(0, max(len(items) - 1, 0), min(len(items), maximum)).round().astype(int)
     return [items[k] for k in even.tolist()]
 
 

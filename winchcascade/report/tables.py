@@ -56,15 +56,15 @@ from winchcascade.report.wording import (
 LISTED_CYCLES = Limit(60)
 """Cycles that a table lists; of more the first and the last half of that."""
 
-MOST_FINDINGS = 40
+MAX_FINDINGS = 40
 
-MOST_REASONS = 3
+MAX_REASONS = 3
 """Reasons for missing net energies that a note lists; the JSON holds that of each cycle."""
 
 TOGETHER = 3
 """Stages whose energies, powers and efficiencies stand in one table; of more the powers have their own."""
 
-MOST_BINS = 80
+MAX_BINS = 80
 """Bins that a table lists; of more an even selection."""
 
 
@@ -144,7 +144,7 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     if not given:
         return None
     reasons = net_reasons(reduction.cycles)
-    missing = f"Without net energies: {'; '.join(reasons[:MOST_REASONS])}. " if reasons else ""
+    missing = f"Without net energies: {'; '.join(reasons[:MAX_REASONS])}. " if reasons else ""
     ratio = "; η_net = E_gen, cycle / E_net" if "eta_net" in given else ""
     return ItemTable[CycleResult](
         "net",
@@ -264,7 +264,7 @@ def _phases_table(
 def bins_table(reduction: Reduction) -> Table | None:
     """Mean powers in bins of generator speed; None where that speed is unknown."""
     stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
-    shown = reduction.bins[:: max(1, -(-len(reduction.bins) // (row_limit(MOST_BINS) or len(reduction.bins) or 1)))]
+    shown = reduction.bins[:: max(1, -(-len(reduction.bins) // (row_limit(MAX_BINS) or len(reduction.bins) or 1)))]
     return ItemTable[Bin](
         "bins",
         f"Mean powers of the {span_word(reduction)}s in bins of generator speed, with the standard error of their samples.",
@@ -306,13 +306,13 @@ def findings_table(reduction: Reduction) -> Table | None:
         TableColumn("What was found", text=True, of=lambda f: f.message),
         TableColumn("What was done", text=True, of=lambda f: f.action),
     ]
-    rest = len(quality[row_limit(MOST_FINDINGS) or len(quality) :])
+    rest = len(quality[row_limit(MAX_FINDINGS) or len(quality) :])
     more = [(f"… {rest} more", *[""] * 6)] if rest else []
     return make_table(
         "findings",
         "Findings: what is wrong with the log, and what was done about it.",
         columns,
-        [*rows_of(columns, quality[: row_limit(MOST_FINDINGS)]), *more],
+        [*rows_of(columns, quality[: row_limit(MAX_FINDINGS)]), *more],
         note=f"Times are{_since(zero).lstrip(',')}." if zero else "",
     )
 

@@ -44,8 +44,8 @@ _PIPED = 80
 """Columns of a sentence in a pipe. [characters]"""
 
 _CYCLES = Limit(20, "cycles more, all in --json and --parquet")
-_MOST_FINDINGS = 12
-_MOST_REASONS = 3
+_MAX_FINDINGS = 12
+_MAX_REASONS = 3
 
 
 def reduction_text(reduction: Reduction) -> str:
@@ -84,7 +84,7 @@ def reduction_text(reduction: Reduction) -> str:
         )
         for finding in quality
     ]
-    return joined([*lines, *at_most(blocks, _MOST_FINDINGS, "more, all in --json", "  ")])
+    return joined([*lines, *at_most(blocks, _MAX_FINDINGS, "more, all in --json", "  ")])
 
 
 _CYCLE: TableColumn[CycleResult] = TableColumn("cycle", of=label)
@@ -133,7 +133,7 @@ def _net(reduction: Reduction, uncertainties: Metrics) -> list[str]:
             [_CYCLE, *_columns(reduction, names)], reduction.cycles, _CYCLES, below=below, used=True, omit=_LESS_NET
         )
     reasons = [wrapped(f"no net energy, {sentence}", piped=_PIPED) for sentence in net_reasons(reduction.cycles)]
-    return lines + at_most(reasons, _MOST_REASONS, "more reasons, all in --json", "  ")
+    return lines + at_most(reasons, _MAX_REASONS, "more reasons, all in --json", "  ")
 
 
 def _columns(reduction: Reduction, names: Sequence[str]) -> list[TableColumn[CycleResult]]:
@@ -269,9 +269,9 @@ def simulation_text(simulation: Simulation) -> str:
 def energy_shares(simulation: Simulation) -> list[tuple[str, float]]:
     """Energies of a simulation that matter, at the instant at which that of the line is largest. [J]"""
     energy = simulation.energy
-    most = int(energy["line"].argmax())
-    line = abs(float(energy["line"][most]))
-    return [(name, float(joule[most])) for name, joule in energy.items() if abs(joule[most]) >= 5e-4 * line]
+    last = int(energy["line"].argmax())
+    line = abs(float(energy["line"][last]))
+    return [(name, float(joule[last])) for name, joule in energy.items() if abs(joule[last]) >= 5e-4 * line]
 
 
 def energy_span(simulation: Simulation) -> str:

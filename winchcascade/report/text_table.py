@@ -127,8 +127,11 @@ def listing(
     used : leave out columns without any entry
     omit : as for `table_lines`
     """
-    most = limit.most
-    half, rest = most // 2, len(items) - most if len(items) != most + 1 else 0  # a line for one would save none
+    maximum = limit.maximum
+    half, rest = (
+        maximum // 2,
+        len(items) - maximum if len(items) != maximum + 1 else 0,
+    )  # a line for one would save none
     shown = items if rest <= 0 else [*items[:half], *items[-half:]]
     rows = [
         [column.name for column in columns],
@@ -154,14 +157,14 @@ def metric_steps(energies: Sequence[str], ratios: Iterable[str]) -> list[str]:
     return [name.replace("energy", "E") for name in (*energies[1:-1], *list(ratios)[:-1], *energies[:1])]
 
 
-def at_most(blocks: Sequence[list[str]], most: int, more: str, indent: str = "") -> list[str]:
+def at_most(blocks: Sequence[list[str]], maximum: int, more: str, indent: str = "") -> list[str]:
     """Lines of the first blocks, and how many more there are.
 
     >>> at_most([["a"], ["b"], ["c"]], 1, "more, all in --json")
     ['a', '... 2 more, all in --json']
     """
-    lines = [line for block in blocks[:most] for line in block]
-    return lines if len(blocks) <= most else [*lines, f"{indent}... {len(blocks) - most} {more}"]
+    lines = [line for block in blocks[:maximum] for line in block]
+    return lines if len(blocks) <= maximum else [*lines, f"{indent}... {len(blocks) - maximum} {more}"]
 
 
 def wrapped(text: str, indent: str = "", piped: int | None = PIPED) -> list[str]:

@@ -195,7 +195,7 @@ READ_OUT = 4000
 STRETCHES = 1500
 """Number of those stretches."""
 
-MOST_SPANS = 300
+MAX_SPANS = 300
 """Cycles that a reader may choose from at most."""
 
 PANELS = (
@@ -228,13 +228,13 @@ def _per_unit(unit: str) -> float:
     return 1.0 if found is None else 1.0 / found.factor
 
 
-def envelope(x: Signal, most: int) -> NDArray[np.intp]:
+def envelope(x: Signal, maximum: int) -> NDArray[np.intp]:
     """Rows of a trace that draw it: all of them, or the least and the largest of each of equal stretches.
 
     Parameters
     ----------
     x : (n,) the trace
-    most : rows to keep at most, about
+    maximum : rows to keep at most, about
 
     Examples
     --------
@@ -242,9 +242,9 @@ def envelope(x: Signal, most: int) -> NDArray[np.intp]:
     [0, 1, 4, 5, 7]
     """
     n = x.size
-    if n <= most:
+    if n <= maximum:
         return np.arange(n)
-    width = -(-2 * n // most)
+    width = -(-2 * n // maximum)
     whole = n // width * width
     blocks = x[:whole].reshape(-1, width)
     start = np.arange(0, whole, width)
@@ -275,7 +275,7 @@ def readout(reduction: Reduction, powers: Mapping[str, Signal]) -> str:
     """
     import msgspec
 
-    run, cycles, zero = reduction.run, reduction.cycles[:MOST_SPANS], clock_zero(reduction.run)
+    run, cycles, zero = reduction.run, reduction.cycles[:MAX_SPANS], clock_zero(reduction.run)
     shown: list[tuple[str, str, Signal, float, tuple[str, ...]]]
     shown = [(title, unit, run.channels[name], f, (name,)) for name, title, unit, f in panels_of(run, reduction.rig)]
     shown += [(f"P_{stage}", "W", x, 1.0, power_sources(reduction, [stage])) for stage, x in powers.items()]

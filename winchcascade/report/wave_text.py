@@ -10,14 +10,14 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import field_of
-from winchcascade.reduction.wave_bootstrap import DRAWS, FEWEST, SEED, EnergyError, RatioOfSums
+from winchcascade.reduction.wave_bootstrap import DRAWS, MIN_WAVES, SEED, EnergyError, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
 from winchcascade.report.digits import NumberText, interval_text, significant
 from winchcascade.report.report_model import ItemTable, Limit, Table, TableColumn
 from winchcascade.report.text_table import indented, listing, metric_steps, paragraphs, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 
-MOST_CLASSES = 40
+MAX_CLASSES = 40
 """Rows of classes that a table lists; of more the first and the last half of that."""
 
 
@@ -44,7 +44,7 @@ def wave_lines(found: WaveEnergies) -> list[str]:
         *listing(
             columns,
             found.classes,
-            Limit(MOST_CLASSES, "classes more, all in --json"),
+            Limit(MAX_CLASSES, "classes more, all in --json"),
             used=True,
             omit=metric_steps([f"E_{stage}" for stage in found.energy], found.efficiency),
         ),
@@ -61,7 +61,7 @@ def _ratio(found: WaveEnergies, name: str, eta: RatioOfSums) -> str:
 def _interval(of: RatioOfSums, text: Callable[[float, float, float], str], unknown: Sequence[str]) -> str:
     """The interval of a ratio or a mean in words, by a text of its ends and its uncertainty, and what it contains."""
     if of.interval is None or of.block is None:
-        return f" (no interval: fewer than {FEWEST} waves)"
+        return f" (no interval: fewer than {MIN_WAVES} waves)"
     sensors = f"without sensors, as the accuracy of {', '.join(unknown)} is unknown" if unknown else "and sensors"
     return f", 95 %: {text(*of.interval, _both(of))} (waves in blocks of {of.block}, {sensors})"
 
@@ -97,7 +97,7 @@ def classes_table(found: WaveEnergies) -> Table | None:
             *(TableColumn(SYMBOL[f"energy_{stage}"], "J", of=_energy(stage)) for stage in found.energy),
             *(TableColumn(SYMBOL[name], "", 3, of=_efficiency(name)) for name in found.efficiency),
         ],
-        limit=Limit(MOST_CLASSES, "classes"),
+        limit=Limit(MAX_CLASSES, "classes"),
     ).of(found.classes)
 
 

@@ -340,7 +340,7 @@ def cascade_symbols(cascade: Cascade) -> list[Symbol]:
 BOX, HEIGHT = 0.62, 0.42
 """Width of a box over the distance of two stages, and height of a box."""
 
-LARGEST = 8.5
+MAX_TEXT_SIZE = 8.5
 """Largest size of a text; one that has no room is smaller. [pt]"""
 
 
@@ -400,4 +400,4 @@ def _size(ax: Axes, text: str, room: float) -> float:
 
     low, high = ax.get_xlim()
     inches = room / (high - low) * 0.98 * figure_width()
-    return min(LARGEST, LARGEST * inches * 72.0 / text_size(text, LARGEST).width)
+    return min(MAX_TEXT_SIZE, MAX_TEXT_SIZE * inches * 72.0 / text_size(text, MAX_TEXT_SIZE).width)

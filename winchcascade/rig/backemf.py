@@ -13,7 +13,7 @@ from winchcascade.rig.bridge import back_emfs, bridge_table
 from winchcascade.rig.line_velocity import SMOOTHING
 from winchcascade.rig.parts import Model
 
-RPM_LEAST = 1000.0
+RPM_MIN = 1000.0
 """The regression begins at this generator speed (Sec. 4.2). [rpm]"""
 
 BLOCK = 0.44
@@ -22,7 +22,7 @@ BLOCK = 0.44
 COVERED = 1.96
 """Half-width of a 95 % interval in standard uncertainties."""
 
-LEAST = 25
+MIN_SAMPLES = 25
 """Minimum number of samples of a regression."""
 
 
@@ -71,12 +71,12 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
     vdc, speed = run.channels["vdc"], local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
     bleed, current = dc_currents(run, model, vdc)
     rpm = speed / model.r_motion * model.drivetrain.gear * 30.0 / math.pi
-    used = (rpm > RPM_LEAST) & (current > 0.5 * bleed)
+    used = (rpm > RPM_MIN) & (current > 0.5 * bleed)
     used &= np.logical_or.reduce([(run.t >= begin) & (run.t <= end) for begin, end in payouts])
-    if np.count_nonzero(used) < LEAST:
+    if np.count_nonzero(used) < MIN_SAMPLES:
         raise LogError(
-            f"{run.name}: {np.count_nonzero(used)} samples above {RPM_LEAST:g} rpm in which the bridge conducts; a "
-            f"back-EMF constant needs at least {LEAST}: pay out faster, or for longer."
+            f"{run.name}: {np.count_nonzero(used)} samples above {RPM_MIN:g} rpm in which the bridge conducts; a "
+            f"back-EMF constant needs at least {MIN_SAMPLES}: pay out faster, or for longer."
         )
     slope, rpm, vdc = np.gradient(rpm, run.t)[used], rpm[used], vdc[used]
     v_ll, _ = machine_state(model, rpm, vdc, current[used])

@@ -150,7 +150,7 @@ def bridge_state(
 CLOSE = 1e-9
 """The last Newton step is shorter than this share of the voltage; its error is about the square of that."""
 
-MOST_STEPS = 60
+MAX_STEPS = 60
 """Maximum number of steps. Where the bridge cannot carry the current, the bracket is halved at each step."""
 
 
@@ -172,7 +172,7 @@ def _inverse(
             (0.0, found[n]) if of_voltage else (found[n], 3.0 * known[n] + 10.0 * i_dc[n] * (r_s + reactance[n]))
         )
         now = min(max(ratio * known[n], low), high)
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             v_total, v_ll = (now, known[n]) if of_voltage else (known[n], now)
             i_b, i_s[n], by_v, _ = bridge_state(v_total, v_ll, r_s, reactance[n], table)
             if (i_b > i_dc[n]) == of_voltage:

@@ -40,11 +40,11 @@ REST = 0.01
 TURN = 0.5
 """Friction of the fast shaft changes its sign within this speed. [rad/s]"""
 
-MOST_RETURNED = 0.5
+MAX_RETURNED = 0.5
 """Share of the damping of the fast shaft that a negative friction, a deviation of the model within its tolerance, may return:
 the shaft still comes to rest. [1]"""
 
-LEAST_VOLUME = 0.01
+MIN_VOLUME = 0.01
 """Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
 
 
@@ -240,9 +240,9 @@ def _turned(
     if c.friction != 0.0:
         sign = math.tanh(half_way / TURN)
         dry, steep = c.friction * sign, c.friction * (1.0 - sign * sign) / TURN
-        least = -MOST_RETURNED * (c.b_rotor + c.windage * half_way) * half_way
-        if dry < least:
-            dry, steep = least, -MOST_RETURNED * (c.b_rotor + 2.0 * c.windage * half_way)
+        minimum = -MAX_RETURNED * (c.b_rotor + c.windage * half_way) * half_way
+        if dry < minimum:
+            dry, steep = minimum, -MAX_RETURNED * (c.b_rotor + 2.0 * c.windage * half_way)
         losses += 0.5 * steep
         driven -= dry - steep * half_way
     driven -= losses * omega
@@ -399,7 +399,7 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
     for n in range(v.size):
         sign = direction[n]
         # gas: isothermal, and hotter by the heat of compression that it still holds
-        volume = max(c.volume - c.area * c.lead * x[n] / c.r_motion, LEAST_VOLUME * c.volume)
+        volume = max(c.volume - c.area * c.lead * x[n] / c.r_motion, MIN_VOLUME * c.volume)
         gauge = c.pressure * (c.volume / volume) - ATMOSPHERE
         if c.exponent != 1.0:
             squeezed = math.log(c.volume / volume)

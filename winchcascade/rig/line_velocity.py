@@ -38,7 +38,7 @@ class LineVelocity(msgspec.Struct, frozen=True):
     of_displacement: Signal
     u_velocity: float
     u_displacement: float
-    most_noise: float
+    max_noise: float
 
     def noise(self, samples: int = 1) -> float:
         """Standard deviation of a mean over a number of samples. [m/s]"""
@@ -63,7 +63,7 @@ def line_velocity(run: Run) -> LineVelocity:
         of_displacement=np.zeros_like(kernel),
         u_velocity=u_velocity,
         u_displacement=0.0,
-        most_noise=u_velocity * float(np.linalg.norm(kernel)),
+        max_noise=u_velocity * float(np.linalg.norm(kernel)),
     )
     return _with_displacement(run, alone) or alone
 
@@ -87,17 +87,17 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
     difference = float(np.sqrt(np.mean((both - alone.value)[usable] ** 2)))
     if not CONSISTENT[0] < difference / _noise_of(noise, (a - alone.of_velocity, b)) < CONSISTENT[1]:
         return None
-    most_noise = _noise_of(noise, weights)
+    max_noise = _noise_of(noise, weights)
     for at in range(1, half + 1):  # the ends: a machine at rest would keep the voltage of a noisy first sample
         for middle, place in ((half, -at), (run.t.size - 1 - half, at)):
             own = rate_weights(half, interval, *noise, place)
             window = slice(middle - half, middle + half + 1)
             both[middle + place] = sum(float(w @ x[window]) for w, x in zip(own, channels, strict=True))
             usable[middle + place] = usable[middle]
-            most_noise = max(most_noise, _noise_of(noise, own))
+            max_noise = max(max_noise, _noise_of(noise, own))
     if not usable.all():
-        most_noise = max(most_noise, alone.most_noise)
-    return LineVelocity(np.where(usable, both, alone.value), a, b, u_velocity, u_displacement, most_noise)
+        max_noise = max(max_noise, alone.max_noise)
+    return LineVelocity(np.where(usable, both, alone.value), a, b, u_velocity, u_displacement, max_noise)
 
 
 def _noise_of(noise: tuple[float, float], weights: tuple[Signal, Signal]) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from winchcascade.core.errors import LogError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import Mask, Run, Signal
-from winchcascade.rig.backemf import RPM_LEAST, dc_currents, machine_state
+from winchcascade.rig.backemf import RPM_MIN, dc_currents, machine_state
 from winchcascade.rig.bridge import bridge_table, dc_voltages
 from winchcascade.rig.kernel import LINE, REST, TURN, LineMotion, constants, directions, run_line
 from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, Model, rolloff_curve
@@ -170,7 +170,7 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
     direction = np.tanh(course.v / REST)
     open_clutch = -shaft.clutch_drag * 0.5 * (1.0 - direction) * np.abs(direction)
     torque = np.where(course.v < -MOVING, open_clutch, np.nan)
-    known = course.engaged & (drive.rpm > RPM_LEAST) & np.isfinite(drive.i_bridge)
+    known = course.engaged & (drive.rpm > RPM_MIN) & np.isfinite(drive.i_bridge)
     omega, vdc = drive.rpm[known] * math.pi / 30.0, drive.vdc[known]
     current = np.maximum(drive.i_bridge[known], 0.0)
     _, i_s = machine_state(model, drive.rpm[known], vdc, current)
@@ -187,7 +187,7 @@ def _voltage(model: Model, course: Along, drive: _Drive) -> Signal:
     Roll-off needs the stator current, which follows almost alone from the current of the bridge, so a few rounds settle it.
     """
     machine = model.generator
-    known = course.engaged & (drive.rpm > RPM_LEAST) & (drive.i_bridge > 0.0)
+    known = course.engaged & (drive.rpm > RPM_MIN) & (drive.i_bridge > 0.0)
     known &= drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0)
     rpm, share = drive.rpm[known], np.ones(int(known.sum()))
     reactance = machine.pole_pairs * rpm * math.pi / 30.0 * machine.l_s

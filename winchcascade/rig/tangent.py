@@ -13,7 +13,7 @@ from numba import njit
 from winchcascade.core.run import Signal
 from winchcascade.rig.bridge import FASTMATH, bridge_slopes
 from winchcascade.rig.kernel import (
-    MOST_RETURNED,
+    MAX_RETURNED,
     TURN,
     Constants,
     DrivenShaft,
@@ -35,7 +35,7 @@ _FIRST_WAY = len(NUMBERS)
 WIDE = 24
 """Number of derivatives that are computed at once, a constant, so that the compiler takes four or eight at a time."""
 
-MOST_WAYS = WIDE - len(NUMBERS)
+MAX_WAYS = WIDE - len(NUMBERS)
 """Maximum number of directions of the roll-off among them."""
 
 _ROWS = 13
@@ -99,8 +99,8 @@ def tangent_of(
     ------
     ValueError : more directions than are computed at once
     """
-    if len(ways) > MOST_WAYS:
-        raise ValueError(f"{len(ways)} directions of the roll-off; at most {MOST_WAYS} are computed at once.")
+    if len(ways) > MAX_WAYS:
+        raise ValueError(f"{len(ways)} directions of the roll-off; at most {MAX_WAYS} are computed at once.")
     bent = np.array(ways, dtype=np.float64).reshape(-1, 2, len(ROLLOFF_KNOTS))
     kept = np.zeros((2, len(NUMBERS) + bent.shape[0], -(-v.size // every)))
     run_tangent(driven_shaft(v, dt, numbers), state, every, bent, kept)
@@ -179,8 +179,8 @@ def run_tangent(driven: DrivenShaft, state: Signal, every: int, bent: Signal, ke
             sign = math.tanh(half_way / TURN)
             edge = (1.0 - sign * sign) / TURN
         viscous = 1.0  # share of the damping that acts
-        if c.friction * sign < -MOST_RETURNED * (c.b_rotor + c.windage * half_way) * half_way:
-            sign, edge, viscous = 0.0, 0.0, 1.0 - MOST_RETURNED
+        if c.friction * sign < -MAX_RETURNED * (c.b_rotor + c.windage * half_way) * half_way:
+            sign, edge, viscous = 0.0, 0.0, 1.0 - MAX_RETURNED
         damping = viscous * (c.b_rotor + 2.0 * c.windage * half_way)
         losses = 0.5 * (damping + c.friction * edge + em_h + em_v * v_h)
         drum_half = 0.5 * (v[n] + v[n + 1]) / c.r_motion

@@ -20,21 +20,21 @@ from winchcascade.tables.attainable_row import AttainableRow, Cell, NotJudged, R
 from winchcascade.tables.effect_search import ETAS, Curves, EffectCurve, Search, TableSimulator, Values, field_curves
 
 Verdict = Literal["explains", "beyond_plausible", "no"]
-"""Whether one value of the effect brings all rows within reach: a plausible one, an implausible one, none."""
+"""Whether one value of the effect brings all rows within the attainable range: a plausible one, an implausible one, none."""
 
-MOST_SETS = 8
+MAX_SETS = 8
 """Sets of effects that are named."""
 
-LARGEST = 3
+MAX_EFFECTS = 3
 """Effects of a set at most: more would explain anything."""
 
 
 class Ability(msgspec.Struct, frozen=True):
     """The effect of one suspect alone on one efficiency.
 
-    `closed` is the share of what is out of reach that its best plausible value takes away, over all rows [1]. `needed` has, for
-    each row, the value nearest to absent that brings the row within reach, None where none does or where none is needed; empty
-    for an effect of several fields.
+    `closed` is the share of the excess over the attainable range that its best plausible value removes, over all rows [1].
+    `needed` has, for each row, the value nearest to absent that brings the row within the attainable range, None where none
+    does or where none is needed; empty for an effect of several fields.
     """
 
     metric: str
@@ -44,7 +44,7 @@ class Ability(msgspec.Struct, frozen=True):
 
 
 class SuspectResult(msgspec.Struct, frozen=True):
-    """One suspect and its fields: its effect on each efficiency that is out of reach.
+    """One suspect and its fields: its effect on each efficiency that is outside the attainable range.
 
     `best` has its best values over all rows and efficiencies, plausible or not; None for a suspect that moves nothing here.
     """
@@ -61,10 +61,10 @@ class SuspectResult(msgspec.Struct, frozen=True):
 
 
 class Explanation(msgspec.Struct, frozen=True):
-    """Suspects one by one, and the smallest sets that bring a whole table within reach at plausible values.
+    """Suspects one by one, and the smallest sets that bring a whole table within the attainable range at plausible values.
 
-    `sets` are of `size` effects, best fit first; where no set of up to `LARGEST` will do, there is none, and `closest` is what
-    comes nearest.
+    `sets` are of `size` effects, best fit first; where no set of up to `MAX_EFFECTS` will do, there is none, and `closest` is
+    what comes nearest.
     """
 
     suspects: tuple[SuspectResult, ...]
@@ -103,7 +103,7 @@ def _suspect_result(simulator: TableSimulator, name: str, kind: Effect, curves: 
 
 
 def _ability(search: Search, k: int, before: float) -> Ability:
-    """Effect of a suspect on one efficiency, the k-th of `ETAS`, of which `before` is out of reach in all rows."""
+    """Effect of a suspect on one efficiency, the k-th of `ETAS`; `before` is its excess over all rows. [1]"""
     left = search.best_excess(k)
     verdict: Verdict = "explains"
     if left > 0.0:
@@ -114,7 +114,7 @@ def _ability(search: Search, k: int, before: float) -> Ability:
 
 
 def _needed(simulator: TableSimulator, curve: EffectCurve, row: int, k: int) -> float | None:
-    """Value of a field nearest to absent that brings one cell within reach."""
+    """Value of a field nearest to absent that brings one cell within the attainable range."""
     if not simulator.excess(simulator.nominal)[row, k] > 0.0:
         return None
     inside = simulator.excess(simulator.nominal * np.exp(curve.ratio))[:, row, k] == 0.0
@@ -129,21 +129,21 @@ SEEDS = 8
 
 
 def _smallest_sets(simulator: TableSimulator, suspects: Suspects, curves: Curves) -> Explanation:
-    """The smallest sets that bring all cells within reach: ranked on the curves, the first ones simulated."""
+    """The smallest sets that bring all cells within the attainable range: ranked on the curves, the first ones simulated."""
     if not simulator.excess_by_metric(simulator.nominal).any():
         return Explanation(())
     grown: list[tuple[str, ...]] = [(name,) for name in suspects]
     closest: Values | None = None
-    for size in range(1, LARGEST + 1):
+    for size in range(1, MAX_EFFECTS + 1):
         ranked = _ranked(simulator, suspects, curves, grown)
         simulated = [values for search, x in ranked[:CANDIDATES] if (values := _simulated(search, x)) is not None]
         closest = min((*simulated, *([closest] if closest else [])), key=lambda one: one.out_of_reach, default=None)
         enough = sorted((one for one in simulated if one.enough), key=lambda one: one.misfit)
         if enough:
-            return Explanation((), tuple(enough[:MOST_SETS]), size)
+            return Explanation((), tuple(enough[:MAX_SETS]), size)
         seeds = [tuple(search.kinds) for search, _ in ranked[: None if size == 1 else SEEDS]]
         grown = sorted({tuple(sorted((*names, other))) for names in seeds for other in suspects if other not in names})
-    return Explanation((), (), LARGEST, closest)
+    return Explanation((), (), MAX_EFFECTS, closest)
 
 
 LOOKED_AT = 40
@@ -153,7 +153,7 @@ LOOKED_AT = 40
 def _ranked(
     simulator: TableSimulator, suspects: Suspects, curves: Curves, sets: Sequence[tuple[str, ...]]
 ) -> list[tuple[Search, Signal]]:
-    """Sets with their values, first those that leave least out of reach on the curves, then those that fit best."""
+    """Sets with their values: first those with the smallest excess on the curves, then those that fit best."""
     searches = (Search(simulator, {name: suspects[name] for name in names}, curves) for names in sets)
     found: list[tuple[tuple[float, float], Search, Signal]] = []
     for search in sorted(searches, key=Search.first_look)[:LOOKED_AT]:
@@ -165,7 +165,7 @@ def _ranked(
 
 
 MENDED = 0.01
-"""A set that leaves more out of reach in all than this is not tried again with better values. [1]"""
+"""A set that leaves more outside the attainable range in all than this is not tried again with better values. [1]"""
 
 
 def _simulated(search: Search, x: Signal) -> Values | None:

@@ -46,7 +46,7 @@ def claim_verdict(claim: Claim, table: PublishedTable, known: Repeatability) -> 
 
 def _placed(claim: ValueClaim | ShareClaim, what: str) -> str:
     """Where a claim about one row applies, and what the text states."""
-    return f"{load_text(claim.load)}, {what}: the text says {claim.column.text(claim.value)}"
+    return f"{load_text(claim.load)}, {what}: the text states {claim.column.text(claim.value)}"
 
 
 def _without_row(place: str) -> tuple[Verdict, str]:
@@ -143,7 +143,7 @@ def _reading(eta: str, row: TableRow, table: PublishedTable, known: Repeatabilit
 
 
 def _bound(claim: BoundClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    said = f"the text says {claim.side.replace('_', ' ')} {claim.column.text(claim.value)}"
+    said = f"the text states {claim.side.replace('_', ' ')} {claim.column.text(claim.value)}"
     if claim.metric in DEVIATIONS:
         return _deviation(claim, table, known, f"{claim.metric}: {said}")
     cells = [
@@ -178,14 +178,16 @@ def _deviation(claim: BoundClaim, table: PublishedTable, known: Repeatability, s
 
 def _largest(claim: LargestClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:  # noqa: ARG001
     loads = " and ".join(load_text(load) for load in claim.loads)
-    said = f"{', '.join(claim.metrics)}: the text says largest at {loads}"
+    said = f"{', '.join(claim.metrics)}: the text states largest at {loads}"
     return _ordered(
         said, claim, claim.loads, table, lambda at, others: [(other, row) for row in at for other in others]
     )
 
 
 def _rises(claim: RisesClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:  # noqa: ARG001
-    said = f"{', '.join(claim.metrics)}: the text says rising from {load_text(claim.first)} to {load_text(claim.last)}"
+    said = (
+        f"{', '.join(claim.metrics)}: the text states rising from {load_text(claim.first)} to {load_text(claim.last)}"
+    )
     low, high = sorted((claim.first, claim.last))
 
     def steps(ends: list[TableRow], others: list[TableRow]) -> Iterable[tuple[TableRow, TableRow]]:

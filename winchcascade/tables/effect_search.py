@@ -24,7 +24,7 @@ ETAS = tuple(RATIOS)
 """Efficiencies in the order of the columns of every array here."""
 
 DUST = 2e-4
-"""What may be left out of reach in all rows together: simulations of a table are no better. [1]"""
+"""What may be left outside the attainable range in all rows together: simulations of a table are no better. [1]"""
 
 
 class TableSimulator:
@@ -116,7 +116,7 @@ SILENT = 2e-4
 """An effect that moves no efficiency by more than this at the end of what is plausible has no curve here. [1]"""
 
 HELPS = 0.9
-"""An effect is looked at beyond what is plausible if it leaves less than this share of what is out of reach, but some. [1]"""
+"""An effect is searched beyond its plausible values if it leaves less than this share of the excess, but not nothing. [1]"""
 
 GRID = 400
 """Intervals that a curve is laid out on."""
@@ -158,10 +158,10 @@ def field_curves(simulator: TableSimulator, kind: Effect) -> list[EffectCurve | 
 def search_bounds(kind: Effect) -> tuple[Signal, Signal]:
     """Lowest and highest values that are looked at, (k,) each: `BEYOND` what is plausible, within what is possible."""
     free = freedom(kind)
-    least, most = (np.array([field.possible[end] for field in kind.fields]) for end in (0, 1))
+    minimum, maximum = (np.array([field.possible[end] for field in kind.fields]) for end in (0, 1))
     return (
-        np.maximum(least, free.absent + BEYOND * (free.low - free.absent)),
-        np.minimum(most, free.absent + BEYOND * (free.high - free.absent)),
+        np.maximum(minimum, free.absent + BEYOND * (free.low - free.absent)),
+        np.minimum(maximum, free.absent + BEYOND * (free.high - free.absent)),
     )
 
 
@@ -210,7 +210,7 @@ def _side(simulator: TableSimulator, kind: Effect, free: Freedom, k: int, end: f
 Curves = Mapping[str, Sequence[EffectCurve | None]]
 
 SOFT = 1e-3
-"""Weight, in a search for what brings all rows within reach, of lying close to the printed values themselves. [1]"""
+"""Weight of the distance from the printed values in a search for what brings all rows within the attainable range. [1]"""
 
 FEW = 7
 """Values of a field in a first look at many sets."""
@@ -279,7 +279,7 @@ class Search:
         Parameters
         ----------
         metric : one efficiency alone, by its place in `ETAS`; all by default
-        hinge : of what is out of reach; by default of printed minus simulated
+        hinge : of what is outside the attainable range; by default of printed minus simulated
         wide : beyond what is plausible too
         """
         low, high = self._bounds(wide)
@@ -294,7 +294,7 @@ class Search:
         )  # fmt: skip
 
     def best_excess(self, metric: int, *, wide: bool = False) -> float:
-        """What the best values leave out of reach of one efficiency, in all rows. [1]
+        """What the best values leave outside the attainable range of one efficiency, in all rows. [1]
 
         Of several fields the best on the curves and all of them at either end are simulated.
         """
@@ -307,7 +307,7 @@ class Search:
         )
 
     def first_look(self) -> float:
-        """What a few plausible values leave out of reach at best, on the curves: a first look at many sets. [1]
+        """What a few plausible values leave outside the attainable range at best, on the curves: a first look at many sets. [1]
 
         The fields of one suspect go together from absent to an end of what is plausible, suspects go independently.
         """
@@ -349,8 +349,8 @@ class Search:
         eta = self.simulated(x)
         if eta is None:
             return None
-        (low, high), (least, most) = self.plausible, self.examined
-        near = np.minimum(x - least, most - x) < AT_BOUND * (most - least)
+        (low, high), (minimum, maximum) = self.plausible, self.examined
+        near = np.minimum(x - minimum, maximum - x) < AT_BOUND * (maximum - minimum)
         made = dict(zip(self.kinds, self.effects(x), strict=True))
         away = [gap[~np.isnan(gap)] for gap in (self.simulator.printed - eta).T]
         excess, misfit = self.simulator.sums(eta)

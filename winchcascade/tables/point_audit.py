@@ -13,10 +13,10 @@ from winchcascade.core.published_table import Span, unit_suffix
 from winchcascade.core.quantity import unit_names
 from winchcascade.tables.point_table import Law, PointCell, PointColumn, PointTable
 
-MOST_WRONG = 0.02
+MAX_WRONG = 0.02
 """Share of its laws that a table may still break after an exchange of heads or another unit that explains it. [1]"""
 
-FEWEST_ROWS = 3
+MIN_ROWS = 3
 """Fewer rows show no fault of a whole column."""
 
 POWERS = (-6, -3, -2, -1, 1, 2, 3, 6)
@@ -72,7 +72,7 @@ def audit_points(table: PointTable) -> PointAudit:
     laws = sum(len(_checked(table, row)) for row in table.rows)
     broken = broken_laws(table)
     rows = {item.row for item in broken}
-    if len(rows) < max(FEWEST_ROWS, 0.5 * len(table.rows)):
+    if len(rows) < max(MIN_ROWS, 0.5 * len(table.rows)):
         return PointAudit(table, laws, broken, ())
     for fault, mended in (*_exchanges(table, broken), *_units(table, broken)):
         return PointAudit(table, laws, mended, (fault,), len(broken) - len(mended))
@@ -156,7 +156,7 @@ def _exchanges(table: PointTable, broken: Sequence[BrokenLaw]) -> list[tuple[Col
         mended = broken_laws(
             msgspec.structs.replace(table, rows=tuple(_exchanged(row, one, other) for row in table.rows))
         )
-        if len(mended) <= MOST_WRONG * len(broken):
+        if len(mended) <= MAX_WRONG * len(broken):
             heads = " and ".join(repr(table.columns[name].head) for name in (one, other))
             sentence = (
                 f"columns {heads} are swapped: {len(broken)} cells contradict others as printed, "
@@ -191,7 +191,7 @@ def _units(table: PointTable, broken: Sequence[BrokenLaw]) -> list[tuple[ColumnF
             for column in [table.columns[name]]
         }
         mended = broken_laws(msgspec.structs.replace(table, columns={**table.columns, **scaled}))
-        if len(mended) <= MOST_WRONG * len(broken):
+        if len(mended) <= MAX_WRONG * len(broken):
             found.append((rescaled, mended))
     found.sort(key=lambda item: (len(item[1]), not item[0].unit, len(item[0].names)))
     return [(_wrong_unit(table, broken, one, mended, [r for r, _ in found]), mended) for one, mended in found]

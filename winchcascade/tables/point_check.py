@@ -231,12 +231,14 @@ def _assigned(results: Sequence[Measured], table: PointTable, notes: list[str]) 
             f"first row is {table.row_name(0)}; correct the key, its units or key_percent."
         )
     _check_numbers(found, table)
-    shown = f"{', '.join(without[:MOST_NAMED])}{f' and {len(without) - MOST_NAMED} more' if len(without) > MOST_NAMED else ''}"
+    shown = (
+        f"{', '.join(without[:MAX_NAMED])}{f' and {len(without) - MAX_NAMED} more' if len(without) > MAX_NAMED else ''}"
+    )
     notes += [f"without a row, left out: {shown}."] if without else []
     return found
 
 
-MOST_NAMED = 8
+MAX_NAMED = 8
 """Results without a row that a note names."""
 
 

@@ -47,7 +47,7 @@ SPANS = (0.1, 0.2, 0.3, 0.4)
 EVERYWHERE = 0.9
 """A span serves if it gives a slope at this share of the stamps."""
 
-FEWEST = 100
+MIN_SAMPLES = 100
 """Minimum number of samples: fewer do not determine five coefficients."""
 
 AGAINST = -0.2
@@ -188,10 +188,10 @@ def _samples(run: Run, rig: Rig, gap: Signal, asked: tuple[int, int] | None) -> 
 
 def _check_part(run: Run, gap: Signal, here: Index, asked: tuple[int, int] | None, cycles: int) -> None:
     """Reject too few samples, and a power whose sign, or that of the force, is the other one."""
-    if here.size < FEWEST:
+    if here.size < MIN_SAMPLES:
         what = "the log" if asked is None else f"cycles {asked[0]} to {asked[1]}"
         raise CampaignError(
-            f"{run.name}: {what} holds {here.size} samples of line tension, velocity and power, and {FEWEST} are needed; "
+            f"{run.name}: {what} holds {here.size} samples of line tension, velocity and power, and {MIN_SAMPLES} are needed; "
             f"the log has {cycles} cycles."
         )
     given = line_power(run)[here]

@@ -250,7 +250,7 @@ def diagnose_line(
     verdict = _verdict(closure, remainder)
     causes = causes if verdict == "explained" else causes[:NAMED]
     places, no_gap = map_of(lines.parts), verdict == "no_gap"
-    most = max(places, key=lambda place: place.share)
+    largest = max(places, key=lambda place: place.share)
     return LineDiagnosis(
         title=entries.title,
         rig=rig,
@@ -258,7 +258,7 @@ def diagnose_line(
         runs=tuple(part.run for part in lines.parts),
         suspects={name: suspects[name] for name in lines.names},
         verdict=verdict,
-        where=None if no_gap else Where(causes[0].stage if causes else "transmission", most),
+        where=None if no_gap else Where(causes[0].stage if causes else "transmission", largest),
         chosen=choice.chosen,
         causes=causes,
         closure=closure,

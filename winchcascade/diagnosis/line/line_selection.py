@@ -185,8 +185,8 @@ def _without_the_trivial(every: Sequence[Names], total: Signal, chosen: int) -> 
     """Leave out, one by one, causes that close less than `MATERIAL` of what the set closes."""
     while every[chosen]:
         fewer = [every.index(tuple(n for n in every[chosen] if n != name)) for name in every[chosen]]
-        least = min(fewer, key=lambda k: float(total[k]))
-        if total[least] - total[chosen] >= MATERIAL * (total[0] - total[chosen]) > 0.0:
+        best = min(fewer, key=lambda k: float(total[k]))
+        if total[best] - total[chosen] >= MATERIAL * (total[0] - total[chosen]) > 0.0:
             break
-        chosen = least
+        chosen = best
     return chosen

@@ -26,7 +26,7 @@ STEPS = 2.0
 MOVING = 2.0
 """A block moves above this many times the onset speed, and rests below once that speed."""
 
-FEWEST = 5
+MIN_BLOCKS = 5
 """Smallest number of blocks that shows a deviation."""
 
 GAIN = 0.01
@@ -114,12 +114,12 @@ def disagreements(t: Signal, v: Signal, displacement: Signal, v_onset: float) ->
     """
     blocks = mean_speeds(t, v, displacement, v_onset)
     moving = np.abs(blocks.by_displacement) > MOVING * v_onset
-    if np.count_nonzero(moving) < FEWEST:
+    if np.count_nonzero(moving) < MIN_BLOCKS:
         return []
     step = smallest_step(v)
     zero, findings = 0.0, []
     at_rest = np.abs(blocks.by_displacement) < v_onset
-    if np.count_nonzero(at_rest) >= FEWEST:
+    if np.count_nonzero(at_rest) >= MIN_BLOCKS:
         found, u = median_and_error(blocks.v[at_rest] - blocks.by_displacement[at_rest])
         if abs(found) > max(ZERO * v_onset, CERTAIN * u, step):
             zero = found
@@ -141,7 +141,7 @@ def _reported(channel: str, message: str) -> Finding:
 def _gain(blocks: SpeedBlocks, moving: Mask, zero: float, step: float) -> float | None:
     """Travel by the velocity over travel by the displacement; None if that is 1 within its uncertainty. [1]"""
     along = moving & ((blocks.v - zero) * blocks.by_displacement > 0)
-    if np.count_nonzero(along) < FEWEST:
+    if np.count_nonzero(along) < MIN_BLOCKS:
         return None
     speed = np.abs(blocks.by_displacement[along])
     v = np.abs(blocks.v[along] - zero)
@@ -193,7 +193,7 @@ def power_disagrees(channels: Mapping[str, Signal], r_drum: float | None) -> lis
     else:  # a machine may be driven or drive
         size = np.abs(by_torque)
         driven = known & (size > max(DRIVEN * quantile(size[known], 0.997), 0.0))
-    if np.count_nonzero(driven) < FEWEST:
+    if np.count_nonzero(driven) < MIN_BLOCKS:
         return []
     ratio, u = median_and_error(logged[driven] / by_torque[driven])
     what = (
@@ -221,7 +221,7 @@ def speed_disagrees(channels: Mapping[str, Signal], rig: Rig) -> list[Finding]:
     if not engaged.any():
         return []
     driven = engaged & (by_line > max(FAST * quantile(by_line[known], 0.997), 0.0))
-    if np.count_nonzero(driven) < FEWEST:
+    if np.count_nonzero(driven) < MIN_BLOCKS:
         return []
     ratio, u = median_and_error(omega[driven] / by_line[driven])
     if abs(ratio - 1.0) <= max(SPEED, CERTAIN * u):
@@ -243,7 +243,7 @@ def without_sign(t: Signal, v: Signal, displacement: Signal, v_onset: float, str
     speed = np.abs(blocks.by_displacement)
     fast = speed > MOVING * v_onset
     slow = np.abs(blocks.v[speed < v_onset])
-    if np.count_nonzero(fast) < 2 * FEWEST or (slow.size and median(slow) > MOVING * v_onset):
+    if np.count_nonzero(fast) < 2 * MIN_BLOCKS or (slow.size and median(slow) > MOVING * v_onset):
         return False
     ratio = np.abs(blocks.v[fast]) / speed[fast]
     alike = np.abs(ratio - median(ratio)) < FOLLOWS * ratio
@@ -272,8 +272,8 @@ def correct_signs(channels: dict[str, Signal]) -> list[Finding]:
     if "displacement" in some and _follows(some["displacement"], v) < 0:
         flipped["displacement"] = "it falls while the line pays out"
     out = _fast(v)
-    for name, least in IDLE.items():
-        if name in some and _median(some[name][out]) < -least:
+    for name, minimum in IDLE.items():
+        if name in some and _median(some[name][out]) < -minimum:
             flipped[name] = "it is negative while the line pays out"
     channels |= {name: -channels[name] for name in flipped}
     return [

@@ -13,7 +13,7 @@ from winchcascade.ingest.checks.stuck import repeats_of
 SATURATES = ("force", "torque", "power_mech", "vdc", "idc")
 """Channels whose largest value must scatter; a line may move at one speed, and rest at one place."""
 
-FEWEST = 20
+MIN_SATURATED = 20
 """Smallest number of samples that hold the largest value of a channel, as the sample before does, and show saturation."""
 
 MOSTLY = 0.5
@@ -96,7 +96,7 @@ def saturated(t: Signal, channel: Channel, x: Signal) -> list[Finding]:
     top = high if high >= -low else low
     held = x == top
     again = int(np.count_nonzero(held[1:] & held[:-1]))
-    if top == 0.0 or again < FEWEST or again < MOSTLY * np.count_nonzero(held):
+    if top == 0.0 or again < MIN_SATURATED or again < MOSTLY * np.count_nonzero(held):
         return []
     change = np.diff(x)[~(held[1:] | held[:-1])]
     if repeats_of(change[np.isfinite(change)]) > RARELY:

@@ -15,7 +15,7 @@ import numpy as np
 
 from winchcascade.core.integrate import median, positive_median, quantile, smallest_step
 from winchcascade.core.run import Index, Mask, Signal
-from winchcascade.ingest.checks.glitches import BEYOND, FAR, LEAST_SHARE, LONGEST, NOISE, STILL, TEARS, travelled
+from winchcascade.ingest.checks.glitches import BEYOND, FAR, LONGEST, MIN_SHARE, NOISE, STILL, TEARS, travelled
 from winchcascade.ingest.checks.spikes import Bends, Usual
 
 HOLDS = 0.5
@@ -163,7 +163,7 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, Usual], name: str) -> l
         last = same[np.diff(same, append=x.size + 9) > 1] + 1
         into = x[np.maximum(first - 1, 0)] - value
         out = x[np.minimum(last, x.size - 1)] - value
-        big = np.maximum(np.abs(into), np.abs(out)) > usual.least(LEAST_SHARE, NOISE)
+        big = np.maximum(np.abs(into), np.abs(out)) > usual.minimum(MIN_SHARE, NOISE)
         if not big.any():
             continue
         other = (x[1:] != value) & (x[:-1] != value) & (steps < FAR * usual.span)
@@ -178,12 +178,12 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, Usual], name: str) -> l
 
 def _jumps(bends: Bends) -> Index:
     """First samples of large steps."""
-    least = LEAST_SHARE * bends.usual.span
-    if bends.x.size < 2 or least <= 0.0:
+    minimum = MIN_SHARE * bends.usual.span
+    if bends.x.size < 2 or minimum <= 0.0:
         return bends.found[:0]
-    if NOISE * bends.usual.noise >= least:  # the codes are too many to differ from noise, or there is only noise
-        return np.flatnonzero(np.abs(np.diff(bends.x)) > least)
-    return bends.steps(least, bends.found[:0])
+    if NOISE * bends.usual.noise >= minimum:  # the codes are too many to differ from noise, or there is only noise
+        return np.flatnonzero(np.abs(np.diff(bends.x)) > minimum)
+    return bends.steps(minimum, bends.found[:0])
 
 
 def _values(x: Signal, at: Index) -> Signal:
@@ -191,8 +191,8 @@ def _values(x: Signal, at: Index) -> Signal:
     ends = np.sort(np.concatenate((x[at[:_LEVEL]], x[at[:_LEVEL] + 1], [x.min(), x.min(), x.max(), x.max()])))
     first = np.flatnonzero(np.diff(ends, prepend=np.nan) != 0)
     count = np.diff(first, append=ends.size)
-    most = np.argsort(-count, kind="stable")
-    return ends[first[most[count[most] >= 2][:VALUES]]]
+    by_count = np.argsort(-count, kind="stable")
+    return ends[first[by_count[count[by_count] >= 2][:VALUES]]]
 
 
 def _level(x: Signal, without: Signal) -> Usual:
@@ -218,12 +218,12 @@ def _dropout(t: Signal, samples: Bends, first: int, last: int, largest: float) -
         return None
     before, after = (int(place[first - 1]) if first else -1), (int(place[last]) if last < x.size else t.size)
     far = value < usual.low - FAR * usual.span or value > usual.high + FAR * usual.span
-    least = usual.least(LEAST_SHARE, NOISE)
-    small = min(jumps) <= least and not far
-    one_sided = t[after - 1] - t[before + 1] >= LONGEST and max(jumps) >= max(ONE_SIDED * usual.span, least)
+    minimum = usual.minimum(MIN_SHARE, NOISE)
+    small = min(jumps) <= minimum and not far
+    one_sided = t[after - 1] - t[before + 1] >= LONGEST and max(jumps) >= max(ONE_SIDED * usual.span, minimum)
     if small and not one_sided:
         return None
-    share = max(jump / max(abs(end), LEAST_SHARE * usual.span, 1e-300) for jump, end in zip(jumps, ends, strict=True))
+    share = max(jump / max(abs(end), MIN_SHARE * usual.span, 1e-300) for jump, end in zip(jumps, ends, strict=True))
     return Dropout(before, after, value, min(jumps), share, far, largest)
 
 
@@ -231,7 +231,7 @@ def _uneven(t: Signal, samples: Bends, at: Index) -> list[Dropout]:
     """Stretches between two jumps that hold no single value: noise about zero, values in another unit."""
     x, place, usual = samples.x, samples.places, samples.usual
     size = x[at + 1] - x[at]
-    large = np.abs(size) > usual.least(LEAST_SHARE, NOISE)
+    large = np.abs(size) > usual.minimum(MIN_SHARE, NOISE)
     at, size = at[large], size[large]
     found = []
     for k in np.flatnonzero(size[1:] * size[:-1] < 0.0).tolist():
@@ -242,7 +242,7 @@ def _uneven(t: Signal, samples: Bends, at: Index) -> list[Dropout]:
         if not 0.0 < np.ptp(x[a:b]) < HOLDS * larger:
             continue
         value = median(x[a:b])
-        share = min(abs(value - end) / max(abs(end), LEAST_SHARE * usual.span) for end in (x[a - 1], x[b]))
+        share = min(abs(value - end) / max(abs(end), MIN_SHARE * usual.span) for end in (x[a - 1], x[b]))
         largest = float(np.delete(np.abs(size), (k, k + 1)).max(initial=0.0))
         ends = int(place[a - 1]), int(place[b])
         found.append(Dropout(*ends, value, jump, float(share), far=False, usual=largest, even=False))
@@ -294,9 +294,9 @@ def _contradicted(
         if beside:
             together |= not d.even and any(not e.even for e in beside)
             continue
-        least = LEAST_SHARE * level[other].span
+        minimum = MIN_SHARE * level[other].span
         moves = level[other].span > STILL * level[other].noise
-        if moves and (off := _departure(channels[other], d, side, least, idle=other != "velocity")) is not None:
+        if moves and (off := _departure(channels[other], d, side, minimum, idle=other != "velocity")) is not None:
             departs[other] = off
     at_once = name == "vdc" and "idc" in departs and d.even  # a load without voltage carries no current
     if d.jump < BEYOND * d.usual and not at_once:
@@ -304,17 +304,17 @@ def _contradicted(
     if together and not departs.keys() - {"velocity"}:  # all of a machine's forces and currents fall: a clutch may slip
         return False
     if name == "idc" and "vdc" in departs and departs.keys() <= {"vdc", "velocity"}:
-        rise = _departure(channels["vdc"], d, -side, LEAST_SHARE * level["vdc"].span, idle=True)
+        rise = _departure(channels["vdc"], d, -side, MIN_SHARE * level["vdc"].span, idle=True)
         if rise is not None and rise > RISES:
             return False
     share = HOLDS if departs.keys() - {"velocity"} else ALONE
     return bool(departs) and max(departs.values()) < share * d.share
 
 
-def _departure(y: Signal, d: Dropout, side: float, least: float, *, idle: bool) -> float | None:
+def _departure(y: Signal, d: Dropout, side: float, minimum: float, *, idle: bool) -> float | None:
     """How far another channel leaves its straight line over a stretch to one side, relative to its level beside it.
 
-    None if it is lost itself, or if it idles (`idle`: what that channel does) below `least` and so could not fall.
+    None if it is lost itself, or if it idles (`idle`: what that channel does) below `minimum` and so could not fall.
     """
     first, last = max(d.before, 0), min(d.after, y.size - 1)
     part = y[first : last + 1]
@@ -328,7 +328,7 @@ def _departure(y: Signal, d: Dropout, side: float, least: float, *, idle: bool) 
     if d.before < 0 or d.after >= y.size:
         begin = end = end if d.before < 0 else begin
     level = max(abs(begin), abs(end))
-    if idle and level < least:
+    if idle and level < minimum:
         return None
     line = begin + (end - begin) * (good - good[0]) / (good[-1] - good[0])
-    return float(np.max(side * (part[good] - line)) / max(level, least))
+    return float(np.max(side * (part[good] - line)) / max(level, minimum))

@@ -18,10 +18,10 @@ from winchcascade.ingest.checks.spikes import AROUND, Bends
 LONGEST = 0.2
 """A glitch lasts no longer: five samples at 25 Hz. Stops of the crane and saturated sensors do. [s]"""
 
-FEWEST = 5
+MAX_SAMPLES = 5
 """Maximum number of samples of a glitch whose values no sensor can give."""
 
-LEAST_SHARE = 0.1
+MIN_SHARE = 0.1
 """Minimum size of either of its jumps, as a share of the range in which the channel moves. [1]"""
 
 NOISE = 15.0
@@ -50,7 +50,7 @@ FAR = 5.0
 STILL = 20.0
 """Minimum range of a channel over its usual curvature: below it the channel contains only noise. [1]"""
 
-MOST = 0.01
+MAX_SHARE = 0.01
 """A channel that jumps away and back in a larger share of its samples does so by itself: pulses, a chopper."""
 
 FEW = 20
@@ -111,8 +111,8 @@ def find_glitches(t: Signal, channels: Mapping[str, Signal], pulses: Mapping[str
         usual = np.ones(channel.at.size, dtype=np.bool_)
         for p in alone:
             usual[np.searchsorted(channel.at, p.before) : np.searchsorted(channel.at, p.after)] = False
-        least = BEYOND * float(channel.size[usual].max(initial=0.0))
-        glitches[name] = [slice(p.before + 1, p.after) for p in alone if p.wild or p.jump > least]
+        minimum = BEYOND * float(channel.size[usual].max(initial=0.0))
+        glitches[name] = [slice(p.before + 1, p.after) for p in alone if p.wild or p.jump > minimum]
     return {name: found for name, found in glitches.items() if found}
 
 
@@ -127,8 +127,8 @@ def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pul
     limit : magnitude beyond which its sensor measures nothing, inf where that is unknown
     """
     x, usual = bends.x, bends.usual
-    moves = max(WITNESS * usual.span, 2 * bends.least)
-    steps = bends.steps(usual.least(LEAST_SHARE, NOISE), singles)
+    moves = max(WITNESS * usual.span, 2 * bends.minimum)
+    steps = bends.steps(usual.minimum(MIN_SHARE, NOISE), singles)
     if steps.size == 0:
         return Pulses((), steps, np.empty(0), moves)
     place = bends.places
@@ -136,7 +136,7 @@ def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pul
     lost = _Lost(usual.low - far, usual.high + far, limit)
     pulses: list[Pulse] = []
     free = -1
-    for i, j in _pairs(x, steps, place, max(longest, FEWEST)):
+    for i, j in _pairs(x, steps, place, max(longest, MAX_SAMPLES)):
         pulse = None if i < free else _pulse(x, i, j, place, longest, lost)
         if pulse is not None:
             pulses.append(pulse)
@@ -144,7 +144,7 @@ def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pul
     pulses += _ends(x, steps, place, lost)
     genuine = steps[~lost.wild(x[steps]) & ~lost.wild(x[steps + 1]) & (place[steps + 1] - place[steps] <= 2)]
     inside = sum(p.after - p.before - 1 for p in pulses if not p.wild)
-    seldom = tuple(p for p in pulses if p.wild or inside <= max(FEW, MOST * x.size))
+    seldom = tuple(p for p in pulses if p.wild or inside <= max(FEW, MAX_SHARE * x.size))
     return Pulses(seldom, place[genuine], np.abs(x[genuine + 1] - x[genuine]), moves)
 
 
@@ -206,7 +206,7 @@ def _ends(x: Signal, steps: Index, place: Index, lost: _Lost) -> list[Pulse]:
         (x[: steps[0] + 1], -1, int(place[steps[0] + 1]), x[steps[0] + 1]),
         (x[steps[-1] + 1 :], int(place[steps[-1]]), int(place[-1]) + 1, x[steps[-1]]),
     ):
-        if part.size <= FEWEST and lost.wild(part).all() and not lost.wild(good):
+        if part.size <= MAX_SAMPLES and lost.wild(part).all() and not lost.wild(good):
             ends.append(Pulse(before, after, 0.0, wild=True, lost=bool(lost.far(part).all())))
     return ends
 

@@ -292,8 +292,8 @@ def _take_out_dropouts(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
 def _values(channel: Channel, stretches: Sequence[Dropout]) -> str:
     """The values that a channel dropped to, the most frequent ones, for a sentence."""
     texts = [text_of(channel, d.value, 6) if d.even else f"about {text_of(channel, d.value, 2)}" for d in stretches]
-    most = sorted({*texts}, key=lambda text: (-texts.count(text), text))
-    return f"{' or '.join(most[:2])} {channel.unit}" + (" or other constants" if len(most) > 2 else "")
+    by_count = sorted({*texts}, key=lambda text: (-texts.count(text), text))
+    return f"{' or '.join(by_count[:2])} {channel.unit}" + (" or other constants" if len(by_count) > 2 else "")
 
 
 def _places(count: int) -> str:

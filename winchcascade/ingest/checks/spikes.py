@@ -11,7 +11,7 @@ import numpy as np
 from winchcascade.core.integrate import ENOUGH, positive_median, quantiles_in_place
 from winchcascade.core.run import Index, Mask, Signal
 
-LEAST_SHARE = 0.019
+MIN_SHARE = 0.019
 """Minimum size of a spike, as a share of the range in which the channel moves. [1]"""
 
 NOISE = 5.0
@@ -49,7 +49,7 @@ class Usual(msgspec.Struct, frozen=True):
         """Range in which the channel moves."""
         return self.high - self.low
 
-    def least(self, share: float, noise: float) -> float:
+    def minimum(self, share: float, noise: float) -> float:
         """Minimum size of a fault: a share of the range, and a multiple of the curvature."""
         return max(share * self.span, noise * self.noise)
 
@@ -64,17 +64,17 @@ class Bends(msgspec.Struct, frozen=True):
     found: Index
 
     @property
-    def least(self) -> float:
+    def minimum(self) -> float:
         """Minimum size of a spike."""
-        return self.usual.least(LEAST_SHARE, NOISE)
+        return self.usual.minimum(MIN_SHARE, NOISE)
 
-    def steps(self, least: float, spikes: Index) -> Index:
-        """First samples of the steps at the bends that are larger than `least`, without those of single spikes."""
+    def steps(self, minimum: float, spikes: Index) -> Index:
+        """First samples of the steps at the bends that are larger than `minimum`, without those of single spikes."""
         chosen = np.zeros(self.x.size + 1, dtype=bool)  # the step from sample k is at place k + 1
         chosen[np.concatenate((self.found, self.found + 1))] = True
         chosen[np.concatenate((spikes, spikes + 1))] = False
         first = np.flatnonzero(chosen) - 1
-        return first[np.abs(self.x[first + 1] - self.x[first]) > least]
+        return first[np.abs(self.x[first + 1] - self.x[first]) > minimum]
 
     def logged(self, index: Index) -> Index:
         """Places in the log of finite samples."""
@@ -101,17 +101,17 @@ def find_bends(x: Signal) -> Bends:
     found = []
     for start in range(0, x.size - 2, _BLOCK):
         step = np.diff(x[start : start + _BLOCK + 2])
-        found.append(np.flatnonzero(np.abs(step[1:] - step[:-1]) > 2 * usual.least(LEAST_SHARE, NOISE)) + start + 1)
+        found.append(np.flatnonzero(np.abs(step[1:] - step[:-1]) > 2 * usual.minimum(MIN_SHARE, NOISE)) + start + 1)
     return Bends(x, place, usual, np.concatenate(found))
 
 
 def single_spikes(bends: Bends) -> Index:
     """Find single-sample spikes among the bends of a channel, as indices of its finite samples."""
-    x, found, least = bends.x, bends.found, bends.least
+    x, found, minimum = bends.x, bends.found, bends.minimum
     if x.size < 4 * AROUND:
         return found
-    inside = found[_is_spike(x, found, least)] if found.size else found
-    ends = [[k] if _begins(course, least) else [] for k, course in ((0, x), (x.size - 1, x[::-1]))]
+    inside = found[_is_spike(x, found, minimum)] if found.size else found
+    ends = [[k] if _begins(course, minimum) else [] for k, course in ((0, x), (x.size - 1, x[::-1]))]
     spikes: Index = np.concatenate((ends[0], inside, ends[1])).astype(np.intp)
     if bends.place is None:
         return spikes
@@ -119,15 +119,15 @@ def single_spikes(bends: Bends) -> Index:
     return spikes[good[np.minimum(spikes + 1, good.size - 1)] - good[np.maximum(spikes - 1, 0)] <= NEAR]
 
 
-def _begins(x: Signal, least: float) -> bool:
+def _begins(x: Signal, minimum: float) -> bool:
     """Whether the first sample is a spike, compared with the mirrored beginning of the log."""
-    if abs(x[0] - x[1]) <= least:  # most logs
+    if abs(x[0] - x[1]) <= minimum:  # most logs
         return False
     mirrored = np.concatenate((x[2:0:-1], x[: 4 * AROUND]))
-    return bool(_is_spike(mirrored, np.array([2]), least)[0])
+    return bool(_is_spike(mirrored, np.array([2]), minimum)[0])
 
 
-def _is_spike(x: Signal, found: Index, least: float) -> Mask:
+def _is_spike(x: Signal, found: Index, minimum: float) -> Mask:
     """Whether each candidate exceeds the curvatures around it by far, on a line through its neighbours."""
     around = np.concatenate((np.arange(-AROUND, -1), np.arange(2, AROUND + 1)))
     line = np.concatenate((np.arange(-ALONG, -1), np.arange(1, ALONG)))
@@ -145,7 +145,7 @@ def _is_spike(x: Signal, found: Index, least: float) -> Mask:
         after = x[np.minimum(k + 2, x.size - 1)] - x[k + 1] - slope
         step = x[k + 1] - x[k - 1] - 2 * slope
         bent = np.maximum(np.maximum(np.abs(before), np.abs(after)), np.abs(step))
-        keep[start : start + k.size] = (off > np.maximum(least, calm)) & (bent < AGREE * off)
+        keep[start : start + k.size] = (off > np.maximum(minimum, calm)) & (bent < AGREE * off)
     return keep
 
 

@@ -18,11 +18,11 @@ from winchcascade.core.run import Finding, Index, Mask, Signal
 HELD = 0.3
 """Minimum time for which a value is held, to be evaluated. [s]"""
 
-FEWEST_STILL = 6
+MIN_STILL = 6
 """Minimum number of samples for which it is held: a channel with noise repeats itself so often in no log. `_held` is written
 for six."""
 
-FEWEST = 10
+MIN_MOVING = 10
 """Minimum number of samples where motion shows that the channel should have changed."""
 
 SPEED_RANGE = 0.15
@@ -40,7 +40,7 @@ IDLE = 0.02
 LOADED = 0.2
 """With more than this share of its largest torque the shaft turns."""
 
-LEAST_TORQUE = 5.0
+MIN_TORQUE = 5.0
 """And with more than this. [N m]"""
 
 TRAVEL = 0.1
@@ -70,10 +70,10 @@ depending on where between two steps it lies. [1]"""
 
 DRIVEN = ("torque", "power_mech", "vdc", "idc")
 
-FEWEST_ROWS = 20
+MIN_ROWS = 20
 """Smallest number of rows that equal earlier ones: noise of two channels repeats none by chance."""
 
-MOST_ROWS = 1_000_000
+MAX_ROWS = 1_000_000
 """Longer logs are not searched, as sorting their rows would take longer than all other checks."""
 
 RARELY = 0.3
@@ -176,7 +176,7 @@ def _apart(first: Index, last: Index, v: Signal, line: ObservedMotion, channels:
         off = np.abs(moved - v[a] * seconds)
         jump = np.nanmax(np.abs(np.diff(displacement[a:b])), initial=0.0)
         off = off[(off > np.maximum(slack * seconds, 0.2 * np.abs(moved))) & (off > 1.5 * jump)]
-        apart[k] = off.sum() > APART and b - a >= FEWEST
+        apart[k] = off.sum() > APART and b - a >= MIN_MOVING
     return apart
 
 
@@ -198,25 +198,25 @@ def _loaded(first: Index, last: Index, line: ObservedMotion, channels: Mapping[s
     if torque is None or not np.isfinite(torque).any():
         return np.zeros(first.size, dtype=bool)
     alive = np.append(True, torque[1:] != torque[:-1])  # a torque that is stuck itself is no evidence
-    high = alive & (torque > max(LOADED * float(np.nanmax(torque)), LEAST_TORQUE))
+    high = alive & (torque > max(LOADED * float(np.nanmax(torque)), MIN_TORQUE))
     high[1:-1] &= high[:-2] & high[2:]  # three in a row are no noise
     loaded = _among(high, first, last)
-    return (loaded >= FEWEST) & (loaded * median(np.diff(line.t[:1000])) >= HELD)
+    return (loaded >= MIN_MOVING) & (loaded * median(np.diff(line.t[:1000])) >= HELD)
 
 
 def _unmoved(name: str, first: Index, last: Index, x: Signal, line: ObservedMotion) -> Mask:
     """Whether a channel that depends on where the line is holds still while the line travels."""
     stuck = np.zeros(first.size, dtype=bool)
-    during_motion = np.flatnonzero(_among(line.out | line.back, first, last) >= FEWEST).tolist()
+    during_motion = np.flatnonzero(_among(line.out | line.back, first, last) >= MIN_MOVING).tolist()
     if not during_motion:
         return stuck
     position = line.position()
     share = 1.0 if name == "displacement" else _range(x) / max(float(np.ptp(position)), 1e-9)
-    least = max(TRAVEL, STEPS * smallest_step(x) / share if share else 0.0)
+    minimum = max(TRAVEL, STEPS * smallest_step(x) / share if share else 0.0)
     for k in during_motion:
         a, b = first[k], last[k]
         seconds, moved = _blocks(line.t[a:b], position[a:b], 1.0)
-        stuck[k] = np.abs(moved[np.abs(moved) > line.v_onset * seconds]).sum() > least
+        stuck[k] = np.abs(moved[np.abs(moved) > line.v_onset * seconds]).sum() > minimum
     return stuck
 
 
@@ -224,7 +224,7 @@ def _unchanged(name: str, first: Index, last: Index, x: Signal, line: ObservedMo
     """Whether a channel that depends on speed holds still while the speed of payout changes."""
     stuck = np.zeros(first.size, dtype=bool)
     span, step, largest = _range(x), smallest_step(x), float(np.nanmax(np.abs(x)))
-    for k in np.flatnonzero(_among(line.out, first, last) >= FEWEST).tolist():
+    for k in np.flatnonzero(_among(line.out, first, last) >= MIN_MOVING).tolist():
         t, v = line.t[first[k] : last[k]], line.v[first[k] : last[k]]
         driven = line.out[first[k] : last[k]]
         if name in DRIVEN:
@@ -235,7 +235,7 @@ def _unchanged(name: str, first: Index, last: Index, x: Signal, line: ObservedMo
                 gain = np.interp(t + 0.3, line.t, line.v) - np.interp(t - 0.3, line.t, line.v)
                 driven &= gain > RISE * line.top_speed
         speeds = np.sort(v[driven])
-        if speeds.size >= FEWEST:
+        if speeds.size >= MIN_MOVING:
             change = (speeds[-LAG] - speeds[LAG - 1]) / line.top_speed
             stuck[k] = change > SPEED_RANGE and (span == 0 or change * span > SPEED_STEPS * step)
     return stuck
@@ -285,7 +285,7 @@ def repeated_rows(t: Signal, channels: Mapping[str, Signal]) -> list[Finding]:
     Only logs with a noisy channel are searched: without noise, equal cycles are equal in every digit. Where the displacement is
     logged, it jumps back, which the check of the clock reports.
     """
-    if t.size > MOST_ROWS or not any(repeats_of(np.diff(x)) < RARELY for x in channels.values()):
+    if t.size > MAX_ROWS or not any(repeats_of(np.diff(x)) < RARELY for x in channels.values()):
         return []
     rng = np.random.default_rng(0)
     key = np.zeros(t.size)
@@ -297,9 +297,7 @@ def repeated_rows(t: Signal, channels: Mapping[str, Signal]) -> list[Finding]:
     later[order[same + 1]] = order[same + 1] - order[same]
     edges = np.flatnonzero(np.diff(later, prepend=0, append=0))
     found = [
-        (a, b)
-        for a, b in pairwise(edges.tolist())
-        if later[a] > 1 and b - a >= FEWEST_ROWS and _changes(channels, a, b)
+        (a, b) for a, b in pairwise(edges.tolist()) if later[a] > 1 and b - a >= MIN_ROWS and _changes(channels, a, b)
     ]
     if not found:
         return []

@@ -22,7 +22,7 @@ from winchcascade.ingest.checks.agreement import MOVING
 BLOCKS = 200
 """Number of blocks of equal numbers of rows over which a factor is found; they do not depend on the clock."""
 
-FEWEST = 5
+MIN_BLOCKS = 5
 """Smallest number of moving blocks that shows a factor."""
 
 UNITS = (60.0, 1e3, 3600.0, 6e4, 86400.0, 1e6, 3.6e6, 1e9)
@@ -39,7 +39,7 @@ STANDS_OUT, DEVIATIONS, ROW, STEPS = 3.0, 8.0, 0.5, 1.5
 velocity while the line moves, their standard deviation, the travel in a row, as at least one whole row is lost, and the step of
 the displacement. [1]"""
 
-MOST = 20
+MAX_JUMPS = 20
 """Maximum number of jumps: with more of them the displacement jumps by itself, as one that is sampled slowly does."""
 
 SIDE = 5
@@ -117,13 +117,13 @@ def _factor(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> float
     good, x = np.isfinite(v) & np.isfinite(displacement), displacement
     if not good.all():  # else no copies of a long log
         t, v, x = t[good], v[good], x[good]
-    if t.size < 2 * FEWEST:
+    if t.size < 2 * MIN_BLOCKS:
         return None
     ends = np.linspace(0, t.size - 1, min(BLOCKS, t.size - 1) + 1).astype(np.intp)
 
     travelled, moved, length = np.diff(running(t, v.__getitem__, ends)), np.diff(x[ends]), np.diff(t[ends])
     moving = (np.abs(travelled) > MOVING * v_onset * length) & (travelled * moved != 0.0)
-    if np.count_nonzero(moving) < FEWEST:
+    if np.count_nonzero(moving) < MIN_BLOCKS:
         return None
     with np.errstate(over="ignore"):
         ratio = np.abs(travelled[moving]) / np.abs(moved[moving])
@@ -248,12 +248,12 @@ def find_jumps(t: Signal, channels: Mapping[str, Signal], v_onset: float) -> lis
     if count < 4 * SIDE:
         return []
     usual, large_size = quantiles_in_place(size[:count], [0.5, 0.95])
-    least = max(STANDS_OUT * large_size, DEVIATIONS * GAUSS * usual, STEPS * smallest_step(course.x))
+    minimum = max(STANDS_OUT * large_size, DEVIATIONS * GAUSS * usual, STEPS * smallest_step(course.x))
     found: list[int] = []
     for first, some in course.blocks():
-        large = np.abs(some.beyond) > np.maximum(least, ROW * np.abs(some.speed) * some.interval)
+        large = np.abs(some.beyond) > np.maximum(minimum, ROW * np.abs(some.speed) * some.interval)
         found += (first + np.flatnonzero(large & (some.interval < longest) & some.joined)).tolist()
-    if not 0 < len(found) <= MOST:
+    if not 0 < len(found) <= MAX_JUMPS:
         return []
     jumps = []
     for k in found:

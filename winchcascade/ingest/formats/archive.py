@@ -21,7 +21,7 @@ UNPACKED_SHARE, UNPACKED_PER_BYTE = 20, 100
 The text of a measured log is compressed to a tenth to a third; deflate reaches a thousandth on zeros.
 """
 
-_MOST_MEMBERS = 10_000
+_MAX_MEMBERS = 10_000
 """Members of a zip archive; an archive of one test has a few."""
 
 _BLOCK = 1 << 20
@@ -68,7 +68,7 @@ def _member(path: Path, table: str | None) -> Iterator[tuple[str, IO[bytes], str
             yield _safe(path.stem), stream, table  # type: ignore[misc]
         return
     with zipfile.ZipFile(path) as archive:
-        if len(archive.filelist) > _MOST_MEMBERS:
+        if len(archive.filelist) > _MAX_MEMBERS:
             raise LogError(f"{path.name}: holds {len(archive.filelist)} members; expected one log; unpack the log.")
         names = [info.filename for info in archive.infolist() if not info.is_dir()]
         logs = _logs(names)
@@ -97,14 +97,14 @@ def _safe(name: str) -> str:
 def _unpack(stream: IO[bytes], log: Path, path: Path) -> None:
     """Write the log, as long as it keeps to the limit of size."""
     size = path.stat().st_size
-    most = max(limits_for(size).memory // UNPACKED_SHARE, UNPACKED_PER_BYTE * size)
+    limit = max(limits_for(size).memory // UNPACKED_SHARE, UNPACKED_PER_BYTE * size)
     written = 0
     with log.open("xb") as file:
         while block := stream.read(_BLOCK):
             written += len(block)
-            if written > most:
+            if written > limit:
                 raise LogError(
-                    f"{path.name}: unpacks to more than {most / MB:.0f} MB; less was expected of an archive of {size} bytes; "
+                    f"{path.name}: unpacks to more than {limit / MB:.0f} MB; less was expected of an archive of {size} bytes; "
                     f"unpack it, or allow more with the environment variable {MEMORY_SETTING}."
                 )
             file.write(block)

@@ -69,8 +69,8 @@ def text_blocks(path: Path, encoding: str, skip: int) -> Iterator[Bytes]:
     decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if encoding[:6] in ("utf-16", "utf-32") else None
     rest, old_mac = b"", False
     with path.open("rb", buffering=0) as file:
-        most = min(BLOCK, max(_HEAD, os.fstat(file.fileno()).st_size))  # a large buffer costs more than a short log
-        while data := file.read(most):
+        size = min(BLOCK, max(_HEAD, os.fstat(file.fileno()).st_size))  # a large buffer costs more than a short log
+        while data := file.read(size):
             if data[0] == 0 and not data.strip(b"\0"):
                 data = data[:1]  # one byte suffices for the megabytes that a logger reserved and never wrote
             if decoder is not None:
@@ -104,7 +104,7 @@ _HEADING = re.compile(rb"^(?!nan\b|inf)(?:[*]{3}End_|[a-z])[^\n]*\n?", re.IGNORE
 _LONGEST_HEADING = 400
 """Lines of a file among which the first heading of LabVIEW ends."""
 
-_MOST_MARKS = 200
+_MAX_MARKS = 200
 """Number of texts for "no number" that Arrow is given; a file with more of them is read cell by cell."""
 
 
@@ -294,7 +294,7 @@ class _Parser(msgspec.Struct):
 
     def _mended(self, text: bytes) -> bytes:
         """The lines of a block that are rows, each with the same number of cells."""
-        delimiter, most = self.layout.delimiter.encode(), self.layout.width - 1
+        delimiter, separators = self.layout.delimiter.encode(), self.layout.width - 1
         rows = []
         lines = text.splitlines()
         if max(self.used, default=0) > 0 and b"\0" not in text:  # the others are remarks, and there may be millions
@@ -302,7 +302,7 @@ class _Parser(msgspec.Struct):
         for line in lines:
             if b"\0" in line:
                 self.cut.append("lines hold NUL bytes, as a loss of power leaves them")
-            elif line.count(delimiter) == most and b'"' not in line:
+            elif line.count(delimiter) == separators and b'"' not in line:
                 rows.append(line)
             elif line.strip():
                 rows += self._fitted(line)
@@ -332,7 +332,7 @@ class _Parser(msgspec.Struct):
                 values, strange = numbers(self._decoded(column), self.layout.decimal)
                 column = pa.Array.from_buffers(pa.float64(), values.size, [None, pa.py_buffer(values)])
                 known = self.no_numbers
-                known += [s for s in strange if s not in known][: max(0, _MOST_MARKS - len(known))]
+                known += [s for s in strange if s not in known][: max(0, _MAX_MARKS - len(known))]
             columns[str(k)] = column
         return pa.table(columns)
 

@@ -22,7 +22,7 @@ from winchcascade.core.quantity import find_unit
 from winchcascade.core.run import Signal
 from winchcascade.ingest.cells import is_stamp
 from winchcascade.ingest.dialects import Header, recognise
-from winchcascade.ingest.source import FEWEST_ROWS, LogSource, LogTable, choose, damage_reported, moves, without_notes
+from winchcascade.ingest.source import MIN_ROWS, LogSource, LogTable, choose, damage_reported, moves, without_notes
 
 Cell = int | float | str | bool | dt.time | dt.date | dt.datetime | dt.timedelta
 Row = Sequence[Cell]
@@ -254,7 +254,7 @@ class _Sheet(NamedTuple):
     @property
     def rank(self) -> int:
         """3 for a table with motion and time, 2 for one with motion, 1 for one as long as a log, 0 for a list."""
-        if len(self.rows) < FEWEST_ROWS or self.layout.share < 2:
+        if len(self.rows) < MIN_ROWS or self.layout.share < 2:
             return 0
         clocked = any(recognise(header) == "time" or not header.name for header in self.layout.headers)
         return 1 + moves(self.layout.headers) * (1 + clocked)

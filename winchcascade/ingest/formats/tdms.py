@@ -18,7 +18,7 @@ from nptdms.log import log_manager
 from winchcascade.core.errors import LogError
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.dialects import Header, recognise
-from winchcascade.ingest.source import MOST_NAMED, LogSource, LogTable, choose, damage_reported, first_text, moves
+from winchcascade.ingest.source import MAX_NAMED, LogSource, LogTable, choose, damage_reported, first_text, moves
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 
@@ -156,7 +156,7 @@ def one_log(
         choose([ranked[0].name, *others], None, where, "group")
     findings = []
     for why, names in left.items():
-        listed = ", ".join(map(repr, names[:MOST_NAMED])) + (", ..." if len(names) > MOST_NAMED else "")
+        listed = ", ".join(map(repr, names[:MAX_NAMED])) + (", ..." if len(names) > MAX_NAMED else "")
         message = f"{len(names)} group{'s' * (len(names) > 1)} beside {ranked[0].name!r} {why}: {listed}"
         findings.append(Finding("unknown_column", message, "not read", count=len(names)))
     return taken, tuple(findings)

@@ -39,7 +39,7 @@ BESIDE = 0.5
 SLOPE = 0.2
 """Time on either side over which slopes are taken, or one sample where samples are farther apart. [s]"""
 
-FEWEST = 20
+MIN_SAMPLES = 20
 """Smallest number of samples for a regression."""
 
 EXPLAINS = 0.5
@@ -131,7 +131,7 @@ def _shaft(phased: PhasedRun, k: int) -> _Pair | None:
     mech = BUILT_IN["mech"].stream(run.channels, rig.r_drum)
     rows = _driven(phased, k, -BESIDE)
     t, v_dc, i_dc = run.t[rows], run.channels["vdc"][rows], run.channels["idc"][rows]
-    if mech is None or t.size < FEWEST:
+    if mech is None or t.size < MIN_SAMPLES:
         return None
     omega = phased.v_smooth[rows] * ((rig.rpm_per_velocity or 0.0) * math.pi / 30.0)
     needed = v_dc * i_dc + losses(rig, i_dc, omega)
@@ -222,7 +222,7 @@ def _aligned(pair: _Pair, applied: float) -> Signal | None:
     """First signal and its slope, both late by the lag, what stands beside, and the second signal, as rows of a matrix."""
     span = float(pair.t[-1] - pair.t[0]) if pair.t.size else 0.0
     half = max(1, round(SLOPE * (pair.t.size - 1) / max(span, 1e-9)))
-    if pair.t.size < FEWEST + 2 * half:
+    if pair.t.size < MIN_SAMPLES + 2 * half:
         return None
     t = pair.t[half:-half]
     x, *others = (signal[half:-half] for signal in (pair.x, *pair.beside, pair.y))
@@ -230,7 +230,7 @@ def _aligned(pair: _Pair, applied: float) -> Signal | None:
     if applied == 0.0:
         return np.array([x, slope, *others])
     kept = (t - applied >= t[0]) & (t - applied <= t[-1])
-    if np.count_nonzero(kept) < FEWEST:
+    if np.count_nonzero(kept) < MIN_SAMPLES:
         return None
     before = t[kept] - applied
     return np.array([np.interp(before, t, x), np.interp(before, t, slope), *(signal[kept] for signal in others)])

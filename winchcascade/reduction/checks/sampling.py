@@ -87,10 +87,10 @@ def check_sampling(phased: PhasedRun, energies: Energies) -> Sampling:
         changed = np.zeros(len(windows))
         changed[whole] = change[largest]
         joules[stage] = tuple((changed * np.array(energies.joules[stage])).tolist())
-    most = max(float(np.max(np.abs(change))) for change in filled.values())
+    extreme = max(float(np.max(np.abs(change))) for change in filled.values())
     message = (
-        f"every second or third sample alone changes an energy of a cycle by up to {most:.1%}, so that the log itself may err "
-        f"by {min(error, most):.1%}"
+        f"every second or third sample alone changes an energy of a cycle by up to {extreme:.1%}, so that the log itself may "
+        f"err by {min(error, extreme):.1%}"
     )
     found = _too_coarse(run, message, "reported and part of the uncertainty", [w for w in windows if w.fault is None])
     return Sampling(joules, held if error < REPORTED else (*held, found))
@@ -167,7 +167,7 @@ def _recorded_late(x: Signal, name: str, fs: float, ramp: float) -> tuple[float,
 HELD = 0.9
 """Share of the steps of a channel that must be equally far apart, for one that is updated more slowly than it is logged. [1]"""
 
-FEWEST = 8
+MIN_STEPS = 8
 """Smallest number of steps that shows an interval."""
 
 COARSE_STEP = 3.0
@@ -179,7 +179,7 @@ def _update_interval(x: Signal) -> int:
     step = np.diff(x)
     at = np.flatnonzero(step)
     apart = np.diff(at)
-    if 2 * at.size > 1.2 * step.size or apart.size < FEWEST:
+    if 2 * at.size > 1.2 * step.size or apart.size < MIN_STEPS:
         return 1
     every = int(median(apart.astype(np.float64)))
     size = np.abs(step[at])
@@ -196,16 +196,16 @@ CLEARLY = 6.0
 ROUNDING = 1e-6
 """Bends below this share of the largest are of rounding. [1]"""
 
-FEWEST_STRAIGHT = 4
+MIN_STRAIGHT = 4
 """Smallest number of intervals between its values that shows an interpolation."""
 
-LEAST_INTERVAL = 4
+MIN_INTERVAL = 4
 """Shortest interval that is distinguished from the corners of a motion, in samples."""
 
 
 def _straight_interval(x: Signal) -> int:
     """Samples between the values of a channel that was interpolated by straight lines, 1 for one that was not."""
-    if x.size < LEAST_INTERVAL * FEWEST_STRAIGHT or 2 * np.count_nonzero(np.diff(x)) <= 1.2 * (x.size - 1):
+    if x.size < MIN_INTERVAL * MIN_STRAIGHT or 2 * np.count_nonzero(np.diff(x)) <= 1.2 * (x.size - 1):
         return 1
     bend = np.abs(np.diff(x, 2))
     usual = max(quantile(bend, 0.7), ROUNDING * float(bend.max()))
@@ -214,11 +214,11 @@ def _straight_interval(x: Signal) -> int:
         return 1
     apart = np.diff(at)
     apart = apart[apart > 1]  # a value between two samples bends at both
-    if apart.size < FEWEST_STRAIGHT:
+    if apart.size < MIN_STRAIGHT:
         return 1
     every = median(apart.astype(np.float64))
     uneven = np.abs(apart - every * np.maximum(np.round(apart / every), 1.0)) > 1.0
-    return round(every) if every >= LEAST_INTERVAL and np.count_nonzero(uneven) <= (1.0 - HELD) * apart.size else 1
+    return round(every) if every >= MIN_INTERVAL and np.count_nonzero(uneven) <= (1.0 - HELD) * apart.size else 1
 
 
 def _clearly_fine(phased: PhasedRun) -> bool:
@@ -355,7 +355,7 @@ def switches(x: Signal) -> bool:
     return int(np.count_nonzero(np.unique(x, return_counts=True)[1] > SELDOM * x.size)) <= SWITCHED
 
 
-FEWEST_CHANGES = 6
+MIN_CHANGES = 6
 """Smallest number of changes of a channel that shows a step."""
 
 SMALL = 0.05
@@ -393,13 +393,13 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
         levels.append(run.channels[name][rows])
     changes = np.abs(np.concatenate(courses))
     changes = np.sort(changes[changes > ROUNDED * largest(phased.run.channels[name])])
-    if changes.size < FEWEST_CHANGES:
+    if changes.size < MIN_CHANGES:
         return 0.0
     step = changes[int(SMALL * changes.size)]
     step = float(np.mean(changes[(changes > 0.7 * step) & (changes < 1.4 * step)]))
     few = changes[changes < SEVERAL * step] / step
     multiple = (np.abs(few - np.round(few)) < MULTIPLE) & (few > 0.5)
-    if few.size < FEWEST_CHANGES or np.count_nonzero(multiple) < NEARLY_ALL * few.size:
+    if few.size < MIN_CHANGES or np.count_nonzero(multiple) < NEARLY_ALL * few.size:
         return 0.0
     alike = sum(
         np.count_nonzero((np.abs(np.diff(d)) < MULTIPLE * step) & (np.abs(d[1:]) > 0.5 * step)) for d in courses

@@ -19,7 +19,7 @@ TIME_CONSTANTS = 5.0
 RUN_DOWN = 1.0
 """Time constant with which the rotor runs down where the rig file lacks its inertia or its drag. [s]"""
 
-FEWEST = 10
+MIN_SAMPLES = 10
 """Smallest number of samples at rest that shows a zero."""
 
 CLEAR = 4.0
@@ -118,7 +118,7 @@ def _significant_zero(phased: PhasedRun, channel: str, spans: list[Span]) -> flo
     if channel not in phased.run.channels or not u_zero:
         return None
     read = _samples(phased, channel, spans)
-    if read.size < FEWEST:
+    if read.size < MIN_SAMPLES:
         return None
     if abs(median(read)) < CERTAIN * u_zero:  # most sensors
         return None
@@ -131,7 +131,7 @@ def _computed(phased: PhasedRun, spans: list[Span]) -> list[Finding]:
     if "vdc" not in phased.run.channels or "idc" not in phased.run.channels:
         return []
     v_dc, i_dc = (_samples(phased, name, spans) for name in ("vdc", "idc"))
-    if v_dc.size < 2 * FEWEST:
+    if v_dc.size < 2 * MIN_SAMPLES:
         return []
     top = largest(phased.run.channels["vdc"])
     below = np.mean(v_dc < 0.0)
@@ -170,7 +170,7 @@ def _force(phased: PhasedRun, spans: list[Span]) -> list[Finding]:
     for span in spans:
         force = _samples(phased, "force", [span])
         balanced = _frictionless(phased, span)
-        if force.size >= FEWEST and balanced is not None:
+        if force.size >= MIN_SAMPLES and balanced is not None:
             held = median(force)
             low, high = band[0] * balanced, band[1] * balanced
             outside = max(held - high, 0.0) + min(held - low, 0.0)

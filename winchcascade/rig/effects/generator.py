@@ -39,7 +39,7 @@ def _lost_twice(first: Values, second: Values) -> Values:
     return tuple(1.0 - (1.0 - a) * (1.0 - b) for a, b in zip(first, second, strict=True))
 
 
-_MOST_LOST = (0.1, 0.1, 0.1, 0.1, 0.15, 0.15, 0.2, 0.3)
+_MAX_LOST = (0.1, 0.1, 0.1, 0.1, 0.15, 0.15, 0.2, 0.3)
 """Plausible share of k_e that is lost between two knots. [1]"""
 
 _FURTHER = ", of the remaining share; plausible range"
@@ -61,11 +61,11 @@ GENERATOR = (
                 f"lost_to_{end:g}_a",
                 "1",
                 0.0,
-                most,
+                maximum,
                 (0.0, 0.9),
                 f"share lost between {begin:g} and {end:g} A rms{_FURTHER if begin else _FIRST}",
             )
-            for (begin, end), most in zip(pairwise(ROLLOFF_KNOTS), _MOST_LOST, strict=True)
+            for (begin, end), maximum in zip(pairwise(ROLLOFF_KNOTS), _MAX_LOST, strict=True)
         ),
         parameter="k_e_ratio_at_10_a",
         display=Display("back-EMF left at 10 A rms", 100.0, "%", signed=False),

@@ -9,10 +9,10 @@ from winchcascade.blind.cases import SEALED, TRIAL, open_seal, read_trial
 from winchcascade.core.errors import OptionError
 
 
-def test_answers_come_out_of_the_envelope_as_they_went_in(tmp_path: Path) -> None:
+def test_sealed_answers_are_read_as_they_were_written(tmp_path: Path) -> None:
     put = (answer("case-0001", "single", {"ke_shift": 1.0}), answer("case-0002", "none"))
-    _, envelope = open_seal(sealed_trial(tmp_path / "trial", *put))
-    assert envelope.answers == put
+    _, sealed = open_seal(sealed_trial(tmp_path / "trial", *put))
+    assert sealed.answers == put
 
 
 def test_a_changed_answer_is_rejected(tmp_path: Path) -> None:
