@@ -291,7 +291,8 @@ def test_text_and_cell_that_would_both_fit_are_reported_so() -> None:
     ("old", "new", "words", "expected"),
     [
         ("value = 69\n", "value = 77\n", "77 %", "confirmed"),
-        ("largest_at_ohm = 18.0\n", "largest_at_ohm = 27.0\n", "the text states largest at 27 ohm, but", "contradicted"),
+        ("largest_at_ohm = 18.0\n", "largest_at_ohm = 27.0\n",
+         "eta_pto: the text states largest at 27 ohm, but", "contradicted"),
         ("largest_at_ohm = [27.0, 18.0]", "largest_at_ohm = [9.0, 18.0]", "eta_pto 0.707 at 27 ohm", "contradicted"),
         ("largest_at_ohm = [27.0, 18.0]", "largest_at_ohm = 17.0", "largest at 17 ohm", "not_checkable"),
         ("to_ohm = 4.5\n", "to_ohm = 4.0\n", "to 4 ohm", "not_checkable"),

@@ -272,7 +272,7 @@ def means(x: Signal, width: float, *columns: Signal, minimum: int) -> tuple[Sign
     """Average columns in bins of x, and give the middles of the bins before them; bins of few samples are left out.
 
     >>> import numpy as np
-    >>> [c.tolist() for c in means(np.array([1.0, 2.0, 12.0]), 10.0, np.array([3.0, 5.0, 9.0]), least=2)]
+    >>> [c.tolist() for c in means(np.array([1.0, 2.0, 12.0]), 10.0, np.array([3.0, 5.0, 9.0]), minimum=2)]
     [[5.0], [4.0]]
     """
     if x.size == 0:
