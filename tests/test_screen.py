@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from calls import call
+from daily import daily
 
 from winchcascade.report.screen import PIPE, Screen, use_screen
 from winchcascade.report.text_table import aligned_lines, table_lines, wrapped
@@ -81,7 +82,7 @@ def test_a_terminal_of_sixty_columns_is_never_exceeded(place: Path, name: str) -
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-@pytest.mark.parametrize("width", [60, 80, 120])
+@pytest.mark.parametrize("width", daily((60, 80, 120), (60,)))
 def test_lines_follow_the_width_that_is_stated(place: Path, name: str, width: int) -> None:
     done = _with_columns(width, *COMMANDS[name])
     assert max(len(line) for line in done.splitlines()) <= width

@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from daily import daily
 from planted import LOGS, campaign
 
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign, diagnose_listed
@@ -35,11 +36,11 @@ def diagnosed(*names: str) -> ModelDiagnosis:
     return diagnose(campaign({name: PLANTED[name] for name in names}), built_in(), EFFECTS)
 
 
-SELDOM = ("gas_volume", "line_drag")
-"""Effects that slow tests alone diagnose by themselves; two of their kind are diagnosed in the others."""
+DAILY = ("copper_heating", "torque_gain")
+"""Effects that are diagnosed by themselves every day."""
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SELDOM else n for n in PLANTED])
+@pytest.mark.parametrize("name", daily(PLANTED, DAILY))
 def test_a_planted_effect_is_named_with_its_size(name: str) -> None:
     found = diagnosed(name)
     assert [cause.effect for cause in found.causes] == [name]

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from _pytest.mark import ParameterSet
+from daily import daily
 from matplotlib.axes import Axes
 from test_cli import one_sentence, winchcascade
 from undrawn import undrawn
@@ -135,7 +136,7 @@ def test_the_slope_is_over_few_samples_where_the_velocity_has_no_noise_and_over_
     assert spans == {0.0: 0.2, 0.01: 0.4}
 
 
-@pytest.mark.parametrize("fs", [5.0, 25.0, *(pytest.param(fs, marks=pytest.mark.slow) for fs in (10.0, 100.0))])
+@pytest.mark.parametrize("fs", daily((5.0, 10.0, 25.0, 100.0), (5.0, 25.0)))
 def test_the_slope_spans_four_tenths_of_a_second_at_most(fs: float) -> None:
     found = diagnose_line(Entries([planted(0, fs=fs, cycles=3, mass=3000.0)]), RIG, EFFECTS)
     assert all(span <= 0.4 + 1e-9 for span in found.lines.spans)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from daily import daily
 from planted import campaign, driven
 
 from winchcascade.batch.campaign_diagnosis import write_predictions
@@ -52,9 +53,7 @@ def diagnosed(simulator: str) -> tuple[ModelDiagnosis, ModelDiagnosis]:
     return alone, beside_own_simulation(alone, simulations)
 
 
-@pytest.mark.parametrize(
-    "simulator", ["averaged", *(pytest.param(name, marks=pytest.mark.slow) for name in ("same", "copper_heating"))]
-)
+@pytest.mark.parametrize("simulator", daily(("same", "averaged", "copper_heating"), ("averaged",)))
 def test_the_cause_of_the_logs_is_named_whatever_the_simulation_has(simulator: str) -> None:
     alone, found = diagnosed(simulator)
     assert [cause.effect for cause in found.causes] == ["line_drag"]

@@ -9,6 +9,7 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 import pytest
+from daily import daily
 from openlog import made_log, motion_run
 from rigs import stage_outputs
 
@@ -92,7 +93,7 @@ def test_a_torque_sensor_that_reads_high_shows_in_both_stages_that_end_with_it_a
     assert all(place.bias > 0.0 for place in places if abs(place.z) > STANDS_OUT)
 
 
-@pytest.mark.parametrize("seed", [11, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (12, 13, 14))])
+@pytest.mark.parametrize("seed", daily((11, 12, 13, 14), (11,)))
 def test_a_rig_within_its_tolerances_has_no_stage_off(seed: int) -> None:
     rng = np.random.default_rng(seed)
     bare = Fitted([made_log(load=load, cycles=1) for load in LOADS], built_in())
@@ -192,7 +193,7 @@ LABELLED = {
 }
 
 
-@pytest.mark.parametrize("case", ["none", *(pytest.param(c, marks=pytest.mark.slow) for c in LABELLED if c != "none")])
+@pytest.mark.parametrize("case", daily(LABELLED, ("none",)))
 def test_a_labelled_campaign_is_off_where_its_effect_is(shared: Path, case: str) -> None:
     entries = load_campaign(shared / "labelled" / case / "campaign.toml").runs
     data = Fitted([read_run(entry.file, load=entry.load) for entry in entries], built_in())

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from campaign_log import SAME, SOURCE, clean, efficiencies
+from daily import daily
 from seeds import seeds
 
 from winchcascade import read_run
@@ -60,7 +61,7 @@ def test_a_compressed_log_gives_the_same_results(content: Callable[[], bytes], t
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-@pytest.mark.parametrize("form", ["lvm", "tdms", "mat", "mat73", "parquet", "excel", "xls"])
+@pytest.mark.parametrize("form", daily(("lvm", "tdms", "mat", "mat73", "parquet", "excel", "xls"), ("lvm", "excel")))
 def test_a_log_of_any_format_may_be_inside(form: str, tmp_path: Path) -> None:
     inner = seeds(form)[0]
     plain = open_log(write(tmp_path, inner, "plain.dat"))

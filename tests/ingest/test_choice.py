@@ -10,6 +10,7 @@ import numpy as np
 import openpyxl
 import pytest
 from calls import call
+from daily import daily
 from read_here import readers_here
 from scipy.io import savemat
 
@@ -104,7 +105,7 @@ SEVERAL: dict[str, tuple[Write, str, list[str]]] = {
 }
 
 
-@pytest.mark.parametrize("kind", SEVERAL)
+@pytest.mark.parametrize("kind", daily(SEVERAL, ("hidden sheet", "structs")))
 def test_several_tables_that_could_be_the_log_are_named_and_none_is_chosen(tmp_path: Path, kind: str) -> None:
     write, file, names = SEVERAL[kind]
     path = write(tmp_path / file, {names[0]: 1, names[1]: 4})
@@ -126,7 +127,7 @@ def test_several_tables_that_could_be_the_log_are_named_and_none_is_chosen(tmp_p
             read_run(path, table="Run 9")
 
 
-@pytest.mark.parametrize("kind", SEVERAL)
+@pytest.mark.parametrize("kind", daily(SEVERAL, ("hidden sheet", "structs")))
 def test_a_single_log_needs_no_name_and_is_reported_by_it(tmp_path: Path, kind: str) -> None:
     write, file, names = SEVERAL[kind]
     if kind == "hidden sheet":

@@ -10,6 +10,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 from campaign_log import HEAD, LOST, ROWS, SAME, SOURCE, changed, clean, efficiencies, kinds, read, scaled, text, write
+from daily import daily
 from hypothesis import given
 from hypothesis import strategies as st
 from loops import failures
@@ -244,7 +245,7 @@ def outcome(path: Path) -> str:
     return "" if rises and finite else "unchecked"
 
 
-@pytest.mark.parametrize("first", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(50, 400, 50))])
+@pytest.mark.parametrize("first", daily(range(0, 400, 50), (0,)))
 def test_a_spoilt_file_gives_a_run_or_one_sentence(first: int, tmp_path: Path) -> None:
     for seed in range(first, first + 50):
         path = write(tmp_path, spoilt(seed))

@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from daily import daily
 from seeds import seeds
 
 from winchcascade.core.errors import LogError, OptionError
@@ -60,7 +61,7 @@ def rejected(path: Path, **environment: str) -> tuple[str, float, float]:
 
 
 @LINUX
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in bombs.BOMBS])
+@pytest.mark.parametrize("name", daily(bombs.BOMBS, QUICK))
 def test_a_small_file_that_claims_or_unpacks_to_much_ends_within_the_limits(name: str, tmp_path: Path) -> None:
     path = tmp_path / "bomb.dat"
     path.write_bytes(bombs.BOMBS[name]())

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from daily import daily
 
 from winchcascade import load_rig, read_run, reduce
 from winchcascade.cli.entry import main
@@ -212,7 +213,9 @@ def test_a_column_of_labels_gives_payout_hold_and_haul_in(number: bool, tmp_path
     assert found.cycles[0].metrics.energy_line == pytest.approx(7000.0 / 3.0, rel=1e-5)
 
 
-@pytest.mark.parametrize("form", ["parquet", "categories", "xlsx", "mat", "tdms", "waveforms"])
+@pytest.mark.parametrize(
+    "form", daily(("parquet", "categories", "xlsx", "mat", "tdms", "waveforms"), ("categories", "xlsx"))
+)
 def test_texts_of_phases_are_read_from_every_format(form: str, tmp_path: Path) -> None:
     import pandas as pd
     import xlsxwriter

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 import msgspec
 import numpy as np
 import pytest
+from daily import daily
 from synthetic import SCENARIOS, Scenario, make_log, truth, write_csv
 
 from winchcascade import Run, load_rig, read_run, reduce
@@ -85,7 +86,7 @@ def made(name: str, rule: str | float):  # type: ignore[no-untyped-def]
     return reduction, truth(scenario, rule=rule, smoothed=True)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", daily(KNOWN, KNOWN[::3]))
 def test_a_fixed_window_meets_the_truth(name: str) -> None:
     reduction, true = made(name, 5.0)
     assert len(reduction.cycles) == len(true.cycles)

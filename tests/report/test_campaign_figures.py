@@ -3,6 +3,7 @@
 import itertools
 
 import pytest
+from daily import daily
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -68,7 +69,7 @@ def model_figure(runs: list[LogSummary], gear: float | None = None) -> Figure:
     return figure
 
 
-@pytest.mark.parametrize("kind", LOADS)
+@pytest.mark.parametrize("kind", daily(LOADS, [*LOADS][:2]))
 def test_a_legend_stays_within_the_figure_and_off_the_panels(kind: str) -> None:
     with house_style():
         for figure in (speed_figure(logs(kind)), model_figure(logs(kind)[:13]), model_figure(logs(kind)[:13], 50.0)):

@@ -1,0 +1,11 @@
+"""Cases of a parameter that are tried every day; `make test-all` tries the others, too."""
+
+from collections.abc import Collection, Iterable
+from typing import Any
+
+import pytest
+
+
+def daily(cases: Iterable[Any], chosen: Collection[Any]) -> list[Any]:
+    """The cases, of which those that are not chosen are slow tests."""
+    return [case if case in chosen else pytest.param(case, marks=pytest.mark.slow) for case in cases]
