@@ -167,4 +167,4 @@ def test_a_long_origin_is_shortened_in_the_banner_alone() -> None:
 
 def test_a_result_of_an_earlier_version_states_nothing() -> None:
     assert origin_from({}) == Origin()
-    assert origin_from({"data": {"measured": "yes", "origin": 3}}) == Origin()
+    assert origin_from({"measured": "yes", "origin": 3}) == Origin()

@@ -71,6 +71,6 @@ def test_the_dataset_and_a_check_hold_it_too(out: Path) -> None:
     own = json.loads((out / "runs" / f"{HURT}.json").read_bytes())["quality"]
     for target in (out, out.parent):  # the folder of the batch, and the campaign reduced again
         for name, record in load_results(target).records:
-            kinds = [finding["kind"] for finding in record["quality"]]
+            kinds = [finding.kind for finding in record.quality]
             assert kinds.count("efficiency_change") == (name == HURT)
             assert name != HURT or len(kinds) == len(own) + 1

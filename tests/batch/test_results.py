@@ -13,6 +13,7 @@ from winchcascade.batch.results import Results, load_results
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.core.errors import LogError, OptionError, OutputError, WinchcascadeError
 from winchcascade.core.store import with_digest
+from winchcascade.reduction.run_record import run_record
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOADS = {"r9ohm.csv": 9.0, "r36ohm.csv": 36.0}
@@ -36,7 +37,7 @@ def out(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def means(results: Results) -> dict[str, object]:
-    return {name: record["mean"] for name, record in results.records}
+    return {name: record.mean for name, record in results.records}
 
 
 def test_a_campaign_its_folder_and_its_batch_give_the_same_results(campaign: Path, out: Path) -> None:
@@ -54,7 +55,7 @@ def test_a_reduction_is_a_single_log(out: Path) -> None:
     path = out / "runs" / "r9ohm.csv.json"
     results = load_results(path)
     assert not results.whole
-    assert results.records == (("r9ohm.csv.json", json.loads(path.read_bytes())),)
+    assert results.records == (("r9ohm.csv.json", run_record(path.read_bytes(), "r9ohm.csv.json")),)
 
 
 @pytest.mark.parametrize("of", ["campaign", "batch"])
@@ -135,7 +136,7 @@ def test_a_result_whose_own_digest_was_altered_too_is_rejected(out: Path, tmp_pa
     record = json.loads(path.read_bytes())
     record["mean"]["eta_pto"] = 0.9
     path.write_bytes(with_digest(record, "batch", {key: record["batch"][key] for key in ("key", "reports", "files")}))
-    assert load_results(path).records[0][1]["mean"]["eta_pto"] == 0.9
+    assert load_results(path).records[0][1].mean["eta_pto"] == 0.9
     with pytest.raises(OutputError, match=r"r9ohm\.csv\.json: was altered after the batch"):
         load_results(results)
 

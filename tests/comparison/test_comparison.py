@@ -167,7 +167,7 @@ def test_what_is_no_reduction_is_reported(place: Path, tmp_path: Path) -> None:
         (lambda record: record["cycles"][0].pop("window"), "is no JSON of a reduction"),
     ):
         path = changed(place, tmp_path / "wrong.json", change)
-        with pytest.raises(CompareError, match=words):
+        with pytest.raises(OptionError, match=words):
             compare(path, place / "after")
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 
-import msgspec
 import numpy as np
 import pytest
 from equal_cycles import LENGTH, Channels, Signal, amplified, cycles_of, run_of
@@ -61,7 +60,7 @@ def scattered(channels: Channels, rng: np.random.Generator, scatter: float) -> C
 def compared(t: Signal, channels: Channels, name: str) -> ComparedRun:
     reduction = reduce(run_of(t, channels), window=LENGTH)
     record = reduction_record(reduction, uncertainty(reduction))
-    return compared_run(msgspec.json.decode(msgspec.json.encode(record)), name)
+    return compared_run(record, name)
 
 
 def truth(t: Signal, channels: Channels, scatter: float) -> dict[str, float]:

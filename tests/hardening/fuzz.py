@@ -24,7 +24,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 from mutate import mutated
 from seeds import LOG, SEEDS
@@ -118,7 +117,7 @@ def read_campaign(path: Path) -> None:
 @cache
 def _measured() -> Any:
     reduction = reduce(read_run(LOG, load=36.0))
-    return measured_from_record(msgspec.to_builtins(reduction_record(reduction, uncertainty(reduction))), LOG.name)
+    return measured_from_record(reduction_record(reduction, uncertainty(reduction)), LOG.name)
 
 
 def read_table(path: Path) -> None:

@@ -17,7 +17,7 @@ from winchcascade.reduction.checks.zeros import KNOWN
 from winchcascade.reduction.efficiency_between_runs import _chances, _left_out, _rows
 from winchcascade.reduction.efficiency_changes import ALPHA, CycleComparison, compare_cycles
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.records import RunRecord
+from winchcascade.reduction.run_record import RunRecord
 
 
 class Reason(NamedTuple):

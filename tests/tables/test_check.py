@@ -12,6 +12,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow
 from winchcascade.core.table_toml import load_table
 from winchcascade.reduction.efficiency import FIELDS, METRICS
+from winchcascade.reduction.run_record import run_record
 from winchcascade.report.records import reduction_json
 from winchcascade.tables.check import Check, CheckError, Factors, Measured, check, measured_from_record
 
@@ -192,22 +193,26 @@ def record() -> dict[str, Any]:
     return record
 
 
+def read(record: object) -> Measured:
+    """What a table is compared with, of the JSON of a reduction."""
+    return measured_from_record(run_record(json.dumps(record).encode(), "x.json"), "x.json")
+
+
 def test_the_fields_of_a_written_reduction_are_those_that_are_read(record: dict[str, Any]) -> None:
-    measured = measured_from_record(record, "x.json")
-    assert dict(measured.mean) == {
+    assert dict(read(record).mean) == {
         metric: record["mean"][field] for metric, field in FIELDS.items() if metric in METRICS
     }
 
 
 def test_the_shipped_36_ohm_log_agrees_with_the_paper(record: dict[str, Any]) -> None:
-    found: Check = check([measured_from_record(record, "x.json")], load_table("hsu2026-table2"), whole_campaign=False)
+    found: Check = check([read(record)], load_table("hsu2026-table2"), whole_campaign=False)
     assert found.ok
     assert len(found.cells) == 9
 
 
 def test_a_reduction_without_uncertainty_says_so(record: dict[str, Any]) -> None:
     unknown = record | {"standard_uncertainty": dict.fromkeys(record["standard_uncertainty"])}
-    found = check([measured_from_record(unknown, "x.json")], load_table("hsu2026-table2"), whole_campaign=False)
+    found = check([read(unknown)], load_table("hsu2026-table2"), whole_campaign=False)
     assert f"{record['log']['path']}: the standard uncertainty is not known; it counts as 0." in found.notes
 
 
@@ -215,34 +220,35 @@ def test_a_reduction_without_uncertainty_says_so(record: dict[str, Any]) -> None
     ("change", "sentence"),
     [
         ({"schema": "winchcascade/check/1"}, "its schema is 'winchcascade/check/1'; expected winchcascade/reduction/1"),
-        ({"log": None}, "log is missing; expected an object"),
-        ({"log": {"load_ohm": "36"}}, "load_ohm is '36'; expected ohms above 0 or null"),
-        ({"log": {"load_ohm": True}}, "load_ohm is True; expected ohms above 0 or null"),
-        ({"mean": []}, "mean is []; expected an object"),
-        ({"quality": [1]}, "quality is [1]; expected a list of findings"),
-        ({"uncertainty": {}}, "repeatability is missing; expected an object"),
-        ({"mean": {"energy_line_j": "7"}}, "mean energy_line_j is '7'; expected a number or null"),
-        ({"mean": {"energy_line_j": math.nan}}, "mean energy_line_j is nan; expected a number or null"),
-        (
-            {"standard_uncertainty": {"eta_pto": -0.1}},
-            "standard_uncertainty eta_pto is -0.1; expected a number that is not",
-        ),
+        ({"log": None}, "Expected `object`, got `null` - at `$.log`"),
+        ({"log": {"load_ohm": "36"}}, "Expected `float | null`, got `str` - at `$.log.load_ohm`"),
+        ({"log": {"load_ohm": True}}, "Expected `float | null`, got `bool` - at `$.log.load_ohm`"),
+        ({"log": {"load_ohm": -36}}, "Expected `float` > 0.0 - at `$.log.load_ohm`"),
+        ({"mean": []}, "Expected `object`, got `array` - at `$.mean`"),
+        ({"quality": [1]}, "Expected `object`, got `int` - at `$.quality[0]`"),
+        ({"uncertainty": {}}, "Object missing required field"),
+        ({"mean": {"energy_line_j": "7"}}, "Expected `float | null`, got `str` - at `$.mean[...]`"),
+        ({"mean": {"energy_line_j": math.nan}}, "is no JSON of a reduction (JSON is malformed"),
+        ({"standard_uncertainty": {"eta_pto": -0.1}}, "Expected `float` >= 0.0 - at `$.standard_uncertainty[...]`"),
     ],
 )
 def test_a_record_that_is_no_reduction_is_one_sentence(
     record: dict[str, Any], change: dict[str, Any], sentence: str
 ) -> None:
-    with pytest.raises(CheckError) as fault:
-        measured_from_record({**record, **change}, "x.json")
-    assert str(fault.value).startswith(f"x.json: {sentence}")
+    if isinstance(log := change.get("log"), dict):
+        change = {"log": record["log"] | log}
+    with pytest.raises(OptionError) as fault:
+        read({**record, **change})
+    assert str(fault.value).startswith("x.json: ")
+    assert sentence in str(fault.value)
 
 
 def test_a_record_that_is_no_object_is_reported() -> None:
-    with pytest.raises(CheckError, match=r"x.json: its schema is None"):
-        measured_from_record([1], "x.json")
+    with pytest.raises(OptionError, match=r"x.json: is no JSON of a reduction"):
+        read([1])
 
 
 def test_an_open_circuit_is_read_from_its_mark(record: dict[str, Any]) -> None:
     log = {**record["log"], "load_ohm": None}
-    assert measured_from_record({**record, "log": {**log, "open_circuit": True}}, "x").load == math.inf
-    assert measured_from_record({**record, "log": {**log, "open_circuit": False}}, "x").load is None
+    assert read({**record, "log": {**log, "open_circuit": True}}).load == math.inf
+    assert read({**record, "log": {**log, "open_circuit": False}}).load is None

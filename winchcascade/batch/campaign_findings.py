@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from winchcascade.reduction.efficiency import FIELDS, RATIOS
 from winchcascade.reduction.efficiency_between_runs import Apart, LogEfficiency, logs_apart
 from winchcascade.reduction.efficiency_changes import LOOK_AT
-from winchcascade.report.records import FindingRecord, RunRecord
+from winchcascade.reduction.phase_summary import PayoutSummary
+from winchcascade.reduction.run_record import FindingRecord, RunRecord
 
 
 def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
@@ -19,7 +20,7 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
     payouts = [cycle.phase_summary.payout for cycle in record.cycles if cycle.complete]
     if not payouts:
         return None
-    speeds = [(p.plateau.speed if p.plateau else (p.travel or 0.0) / p.duration) or 0.0 for p in payouts]
+    speeds = [_speed(payout) for payout in payouts]
     log, parts = record.log, record.uncertainty
     own = [row.contribution for row in parts.budget if row.part != "gain"] + [parts.repeatability]
     return LogEfficiency(
@@ -27,10 +28,17 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
         kind=(record.rig, record.window == "payout", bool(log.simulated)),
         load=math.inf if log.open_circuit else log.load_ohm,
         speed=sum(speeds) / len(speeds),
-        power=record.mean[FIELDS["power_mech"]],
-        eta={metric: record.mean[metric] for metric in RATIOS},
-        uncertainty={metric: math.hypot(*(part[metric] or 0.0 for part in own)) for metric in RATIOS},
+        power=record.mean.get(FIELDS["power_mech"]),
+        eta={metric: record.mean.get(metric) for metric in RATIOS},
+        uncertainty={metric: math.hypot(*(part.get(metric) or 0.0 for part in own)) for metric in RATIOS},
     )
+
+
+def _speed(payout: PayoutSummary) -> float:
+    """Speed of a payout on its plateau, or else on the whole; 0 where it is unknown. [m/s]"""
+    if payout.plateau is not None:
+        return payout.plateau.speed or 0.0
+    return payout.travel / payout.duration if payout.travel and payout.duration else 0.0
 
 
 def findings_between(logs: Iterable[LogEfficiency | None]) -> list[tuple[str, FindingRecord]]:

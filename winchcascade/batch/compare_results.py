@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-import msgspec
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.batch.results import load_results
@@ -15,6 +12,7 @@ from winchcascade.comparison.comparison_result import ComparedSide, Comparison
 from winchcascade.core.errors import OptionError
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.run_record import RunRecord
 from winchcascade.report.campaign_record import CampaignReduction
 from winchcascade.report.records import reduction_record
 
@@ -52,9 +50,9 @@ def compare(a: Target, b: Target, *, same_sensors: bool = False, jobs: int = 1) 
 def compared_side(target: Target, jobs: int = 1) -> ComparedSide:
     """Load one side of a comparison, or reduce its logs."""
     if isinstance(target, Reduction):
-        name, records = target.run.name, {target.run.name: _plain(reduction_record(target))}
+        name, records = target.run.name, {target.run.name: reduction_record(target)}
     elif isinstance(target, CampaignReduction):
-        name, records = target.summary.title, {name: _plain(record) for name, record in target.records.items()}
+        name, records = target.summary.title, dict(target.records)
     else:
         path = Path(target)
         name, records = str(path), dict(_log(path) if _is_log(path) else load_results(path, jobs=jobs).records)
@@ -67,15 +65,9 @@ def _is_log(path: Path) -> bool:
     return path.is_file() and path.suffix.casefold() not in RESULTS
 
 
-def _log(path: Path) -> dict[str, dict[str, Any]]:
+def _log(path: Path) -> dict[str, RunRecord]:
     """Reduce a log as `reduce` does without options."""
     settings = settings_of(path, rig=None, load_ohm=None, window=None)
     reduction = reduce(read_with(path, settings), rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
-    return {path.name: _plain(reduction_record(reduction))}
-
-
-def _plain(record: object) -> dict[str, Any]:
-    """A record as its JSON holds it."""
-    found: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(record))
-    return found
+    return {path.name: reduction_record(reduction)}

@@ -15,8 +15,8 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.jobs import Workers
 from winchcascade.core.late_module import LateModule
+from winchcascade.reduction.run_record import RunRecord
 from winchcascade.report.campaign_record import CampaignReduction
-from winchcascade.report.records import RunRecord
 
 if TYPE_CHECKING:
     from winchcascade.core import published_table

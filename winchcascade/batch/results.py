@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import Plan, make_plan
@@ -15,8 +17,8 @@ from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import run_here
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.store import KeptFiles, State, altered, digest_in, inside
+from winchcascade.reduction.run_record import FindingRecord, RunRecord, run_record
 from winchcascade.report.campaign_record import CAMPAIGN_SCHEMA
-from winchcascade.report.records import RunRecord
 from winchcascade.tables.check import Check, Factors, check, measured_from_record
 from winchcascade.tables.point_check import check_points
 from winchcascade.tables.point_table import PointTable, open_table
@@ -25,13 +27,18 @@ _EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
 
 class Results(msgspec.Struct, frozen=True):
-    """Reductions as JSON records, each with the name of its log; `whole`: a campaign, not a single log, `verified` whether
+    """Records of reductions, each with the name of its log; `whole`: a campaign, not a single log, `verified` whether
     each result of a batch has a digest and matches it.
     """
 
-    records: tuple[tuple[str, dict[str, Any]], ...]
+    records: tuple[tuple[str, RunRecord], ...]
     whole: bool
     verified: bool = True
+
+
+class _Head(msgspec.Struct):
+    schema: str | None = None
+    batch: dict[str, Any] = {}
 
 
 class _Run(msgspec.Struct):
@@ -60,18 +67,19 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
         return _of_batch(target)
     if target.is_dir() or target.suffix == ".toml":
         return campaign_results(make_plan([str(target)]), jobs)
-    record, digest = _json(target)
-    if record.get("schema") == CAMPAIGN_SCHEMA:
+    content, head, digest = _read(target)
+    if head.schema == CAMPAIGN_SCHEMA:
         return _of_batch(target.parent)
-    return Results(((target.name, record),), whole=False, verified="batch" not in record or digest == "kept")
+    record = run_record(content, target.name)
+    return Results(((target.name, record),), whole=False, verified=not head.batch or digest == "kept")
 
 
-def _json(path: Path) -> tuple[dict[str, Any], State]:
+def _read(path: Path) -> tuple[bytes, _Head, State]:
     if path.exists() and not path.is_file():
         raise OptionError(f"{path}: is no file; {_EXPECTED}")
     try:
         content = path.read_bytes()
-        record = msgspec.json.decode(content, type=dict[str, Any])
+        head = msgspec.json.decode(content, type=_Head)
     except OSError as fault:
         raise OptionError(f"{path}: cannot be read ({fault.strerror}); {_EXPECTED}") from None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
@@ -79,7 +87,7 @@ def _json(path: Path) -> tuple[dict[str, Any], State]:
     digest = digest_in(content)
     if digest == "altered":
         raise _altered(path)
-    return record, digest
+    return content, head, digest
 
 
 def _altered(path: Path) -> OutputError:
@@ -91,17 +99,17 @@ def _altered(path: Path) -> OutputError:
 
 def _of_batch(folder: Path) -> Results:
     path = folder / "campaign.json"
-    record, digest = _json(path)
-    if record.get("schema") != CAMPAIGN_SCHEMA:
+    content, head, digest = _read(path)
+    if head.schema != CAMPAIGN_SCHEMA:
         raise OptionError(f"{path}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}.")
     try:
-        summary = msgspec.convert(record, _Summary)
+        summary = msgspec.json.decode(content, type=_Summary)
     except msgspec.ValidationError as fault:
         raise OptionError(f"{path}: is no summary of a batch ({fault}); run the batch again.") from None
     for run in summary.runs:
         if run.fault is not None:
             raise LogError(f"{folder}: {run.name} failed in this batch: {run.fault} Mend the log or leave it out.")
-    records = {run.name: _json(inside(folder, run.result))[0] for run in summary.runs}
+    records = {run.name: run_record(_read(inside(folder, run.result))[0], run.result) for run in summary.runs}
     if digest == "kept":
         for name in altered(folder, {run.result: summary.store.files.get(run.result, "") for run in summary.runs}):
             raise _altered(folder / name)
@@ -110,11 +118,11 @@ def _of_batch(folder: Path) -> Results:
 
 def campaign_results(plan: Plan, jobs: int) -> Results:
     """Reduce the logs of a plan. Raises LogError for one that cannot be used."""
-    found: dict[int, dict[str, Any]] = {}
+    found: dict[int, RunRecord] = {}
     for outcome in run_here(reduce_log, [Order(work) for work in plan.work], workers=jobs):
         if outcome.value is None:
             raise LogError(f"{outcome.fault}")
-        found[outcome.place] = msgspec.json.decode(outcome.value.files["json"])
+        found[outcome.place] = run_record(outcome.value.files["json"], outcome.value.name)
     return Results(_together({plan.work[k].name: found[k] for k in sorted(found)}), whole=True)
 
 
@@ -132,13 +140,9 @@ def check_results(
     return check(measured, table, factors, whole_campaign=results.whole)
 
 
-def _together(records: dict[str, dict[str, Any]]) -> tuple[tuple[str, dict[str, Any]], ...]:
+def _together(records: Mapping[str, RunRecord]) -> tuple[tuple[str, RunRecord], ...]:
     """The records of a campaign, each with the findings that its log has beside the others."""
-    try:
-        logs = [log_efficiency(name, msgspec.convert(record, RunRecord)) for name, record in records.items()]
-        between = findings_between(logs)
-    except (msgspec.ValidationError, ValueError, ZeroDivisionError):  # no reductions of this tool, as `check` reports
-        between = []
-    for name, finding in between:
-        records[name]["quality"].append(msgspec.structs.asdict(finding))
-    return tuple(records.items())
+    more: dict[str, tuple[FindingRecord, ...]] = {}
+    for name, finding in findings_between([log_efficiency(name, record) for name, record in records.items()]):
+        more[name] = (*more.get(name, ()), finding)
+    return tuple((name, replace(one, quality=(*one.quality, *more.get(name, ())))) for name, one in records.items())

@@ -38,6 +38,7 @@ from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
+from winchcascade.reduction.run_record import RunRecord
 from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
@@ -46,7 +47,7 @@ from winchcascade.report.campaign_record import (
     campaign_json,
     log_summary,
 )
-from winchcascade.report.records import RunRecord, read_results, reduction_record
+from winchcascade.report.records import read_results, reduction_record
 
 ENDINGS = ("html", "pdf", "json")
 """Files of one log; a JSON means that the others are there."""

@@ -5,19 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
-from typing import Any
 
 import msgspec
 
 from winchcascade.core.campaign_file import Origin, origin_from
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage, field_of
 from winchcascade.core.errors import WinchcascadeError
+from winchcascade.reduction.run_record import CycleRecord, Numbers, Part, RunRecord, UncertaintyRecord
 from winchcascade.reduction.uncertainty import SAMPLING
-
-SCHEMA = "winchcascade/reduction/1"
-
-Numbers = dict[str, float | None]
-"""Numbers by the names of metrics in written files."""
 
 
 class CompareError(WinchcascadeError):
@@ -82,118 +77,37 @@ class ComparedRun(msgspec.Struct, frozen=True):
         return math.sqrt(max((self.sensors[metric] or 0.0) ** 2 - gains, 0.0))
 
 
-class _Log(msgspec.Struct):
-    path: str
-    sha256: str = ""
-    table: str | None = None
-    load_ohm: float | None = None
-    open_circuit: bool = False
-    simulated: bool | None = None
-
-
-class _Window(msgspec.Struct):
-    duration_s: float
-
-
-class _Plateau(msgspec.Struct):
-    speed_mps: float | None = None
-
-
-class _Payout(msgspec.Struct):
-    plateau: _Plateau | None = None
-
-
-class _Phases(msgspec.Struct):
-    payout: _Payout
-
-
-class _Cycle(msgspec.Struct):
-    complete: bool
-    window: _Window
-    phase_summary: _Phases
-
-
-class _Source(msgspec.Struct):
-    source: str
-    contribution: Numbers
-    part: str | None = None
-    standard_uncertainty: float | None = None
-
-
-class _Parts(msgspec.Struct):
-    sensors: Numbers = {}
-    budget: list[_Source] = []
-    without_accuracy: list[str] = []
-
-
-class _Stages(msgspec.Struct):
-    order: list[str]
-    power: dict[str, str | None]
-    mean: Numbers
-    max_deviation_percent: Numbers
-    standard_uncertainty: Numbers
-
-
-class _Record(msgspec.Struct):
-    """What is read of a reduction's JSON; versions before the present one lack some of it."""
-
-    log: _Log
-    rig: str
-    window: str | float
-    quality: list[dict[str, Any]]
-    cycles: list[_Cycle]
-    mean: Numbers
-    max_deviation_percent: Numbers
-    standard_uncertainty: Numbers
-    uncertainty: _Parts | None = None
-    cycles_from: str = "velocity"
-    stages: _Stages | None = None
-
-
-def compared_run(record: object, where: str) -> ComparedRun:
-    """Take what a comparison needs from a reduction's JSON (schema `winchcascade/reduction/1`).
+def compared_run(record: RunRecord, where: str) -> ComparedRun:
+    """Take what a comparison needs from the record of a reduction.
 
     Parameters
     ----------
-    where : name of the log or of the file, for the sentence of a fault
-
-    Raises
-    ------
-    CompareError : this is no reduction
+    where : name of the log or of the file
     """
-    found = record.get("schema") if isinstance(record, dict) else None
-    if not isinstance(record, dict) or found != SCHEMA:
-        raise CompareError(
-            f"{where}: its schema is {found!r}; expected {SCHEMA}, as `winchcascade reduce LOG --json FILE` writes."
-        )
-    try:
-        read = msgspec.convert(record, _Record)
-    except msgspec.ValidationError as fault:
-        raise CompareError(f"{where}: is no JSON of a reduction ({fault}); reduce its log again.") from None
-    log, cascade = read.log, _cascade(read)
+    log, cascade = record.log, _cascade(record)
     metrics = {m: field_of(m) for m in cascade.all_metrics}
-    cycles = _cycles(record["cycles"], metrics)
-    done = [cycle for cycle in read.cycles if cycle.complete]
-    simulated, parts = log.simulated is True, read.uncertainty or _Parts()
-    deviation = _of(read, "max_deviation_percent", metrics)
+    done = [cycle for cycle in record.cycles if cycle.complete]
+    cycles = _cycles(done, metrics)
+    simulated, parts = log.simulated is True, record.uncertainty
+    deviation = _of(record, "max_deviation_percent", metrics)
     repeats = any(value is not None for value in deviation.values())
-    sensors = _sensors(_of(read, "standard_uncertainty", metrics), cycles if repeats else {})
+    sensors = _sensors(_of(record, "standard_uncertainty", metrics), cycles if repeats else {})
     return ComparedRun(
         name=where,
         file=PurePath(log.path).name.partition(".")[0] + ("" if log.table is None else f" {log.table}"),
         load=math.inf if log.open_circuit else log.load_ohm,
         digest=log.sha256,
-        rig=read.rig,
-        origin=origin_from(record),
+        rig=record.rig,
+        origin=origin_from(record.data),
         simulated=simulated,
         cascade=cascade,
-        window=read.window,
-        cycles_from=read.cycles_from,
+        window=record.window,
+        cycles_from=record.cycles_from or "velocity",
         window_length=mean_of_known([cycle.window.duration_s for cycle in done]),
-        speed=mean_of_known([c.phase_summary.payout.plateau.speed_mps for c in done if c.phase_summary.payout.plateau]),
+        speed=mean_of_known([c.phase_summary.payout.plateau.speed for c in done if c.phase_summary.payout.plateau]),
         complete=len(done),
-        findings=len(read.quality),
-        mean=_of(read, "mean", metrics),
+        findings=len(record.quality),
+        mean=_of(record, "mean", metrics),
         cycles=cycles,
         repeats=repeats,
         sensors=dict.fromkeys(metrics, 0.0) if simulated else sensors,
@@ -201,27 +115,26 @@ def compared_run(record: object, where: str) -> ComparedRun:
         split=frozenset(m for m, name in metrics.items() if any(name in row.contribution for row in parts.budget)),
         measures=_measures(parts, cascade),
         unknown=frozenset(parts.without_accuracy),
-        formulas={} if read.stages is None else read.stages.power,
+        formulas=record.stages.power if record.stages else {},
     )
 
 
-def _cascade(read: _Record) -> Cascade:
-    if read.stages is None:
+def _cascade(record: RunRecord) -> Cascade:
+    if not record.stages:
         return PAPER
-    return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in read.stages.order), configured=True)
+    return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in record.stages.order), configured=True)
 
 
-def _of(read: _Record, part: str, metrics: Mapping[str, str]) -> Numbers:
+def _of(record: RunRecord, part: Part, metrics: Mapping[str, str]) -> Numbers:
     """Numbers of the metrics of a part of the record, those of configured stages among them."""
-    values: Numbers = getattr(read, part) | (getattr(read.stages, part) if read.stages else {})
+    values = record.numbers(part)
     return {m: values.get(name) for m, name in metrics.items()}
 
 
-def _cycles(cycles: Sequence[Mapping[str, Any]], metrics: Mapping[str, str]) -> dict[str, tuple[float, ...]]:
+def _cycles(cycles: Sequence[CycleRecord], metrics: Mapping[str, str]) -> dict[str, tuple[float, ...]]:
     """Values of each metric in the complete cycles that have it."""
-    whole = [{**cycle, **(cycle.get("stages") or {})} for cycle in cycles if cycle["complete"]]
-    columns = {m: [cycle.get(name) for cycle in whole] for m, name in metrics.items()}
-    return {m: tuple(float(x) for x in column if isinstance(x, float | int)) for m, column in columns.items()}
+    columns = {m: [cycle.numbers.get(name) for cycle in cycles] for m, name in metrics.items()}
+    return {m: tuple(x for x in column if x is not None) for m, column in columns.items()}
 
 
 def _sensors(stated: Numbers, cycles: Mapping[str, Sequence[float]]) -> Numbers:
@@ -249,7 +162,9 @@ def scatter_of(values: Sequence[float]) -> float:
     return math.sqrt(sum((value - mean) ** 2 for value in values) / (len(values) - 1))
 
 
-def _gains(parts: _Parts, metrics: Mapping[str, str], sensors: Mapping[str, float | None]) -> dict[str, Gain]:
+def _gains(
+    parts: UncertaintyRecord, metrics: Mapping[str, str], sensors: Mapping[str, float | None]
+) -> dict[str, Gain]:
     """Gains by sensor, that of its acquisition system with it; scaled where a Monte Carlo states more than the budget."""
     found: dict[str, Gain] = {}
     for row in parts.budget:
@@ -265,7 +180,7 @@ def _gains(parts: _Parts, metrics: Mapping[str, str], sensors: Mapping[str, floa
     return found
 
 
-def _measures(parts: _Parts, cascade: Cascade) -> dict[str, frozenset[str]]:
+def _measures(parts: UncertaintyRecord, cascade: Cascade) -> dict[str, frozenset[str]]:
     """Channels, and the drum radius, whose errors act on each energy of a window."""
     return {
         m: frozenset(row.source for row in parts.budget if row.part and row.contribution.get(field_of(m))) - {SAMPLING}

@@ -50,11 +50,8 @@ def origin_record(origin: Origin) -> dict[str, Any]:
     return {"measured": origin.measured, "origin": origin.sentence or None}
 
 
-def origin_from(record: Mapping[str, Any]) -> Origin:
-    """Read the origin of data from a written result; one of an earlier version states nothing."""
-    data = record.get("data")
-    if not isinstance(data, dict):
-        return Origin()
+def origin_from(data: Mapping[str, object]) -> Origin:
+    """Read the origin of data from the `data` of a written result; one of an earlier version states nothing."""
     measured, sentence = data.get("measured"), data.get("origin")
     return Origin(measured if isinstance(measured, bool) else None, sentence if isinstance(sentence, str) else "")
 

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
 from winchcascade.core.cascade import field_of
+from winchcascade.reduction.run_record import FindingRecord
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report.campaign_record import (
     CampaignRecord,
@@ -30,7 +31,7 @@ from winchcascade.report.campaign_record import (
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
-from winchcascade.report.records import FindingRecord, read_results
+from winchcascade.report.records import read_results
 from winchcascade.report.report_model import (
     ItemTable,
     Limit,

@@ -19,8 +19,8 @@ from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.run import Units
 from winchcascade.core.version import __version__
+from winchcascade.reduction.run_record import FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.digits import stated, uncertain
-from winchcascade.report.records import FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.report_model import Limit, TableColumn
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import at_most, data_lines, headed, joined, listing, metric_steps, wrapped
@@ -76,7 +76,7 @@ class LogSummary(msgspec.Struct, frozen=True):
     @property
     def origin(self) -> Origin:
         """Where its data come from."""
-        return origin_from({"data": self.data})
+        return origin_from(self.data)
 
 
 class FailedLog(msgspec.Struct, frozen=True):

@@ -23,18 +23,16 @@ from winchcascade.diagnosis.diagnosis_result import NamedCause
 from winchcascade.reduction.efficiency import FIELDS, Metrics
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import HaulInSummary, PlateauSummary
-from winchcascade.report.records import (
-    SCHEMA,
+from winchcascade.reduction.run_record import (
+    REDUCTION_SCHEMA,
     BinRecord,
     CycleRecord,
     HoldRecord,
     PhasesRecord,
     RunRecord,
     WindowRecord,
-    bin_record,
-    cycle_record,
-    finding_record,
 )
+from winchcascade.report.records import bin_record, cycle_record, finding_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +68,7 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     for path in files.values():
         check_replaceable(path, force=force)
     run, cascade = reduction.run, reduction.rig.cascade
-    about = {"schema": SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
+    about = {"schema": REDUCTION_SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
     about |= {} if run.load is None else {"load_ohm": repr(run.load)}
     rows = reduction_rows(reduction)
     for table, path in files.items():

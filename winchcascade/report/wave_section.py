@@ -11,9 +11,9 @@ import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.run_record import RunRecord
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
 from winchcascade.report.digits import NumberText, interval_text, significant
-from winchcascade.report.records import RunRecord
 from winchcascade.report.report_model import (
     ItemTable,
     Limit,

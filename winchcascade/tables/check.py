@@ -10,18 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Literal
 
 import msgspec
 
 from winchcascade.core.campaign_file import Origin, origin_from
 from winchcascade.core.errors import OptionError, WinchcascadeError
 from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow, load_text, same_load
-from winchcascade.core.toml_text import Expected, entry
 from winchcascade.reduction.efficiency import FIELDS, METRICS
+from winchcascade.reduction.run_record import RunRecord
 from winchcascade.tables.point_table import PointTable
-
-REDUCTION_SCHEMA = "winchcascade/reduction/1"
 
 COVERAGE = 2.0
 """Standard uncertainties of the measured mean that a cell allows: about 95 % (JCGM 100:2008, 6.3.3)."""
@@ -167,52 +165,27 @@ class Check(msgspec.Struct, frozen=True):
         return not self.misses
 
 
-_Object = Annotated[dict[str, Any], Expected("an object, as `winchcascade reduce --json` writes it")]
-_Findings = Annotated[list[dict[str, Any]], Expected("a list of findings")]
-_Load = Annotated[float | None, Expected("ohms above 0 or null", lambda load: 0 < load < math.inf)]
-_Number = Annotated[float | None, Expected("a number or null", math.isfinite)]
-_NotNegative = Annotated[_Number, Expected("a number that is not negative", lambda value: value >= 0)]
-
-
-def reduction_object(record: object, where: str) -> dict[str, Any]:
-    """The JSON of a reduction; CheckError for anything else."""
-    found = record.get("schema") if isinstance(record, dict) else None
-    if not isinstance(record, dict) or found != REDUCTION_SCHEMA:
-        raise CheckError(
-            f"{where}: its schema is {found!r}; expected {REDUCTION_SCHEMA}, as `winchcascade reduce LOG --json FILE` writes."
-        )
-    return record
-
-
-def measured_from_record(record: object, where: str) -> Measured:
-    """Take what a reduction's JSON contains (schema `winchcascade/reduction/1`); CheckError names what is wrong in it.
+def measured_from_record(record: RunRecord, where: str) -> Measured:
+    """Take from the record of a reduction what a table is compared with.
 
     Parameters
     ----------
-    where : the file, for the sentence
+    where : the file, named where the record does not name its log
     """
-    record = reduction_object(record, where)
+    log = record.log
 
-    def metrics(within: Mapping[str, Any], key: str, kind: Any = _NotNegative) -> dict[str, float | None]:
-        part = entry(within.get(key), key, _Object, where, CheckError)
-        return {
-            metric: entry(part.get(FIELDS[metric]), f"{key} {FIELDS[metric]}", kind, where, CheckError)
-            for metric in METRICS
-        }
+    def metrics(part: Mapping[str, float | None]) -> dict[str, float | None]:
+        return {metric: part.get(FIELDS[metric]) for metric in METRICS}
 
-    log = entry(record.get("log"), "log", _Object, where, CheckError)
-    load = entry(log.get("load_ohm"), "load_ohm", _Load, where, CheckError)
-    quality = entry(record.get("quality", []), "quality", _Findings, where, CheckError)
-    parts = record.get("uncertainty")
     return Measured(
-        name=str(log.get("path") or where),
-        load=math.inf if load is None and log.get("open_circuit") is True else load,
-        mean=metrics(record, "mean", _Number),
-        deviation=metrics(record, "max_deviation_percent"),
-        uncertainty=metrics(record, "standard_uncertainty"),
-        repeatability=metrics(parts, "repeatability") if isinstance(parts, dict) else {},
-        findings=tuple(f"{finding.get('kind')}: {finding.get('message')}" for finding in quality),
-        origin=origin_from(record),
+        name=log.path or where,
+        load=math.inf if log.load_ohm is None and log.open_circuit else log.load_ohm,
+        mean=metrics(record.mean),
+        deviation=metrics(record.max_deviation_percent),
+        uncertainty=metrics(record.standard_uncertainty),
+        repeatability=metrics(record.uncertainty.repeatability),
+        findings=tuple(f"{finding.kind}: {finding.message}" for finding in record.quality),
+        origin=origin_from(record.data),
     )
 
 

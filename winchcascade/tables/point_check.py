@@ -10,13 +10,13 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
-from typing import Any
 
 from msgspec.structs import replace
 
 from winchcascade.core.cascade import field_of
 from winchcascade.core.published_table import PrintedColumn, TableError, same_load
 from winchcascade.core.quantity import si_unit
+from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
 from winchcascade.tables.check import (
     COVERAGE,
     CellCheck,
@@ -26,7 +26,6 @@ from winchcascade.tables.check import (
     Measured,
     RowKey,
     measured_from_record,
-    reduction_object,
 )
 from winchcascade.tables.point_table import AT, PointCell, PointColumn, PointTable
 
@@ -38,7 +37,7 @@ _OPERATING_POINTS = ("steps", "rows", "whole", "ranges")
 
 
 def check_points(
-    records: Sequence[tuple[str, object]],
+    records: Sequence[tuple[str, RunRecord]],
     table: PointTable,
     factors: Factors | None = None,
     *,
@@ -48,7 +47,7 @@ def check_points(
 
     Parameters
     ----------
-    records : names of the logs, and their reductions as JSON records
+    records : names of the logs, and the records of their reductions
     whole_campaign : a row of the table without a result is a miss; else it is left out with a note
 
     Raises
@@ -89,76 +88,66 @@ def check_points(
 
 
 # ------------------------------------------------------------------------------------------------------------ the results
-def _results(record: object, where: str, *, by_cycle: bool) -> list[Measured]:
+def _results(record: RunRecord, where: str, *, by_cycle: bool) -> list[Measured]:
     """Each complete cycle of a log whose cycles are operating points; else the log as a whole."""
     of_log = replace(measured_from_record(record, where), log=where)
-    record = reduction_object(record, where)
-    repeats = record.get("cycles_from") not in _OPERATING_POINTS
-    cycles = [c for c in record.get("cycles") or [] if isinstance(c, dict) and c.get("complete") is True]
-    try:
-        if not cycles:
-            return []
-        if by_cycle and not repeats:
-            return [_of_cycle(of_log, cycle) for cycle in cycles]
-        return [_of_log(of_log, record, cycles, mean=repeats or len(cycles) == 1)]
-    except (KeyError, TypeError, AttributeError, ValueError) as fault:
-        raise CheckError(
-            f"{where}: is no reduction of this version ({type(fault).__name__}: {fault}); reduce the log again."
-        ) from None
+    repeats = record.cycles_from not in _OPERATING_POINTS
+    cycles = [cycle for cycle in record.cycles if cycle.complete]
+    if not cycles:
+        return []
+    if by_cycle and not repeats:
+        return [_of_cycle(of_log, cycle) for cycle in cycles]
+    return [_of_log(of_log, record, cycles, mean=repeats or len(cycles) == 1)]
 
 
-def _of_cycle(log: Measured, cycle: Mapping[str, Any]) -> Measured:
-    number = cycle["cycle"]
+def _of_cycle(log: Measured, cycle: CycleRecord) -> Measured:
     return replace(
         log,
-        name=f"{log.name} cycle {number}",
-        mean=_metrics(cycle, cycle.get("stages")),
+        name=f"{log.name} cycle {cycle.cycle}",
+        mean=_metrics(cycle.numbers),
         deviation={},
-        uncertainty=_metrics(cycle["standard_uncertainty"]),
+        uncertainty=_metrics(cycle.standard_uncertainty),
         repeatability={},
-        at={**_at([cycle]), "cycle": float(number), "load": log.load},
+        at={**_at([cycle]), "cycle": float(cycle.cycle), "load": log.load},
     )
 
 
-def _of_log(log: Measured, record: Mapping[str, Any], cycles: Sequence[Mapping[str, Any]], *, mean: bool) -> Measured:
+def _of_log(log: Measured, record: RunRecord, cycles: Sequence[CycleRecord], *, mean: bool) -> Measured:
     """The mean of the cycles of a log that repeat; of others sums and the ratios of these, of unknown uncertainty."""
-    stages = record.get("stages") or {}
     at = {**_at(cycles), "load": log.load, "cycle": 1.0 if len(cycles) == 1 else None}
     if not mean:
-        return replace(log, mean=_metrics(record["total"], stages.get("total")), deviation={}, uncertainty={}, at=at)
+        return replace(log, mean=_metrics(record.numbers("total")), deviation={}, uncertainty={}, at=at)
     return replace(
         log,
-        mean=_metrics(record["mean"], stages.get("mean")),
-        deviation=_metrics(record["max_deviation_percent"], stages.get("max_deviation_percent")),
-        uncertainty=_metrics(record["standard_uncertainty"], stages.get("standard_uncertainty")),
+        mean=_metrics(record.numbers("mean")),
+        deviation=_metrics(record.numbers("max_deviation_percent")),
+        uncertainty=_metrics(record.numbers("standard_uncertainty")),
         at=at,
     )
 
 
-def _metrics(*parts: Mapping[str, Any] | None) -> dict[str, float | None]:
-    """Metrics by their names from parts of a record, where they have their unit at the end."""
-    found: dict[str, float | None] = {}
-    for part in parts:
-        for field, value in (part or {}).items():
-            kind = field.partition("_")[0]
-            if kind in _DIMENSION and (value is None or isinstance(value, int | float)):
-                unit = field_of(f"{kind}_").removeprefix(f"{kind}_")
-                found[field.removesuffix(unit)] = value
+def _metrics(numbers: Numbers) -> Numbers:
+    """Metrics by their names from numbers of a record, where they have their unit at the end."""
+    found: Numbers = {}
+    for field, value in numbers.items():
+        kind = field.partition("_")[0]
+        if kind in _DIMENSION:
+            unit = field_of(f"{kind}_").removeprefix(f"{kind}_")
+            found[field.removesuffix(unit)] = value
     return found
 
 
-def _at(cycles: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
+def _at(cycles: Sequence[CycleRecord]) -> Numbers:
     """Speed and torque of the shaft, plateau speed and travel of the payouts: means over the cycles, by their lengths."""
-    lengths = [float(c["window"]["duration_s"]) for c in cycles]
+    lengths = [cycle.window.duration_s for cycle in cycles]
     columns: dict[str, list[float | None]] = {"speed": [], "torque": [], "velocity": [], "travel": []}
-    for cycle in cycles:
-        summary = cycle["phase_summary"]
-        plateau, point = summary["payout"].get("plateau") or {}, summary.get("point") or {}
-        rpm, torque = point.get("rpm_shaft"), point.get("torque_nm", plateau.get("torque_nm"))
+    for summary in (cycle.phase_summary for cycle in cycles):
+        plateau, point = summary.payout.plateau, summary.point or None
+        rpm = None if point is None else point.rpm_shaft
         columns["speed"].append(None if rpm is None else rpm * math.pi / 30.0)
-        columns["torque"].append(torque)
-        columns["velocity"].append(plateau.get("speed_mps"))
-        columns["travel"].append(summary["payout"].get("travel_m"))
+        columns["torque"].append(point.torque if point is not None else None if plateau is None else plateau.torque)
+        columns["velocity"].append(None if plateau is None else plateau.speed)
+        columns["travel"].append(summary.payout.travel)
     whole = sum(lengths)
     return {
         name: None

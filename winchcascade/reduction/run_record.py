@@ -1,0 +1,257 @@
+"""The record of a reduction, which is the content of its JSON: written by `reduce` and `batch`, read by `check` and `compare`.
+
+Versions before the present one lack some of it: what has a default here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from winchcascade.core.errors import OptionError
+from winchcascade.reduction.energies import NetSpan
+from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, OperatingPoint, PayoutSummary
+
+REDUCTION_SCHEMA = "winchcascade/reduction/1"
+
+Interval95 = tuple[float, float]
+"""Ends of a 95 % interval, in the unit of its metric."""
+
+Numbers = dict[str, float | None]
+"""Numbers of metrics by their names in written files; None for one that does not exist."""
+
+NotNegative = dict[str, Annotated[float, msgspec.Meta(ge=0.0)] | None]
+"""As `Numbers`, for uncertainties and deviations."""
+
+
+class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """The log of a run: where it is, what it holds, and its load. `simulated` is null for a log that was not simulated."""
+
+    path: str
+    table: str | None = None
+    sha256: str
+    samples: int
+    fs_hz: float
+    load_ohm: Annotated[float, msgspec.Meta(gt=0.0)] | None
+    load_source: str
+    open_circuit: bool
+    simulated: bool | None
+    about: str | None
+
+
+class FindingRecord(msgspec.Struct, frozen=True):
+    """One finding, with the share of the log's samples that it removed."""
+
+    kind: str
+    channel: str | None
+    start_s: float | None
+    end_s: float | None
+    count: int
+    action: str
+    message: str
+    removed_share: float
+
+
+class PhasesRecord(msgspec.Struct, frozen=True):
+    """Begin and end of each phase. [s]"""
+
+    payout: tuple[float, float]
+    hold: tuple[float, float] | None
+    haul_in: tuple[float, float] | None
+
+
+class HoldRecord(msgspec.Struct, frozen=True):
+    """Summary of a hold."""
+
+    duration_s: float
+    force_n: float | None
+    torque_nm: float | None
+    pressure_kgcm2: float | None
+
+
+class PhaseSummaryRecord(msgspec.Struct, frozen=True):
+    """Summaries of the phases of a cycle; null for a phase that the log does not hold, `point` only where a cycle is a span."""
+
+    payout: PayoutSummary
+    hold: HoldRecord | None
+    haul_in: HaulInSummary | None
+    point: OperatingPoint | msgspec.UnsetType = msgspec.UNSET
+    both_ways: Mapping[str, BothWays] | msgspec.UnsetType = msgspec.UNSET
+
+
+class WindowRecord(msgspec.Struct, frozen=True):
+    """Integration window of a cycle."""
+
+    onset_s: float
+    cutoff_s: float
+    duration_s: float
+
+
+class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One cycle with its phases, their summary, its window, its metrics and their standard uncertainties."""
+
+    cycle: int
+    complete: bool
+    phases: PhasesRecord
+    phase_summary: PhaseSummaryRecord
+    window: WindowRecord
+    net_span: NetSpan | None = None
+    energy_line_j: float | None
+    energy_mech_j: float | None
+    energy_gen_j: float | None
+    power_line_w: float | None
+    power_mech_w: float | None
+    power_gen_w: float | None
+    eta_trans: float | None
+    eta_gen: float | None
+    eta_pto: float | None
+    energy_payout_j: float | None = None
+    energy_returned_j: float | None = None
+    energy_net_j: float | None = None
+    energy_gen_cycle_j: float | None = None
+    eta_net: float | None = None
+    standard_uncertainty: Numbers
+    stages: Numbers | UnsetType = UNSET
+
+    @property
+    def numbers(self) -> Numbers:
+        """Metrics of the cycle by their names, those of configured stages among them."""
+        own = {name: getattr(self, name) for name in _METRICS}
+        return own | (self.stages or {})
+
+
+_METRICS = tuple(name for name in CycleRecord.__struct_fields__ if name.startswith(("energy_", "power_", "eta_")))
+"""Fields of a cycle that are metrics."""
+
+
+class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One row of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance.
+
+    The row of the bridged gaps has a contribution and a share alone.
+    """
+
+    source: str
+    part: str | UnsetType = UNSET
+    unit: str | UnsetType = UNSET
+    distribution: str | UnsetType = UNSET
+    limit: float | UnsetType | None = UNSET
+    standard_uncertainty: float | UnsetType = UNSET
+    origin: str | UnsetType | None = msgspec.field(name="from", default=UNSET)
+    contribution: Numbers
+    share: Numbers
+
+
+class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors."""
+
+    seed: int
+    draws: int
+    stated: dict[str, str | None]
+    sensors: Numbers
+    repeatability: Numbers
+    monte_carlo: Numbers
+    interval_95_sensors: dict[str, Interval95 | None]
+    degrees_of_freedom: Numbers
+    budget: tuple[BudgetRecord, ...] = ()
+    taken_as_exact: tuple[str, ...]
+    without_accuracy: tuple[str, ...]
+    undetermined: tuple[str, ...]
+
+
+class BinRecord(msgspec.Struct, frozen=True):
+    """One bin of generator speed with mean powers and their standard errors."""
+
+    rpm_low: float
+    rpm_high: float
+    count: int
+    power_line_w: float | None
+    power_line_w_standard_error: float | None
+    power_mech_w: float | None
+    power_mech_w_standard_error: float | None
+    power_gen_w: float | None
+    power_gen_w_standard_error: float | None
+    torque_nm: float | None
+    torque_nm_standard_error: float | None
+    stages: Numbers | UnsetType = UNSET
+
+
+class StagesRecord(msgspec.Struct, frozen=True):
+    """Numbers of the stages that a rig file configures, by name.
+
+    `power` states of which channels the power of a stage is made, null where the log does not have them; `efficiency` from
+    which stage to which an efficiency leads; `both_ways_j` what flows with the cascade and against it, where cycles come from
+    no motion of the line.
+    """
+
+    order: tuple[str, ...]
+    power: dict[str, str | None]
+    efficiency: dict[str, tuple[str, str]]
+    mean: Numbers
+    max_deviation_percent: Numbers
+    standard_uncertainty: Numbers
+    interval_95: dict[str, Interval95 | None]
+    total: Numbers
+    both_ways_j: dict[str, tuple[float, float]]
+
+
+Part = Literal["mean", "max_deviation_percent", "standard_uncertainty", "total"]
+
+
+class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null.
+
+    `cycles_from` is the source of cycles of the rig file, unset for the line velocity.
+    """
+
+    schema: str
+    version: str
+    data: dict[str, bool | str | None] = {}
+    log: LogRecord
+    rig: str
+    window: str | float
+    quality: tuple[FindingRecord, ...]
+    cycles: tuple[CycleRecord, ...]
+    mean: Numbers
+    max_deviation_percent: NotNegative
+    standard_uncertainty: NotNegative
+    interval_95: dict[str, Interval95 | None]
+    uncertainty: UncertaintyRecord
+    total: Numbers
+    bins: tuple[BinRecord, ...]
+    stages: StagesRecord | UnsetType = UNSET
+    cycles_from: str | UnsetType = UNSET
+    waves: dict[str, Any] | UnsetType = UNSET
+
+    def numbers(self, part: Part) -> Numbers:
+        """Numbers of the metrics by their names, those of configured stages among them."""
+        own: Numbers = getattr(self, part)
+        return own | (getattr(self.stages, part) if self.stages else {})
+
+
+class _Head(msgspec.Struct, frozen=True):
+    schema: str | None = None
+
+
+def run_record(content: bytes, where: str) -> RunRecord:
+    """Read the JSON of a reduction.
+
+    Parameters
+    ----------
+    where : name of the log or of the file, for the sentence of a fault
+
+    Raises
+    ------
+    OptionError : this is no reduction
+    """
+    try:
+        found = msgspec.json.decode(content, type=_Head).schema
+        if found == REDUCTION_SCHEMA:
+            return msgspec.json.decode(content, type=RunRecord)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
+        raise OptionError(f"{where}: is no JSON of a reduction ({fault}); reduce its log again.") from None
+    raise OptionError(
+        f"{where}: its schema is {found!r}; expected {REDUCTION_SCHEMA}, as `winchcascade reduce LOG --json FILE` writes."
+    )
