@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from msgspec.structs import replace
@@ -38,7 +37,7 @@ class Results(msgspec.Struct, frozen=True):
 
 class _Head(msgspec.Struct):
     schema: str | None = None
-    batch: dict[str, Any] = {}
+    batch: dict[str, object] = {}
 
 
 class _Run(msgspec.Struct):

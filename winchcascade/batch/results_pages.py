@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -51,7 +50,7 @@ def list_diagnosis(folder: Path) -> Path | None:
         digests = kept.store.files
         if INDEX not in digests or altered(folder, {INDEX: digests[INDEX]}):
             return None
-        record = msgspec.json.decode(record_file.read_bytes(), type=dict[str, Any])
+        record = msgspec.json.decode(record_file.read_bytes(), type=dict[str, object])
         endings = [ending for ending in ("html", "pdf") if f"campaign.{ending}" in digests]
         files = [*digests, record_file.name, *diagnosis_beside(folder)]
         page = results_index(campaign_from(record), files, [*endings, "json"])

@@ -305,7 +305,7 @@ def _put_together(plan: Plan, batch: Batch, products: Products, briefs: Mapping[
         lost = altered(out, known)
         changed = [name for name in lost if (out / name).exists()]
         if not lost and set(wanted) <= set(known):
-            record = msgspec.json.decode((out / "campaign.json").read_bytes(), type=dict[str, Any])
+            record = msgspec.json.decode((out / "campaign.json").read_bytes(), type=dict[str, object])
             return replace(batch, summary=campaign_from(record))
         stay = {name: known[name] for name in CAMPAIGN_FILES if name in known and name not in [*lost, *wanted]}
     campaign = campaign_record(plan, batch, state, briefs)

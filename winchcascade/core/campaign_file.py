@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 
@@ -45,7 +45,7 @@ SIMULATED = Origin(False, "Made by winchcascade simulate")
 """Of a log that carries the mark of `simulate`, whatever its campaign states."""
 
 
-def origin_record(origin: Origin) -> dict[str, Any]:
+def origin_record(origin: Origin) -> dict[str, bool | str | None]:
     """The origin of data as written files hold it."""
     return {"measured": origin.measured, "origin": origin.sentence or None}
 
@@ -250,7 +250,7 @@ _Sheet = Annotated[
 ]
 
 
-def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> CampaignRun:
+def _run(raw: dict[str, object], number: int, path: Path, common: Origin) -> CampaignRun:
     place = f"{path}: run {number}"
     known = (
         "file",
@@ -277,7 +277,7 @@ def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> Campai
     return entries(raw, CampaignRun, place, CampaignError, {"file": path.parent / file, **given})
 
 
-def _origin(raw: dict[str, Any], place: str, common: Origin) -> Origin:
+def _origin(raw: dict[str, object], place: str, common: Origin) -> Origin:
     """What an entry states of its data, else what the campaign states.
 
     The campaign's sentence is about data of the campaign's kind: an entry of the other kind does not take it over.

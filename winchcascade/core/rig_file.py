@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -86,7 +86,7 @@ class PhaseRule(
         return self.source not in ("steps", "rows", "whole")
 
 
-def phase_rule(raw: dict[str, Any], where: str) -> PhaseRule:
+def phase_rule(raw: dict[str, object], where: str) -> PhaseRule:
     """Read the table [phases]; RigError for a wrong entry or one that its source lacks.
 
     >>> phase_rule({"from": "waves"}, "rig.toml").source

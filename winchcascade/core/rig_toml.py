@@ -105,16 +105,20 @@ def parse_rig(text: str, where: str) -> Rig:
     return _rig(raw, where)
 
 
-def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+def _merged(base: dict[str, object], over: dict[str, object]) -> dict[str, object]:
     """Lay one table over another; what has a unit or a name is replaced whole, so that no old number clings to it."""
-    return base | {
-        key: _merged(base[key], value)
-        if isinstance(base.get(key), dict)
-        and isinstance(value, dict)
-        and {"value", "name", "unit", "number"}.isdisjoint(value)
-        else value
-        for key, value in over.items()
-    }
+    merged = dict(base)
+    for key, value in over.items():
+        below = base.get(key)
+        if (
+            isinstance(below, dict)
+            and isinstance(value, dict)
+            and {"value", "name", "unit", "number"}.isdisjoint(value)
+        ):
+            merged[key] = _merged(below, value)
+        else:
+            merged[key] = value
+    return merged
 
 
 _SECTIONS: Mapping[str, type[Any]] = {
@@ -153,18 +157,21 @@ HUGE = 1e12
 """No range, accuracy or tolerance of a rig is larger, in SI units."""
 
 
-def _rig(raw: dict[str, Any], where: str) -> Rig:
+def _rig(raw: dict[str, object], where: str) -> Rig:
     _check_keys(raw, _TABLES, f"{where}: ")
-    if not isinstance(raw.get("name"), str) or not raw["name"]:
+    name = raw.get("name")
+    if not isinstance(name, str) or not name:
         raise RigError(f'{where}: the entry name is missing; add name = "my rig".')
     texts = {key: _convert(raw.get(key, ""), str, f"{where}: {key}") for key in ("title", "source", "note")}
     own = _channels(_table(raw, "channels", where), where)
     known = {**CHANNELS, **own}
     return Rig(
-        name=raw["name"],
+        name=name,
         **texts,
         sensors=_sensors(_table(raw, "sensors", where), where, known),
-        columns=_columns(_table(raw, "columns", where), where, known, geared="gear_ratio" in raw.get("drivetrain", {})),
+        columns=_columns(
+            _table(raw, "columns", where), where, known, geared="gear_ratio" in _table(raw, "drivetrain", where)
+        ),
         channels=own,
         cascade=_cascade(raw, known, where),
         effects=_effects(_table(raw, "effects", where), where),
@@ -177,7 +184,7 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
     )
 
 
-def _section(raw: dict[str, Any], key: str, kind: type[Entries], where: str) -> Entries:
+def _section(raw: dict[str, object], key: str, kind: type[Entries], where: str) -> Entries:
     """Read a table of a rig file by the struct that declares its entries."""
     declared = {field.name: field.type for field in struct_fields(kind)}
     values = _table(raw, key, where)
@@ -204,7 +211,7 @@ def _declared(value: object, name: str, kind: Any, place: str) -> Any:
     return _possible(_number(value, place), place, measure)
 
 
-def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
+def _thresholds(raw: dict[str, object], where: str) -> Thresholds:
     values = _table(raw, "thresholds", where)
     window = values.pop("window", Thresholds().window)
     entry(window, "window", _Window, f"{where}: [thresholds]", RigError)
@@ -212,7 +219,7 @@ def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
     return msgspec.structs.replace(others, window=str(window))
 
 
-def _cascade(raw: dict[str, Any], known: Mapping[str, Channel], where: str) -> Cascade:
+def _cascade(raw: dict[str, object], known: Mapping[str, Channel], where: str) -> Cascade:
     """Stages and their order, `[cascade]` and `[stage.NAME]`; those of the paper where the file states none."""
     if not raw.keys() & {"cascade", "stage"}:
         return PAPER
@@ -224,7 +231,7 @@ def _cascade(raw: dict[str, Any], known: Mapping[str, Channel], where: str) -> C
     return read_cascade(table, own, known, where)
 
 
-def _table(raw: dict[str, Any], key: str, where: str) -> dict[str, Any]:
+def _table(raw: dict[str, object], key: str, where: str) -> dict[str, object]:
     value = raw.get(key, {})
     if not isinstance(value, dict):
         raise RigError(f"{where}: {key} is {value!r}; expected a table [{key}].")
@@ -301,7 +308,7 @@ _OWN_NAME = re.compile(r"[A-Za-z]\w*")
 """A name of a channel of your own: it is used in products such as `torque * speed`."""
 
 
-def _channels(raw: dict[str, Any], where: str) -> dict[str, Channel]:
+def _channels(raw: dict[str, object], where: str) -> dict[str, Channel]:
     """Channels of the rig's own, `[channels.NAME] unit = "..."`; the unit decides what is measured."""
     channels = {}
     for name, stated in raw.items():
@@ -324,7 +331,7 @@ def _channels(raw: dict[str, Any], where: str) -> dict[str, Channel]:
     return channels
 
 
-def _sensors(raw: dict[str, Any], where: str, known: Mapping[str, Channel]) -> dict[str, Sensor]:
+def _sensors(raw: dict[str, object], where: str, known: Mapping[str, Channel]) -> dict[str, Sensor]:
     sensors = {}
     for name, table in raw.items():
         place = f"{where}: [sensors.{name}]"
@@ -376,7 +383,7 @@ def _check_accuracy(sensor: Sensor, place: str) -> None:
             raise RigError(f"{place} {key} belongs to an accuracy, and none is stated; add it or leave {key} out.")
 
 
-def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, geared: bool) -> dict[str, Column]:
+def _columns(raw: dict[str, object], where: str, known: Mapping[str, Channel], *, geared: bool) -> dict[str, Column]:
     """Columns by channel; `geared`: the file states a gear ratio, which a speed of the generator is divided by."""
     columns: dict[str, Column] = {}
     for name, stated in raw.items():
@@ -408,7 +415,7 @@ def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, g
     return columns
 
 
-def _effects(raw: dict[str, Any], where: str) -> dict[str, StatedEffect]:
+def _effects(raw: dict[str, object], where: str) -> dict[str, StatedEffect]:
     """Effects with their fields, each a number or a table; `logs` lists the logs that they come from."""
     effects = {}
     for name, stated in raw.items():

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import msgspec
 
@@ -162,7 +162,7 @@ def altered(folder: Path, digests: Mapping[str, str]) -> list[str]:
     return [name for name, digest in digests.items() if fingerprint(str(inside(folder, name))) != digest]
 
 
-def with_digest(record: Mapping[str, Any], entry: str, about: Mapping[str, Any], *, indent: int = 0) -> bytes:
+def with_digest(record: Mapping[str, object], entry: str, about: Mapping[str, object], *, indent: int = 0) -> bytes:
     """A record as JSON with a last entry that ends in the digest of all its bytes, taken with zeros for the digest.
 
     >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}))

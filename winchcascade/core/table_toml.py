@@ -83,11 +83,11 @@ def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable
     )  # fmt: skip
 
 
-def _known(raw: Mapping[str, Any], known: set[str], place: str) -> None:
+def _known(raw: Mapping[str, object], known: set[str], place: str) -> None:
     check_keys(raw, known, f"{place}: ", f"no entry here; expected {', '.join(sorted(known))}", TableError)
 
 
-def _get(raw: Mapping[str, Any], key: str, kind: Any, place: str) -> Any:
+def _get(raw: Mapping[str, object], key: str, kind: Any, place: str) -> Any:
     return entry(raw.get(key), key, kind, place, TableError)
 
 
@@ -137,15 +137,15 @@ class _Listed(NamedTuple):
     The line of its header has the key "".
     """
 
-    raw: dict[str, Any]
+    raw: dict[str, object]
     place: str
     lines: dict[str, int]
 
 
-def _listed_tables(raw: Mapping[str, Any], key: str, where: str, text: str) -> list[_Listed]:
+def _listed_tables(raw: Mapping[str, object], key: str, where: str, text: str) -> list[_Listed]:
     """Tables of one name; without lines where the text writes them in another way than under [[headers]]."""
-    kind = Annotated[list[dict[str, Any]], Expected(f"[[{key}]] tables")]
-    tables: list[dict[str, Any]] = entry(raw.get(key, []), key, kind, where, TableError)
+    kind = Annotated[list[dict[str, object]], Expected(f"[[{key}]] tables")]
+    tables: list[dict[str, object]] = entry(raw.get(key, []), key, kind, where, TableError)
     lines: list[dict[str, int]] = []
     inside = False
     for number, line in enumerate(text.splitlines(), 1):
@@ -159,7 +159,7 @@ def _listed_tables(raw: Mapping[str, Any], key: str, where: str, text: str) -> l
     return [_Listed(table, f"{where}: {key} {k + 1}", lines[k]) for k, table in enumerate(tables)]
 
 
-def _deviation(raw: Mapping[str, Any], key: str, where: str) -> tuple[float, PrintedColumn]:
+def _deviation(raw: Mapping[str, object], key: str, where: str) -> tuple[float, PrintedColumn]:
     """A deviation as printed: the digits written in the file show how it was rounded."""
     _, _, digits = repr(raw[key]).partition(".")
     return _get(raw, key, _Percent, where), PrintedColumn("%", len(digits) if digits.isdigit() else 0, 0.01)
@@ -169,7 +169,7 @@ _LIKE = {"energy": "J or kJ", "power": "W or kW", "number": "1 or %", "resistanc
 """Usual units of each dimension, for a message."""
 
 
-def _column(raw: Mapping[str, Any], dimension: str, place: str) -> PrintedColumn:
+def _column(raw: Mapping[str, object], dimension: str, place: str) -> PrintedColumn:
     """Unit and decimals of the numbers of a column, or of the number of a claim."""
     name = raw.get("unit")
     unit = find_unit(name) if isinstance(name, str) and dimension != "energy" else None
@@ -222,7 +222,7 @@ def _rows(
     return tuple(rows), total
 
 
-def _cells(row: dict[str, Any], columns: Mapping[str, PrintedColumn], place: str) -> dict[str, float]:
+def _cells(row: dict[str, object], columns: Mapping[str, PrintedColumn], place: str) -> dict[str, float]:
     cells = {}
     for metric in (metric for metric in DIMENSIONS if metric in row):
         if metric not in columns:
@@ -233,7 +233,7 @@ def _cells(row: dict[str, Any], columns: Mapping[str, PrintedColumn], place: str
     return cells
 
 
-def _rounded(raw: Mapping[str, Any], key: str, decimals: int, place: str) -> float:
+def _rounded(raw: Mapping[str, object], key: str, decimals: int, place: str) -> float:
     """Read a number that is printed with a given number of decimals."""
     value: float = _get(raw, key, _Number, place)
     if abs(value - round(value, decimals)) > 1e-9 * max(10.0**-decimals, value * 1e-3):
@@ -256,25 +256,25 @@ def _claim(listed: _Listed) -> Claim:
     return Claim(quoted.says, quoted.where, read(raw, place), lines.get(""))
 
 
-def _each(raw: dict[str, Any], key: str, kind: Any, place: str) -> tuple[Any, ...]:
+def _each(raw: dict[str, object], key: str, kind: Any, place: str) -> tuple[Any, ...]:
     """Values of an entry that is a list or a single value."""
     value = raw.get(key)
     values = value if isinstance(value, list) and value else [value]
     return tuple(entry(one, key, kind, place, TableError) for one in values)
 
 
-def _claimed(raw: dict[str, Any], key: str, dimension: str, place: str) -> tuple[float, PrintedColumn]:
+def _claimed(raw: dict[str, object], key: str, dimension: str, place: str) -> tuple[float, PrintedColumn]:
     column = _column(raw, dimension, place)
     return _rounded(raw, key, column.decimals, place), column
 
 
-def _value(raw: dict[str, Any], place: str) -> ValueClaim:
+def _value(raw: dict[str, object], place: str) -> ValueClaim:
     metric = _get(raw, "metric", _Metric, place)
     value, column = _claimed(raw, "value", DIMENSIONS[metric], place)
     return ValueClaim(metric, _get(raw, "load_ohm", _Load, place), value, column)
 
 
-def _share(raw: dict[str, Any], place: str) -> ShareClaim:
+def _share(raw: dict[str, object], place: str) -> ShareClaim:
     part, of = _get(raw, "part", _Stage, place), _get(raw, "of", _Stage, place)
     order = tuple(DIMENSIONS)
     if part.partition("_")[0] != of.partition("_")[0] or order.index(part) <= order.index(of):
@@ -282,7 +282,7 @@ def _share(raw: dict[str, Any], place: str) -> ShareClaim:
     return ShareClaim(part, of, _get(raw, "load_ohm", _Load, place), *_claimed(raw, "value", "number", place))
 
 
-def _bound(raw: dict[str, Any], place: str) -> BoundClaim:
+def _bound(raw: dict[str, object], place: str) -> BoundClaim:
     if "at_most" in raw and "at_least" in raw:
         raise TableError(f"{place}: at_most and at_least together; expected one of them in a claim.")
     side: Literal["at_most", "at_least"] = "at_most" if "at_most" in raw else "at_least"
@@ -291,11 +291,11 @@ def _bound(raw: dict[str, Any], place: str) -> BoundClaim:
     return BoundClaim(metric, side, load, *_claimed(raw, side, DIMENSIONS.get(metric, "number"), place))
 
 
-def _largest(raw: dict[str, Any], place: str) -> LargestClaim:
+def _largest(raw: dict[str, object], place: str) -> LargestClaim:
     return LargestClaim(_each(raw, "metric", _Metric, place), _each(raw, "largest_at_ohm", _Load, place))
 
 
-def _rises(raw: dict[str, Any], place: str) -> RisesClaim:
+def _rises(raw: dict[str, object], place: str) -> RisesClaim:
     first, last = _get(raw, "rises_from_ohm", _Load, place), _get(raw, "to_ohm", _Load, place)
     if same_load(first, last):
         raise TableError(f"{place}: rises_from_ohm and to_ohm are both {load_text(first)}; expected two loads.")
@@ -303,7 +303,7 @@ def _rises(raw: dict[str, Any], place: str) -> RisesClaim:
 
 
 _NUMBER = ("load_ohm", "unit", "decimals")
-_CLAIMS: dict[str, tuple[tuple[str, ...], Callable[[dict[str, Any], str], Statement]]] = {
+_CLAIMS: dict[str, tuple[tuple[str, ...], Callable[[dict[str, object], str], Statement]]] = {
     "part": (("part", "of", "value", *_NUMBER), _share),
     "value": (("metric", "value", *_NUMBER), _value),
     "at_most": (("metric", "at_most", "at_least", *_NUMBER), _bound),

@@ -40,7 +40,7 @@ def read_toml(path: Path, name: str, fault: type[WinchcascadeError]) -> str:
         raise fault(f"{path}: is no UTF-8 text ({found}); save it as UTF-8.") from None
 
 
-def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> dict[str, Any]:
+def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> dict[str, object]:
     """Read the text of a TOML file; `where` names it in the sentence of a fault of the kind that is given.
 
     >>> toml_values("a = 1", "rig.toml", WinchcascadeError)

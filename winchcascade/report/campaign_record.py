@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
@@ -97,7 +97,7 @@ class CampaignRecord(msgspec.Struct, frozen=True):
     state: str
     runs: tuple[LogSummary | FailedLog, ...]
     between: tuple[tuple[str, FindingRecord], ...] = ()
-    waves: dict[str, Any] | UnsetType = UNSET
+    waves: dict[str, object] | UnsetType = UNSET
 
     @property
     def reduced(self) -> list[LogSummary]:
@@ -150,7 +150,7 @@ def cascade_of(runs: Iterable[LogSummary]) -> Cascade:
     return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in names), configured=True) if names else PAPER
 
 
-def campaign_json(campaign: CampaignRecord) -> dict[str, Any]:
+def campaign_json(campaign: CampaignRecord) -> dict[str, object]:
     """The record as it is written, schema `winchcascade/campaign/1`."""
     rules = {rule: len(found) for rule, found in window_rules(campaign.reduced).items()}
     return {
@@ -166,18 +166,31 @@ def campaign_json(campaign: CampaignRecord) -> dict[str, Any]:
     }
 
 
-def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
+class _FindingOf(FindingRecord, frozen=True, kw_only=True):
+    """A finding of one log beside the others."""
+
+    run: str
+
+
+class _Written(msgspec.Struct, frozen=True):
+    """The record as it is written."""
+
+    title: str
+    state: str
+    runs: tuple[dict[str, object], ...]
+    between_logs: tuple[_FindingOf, ...]
+    waves: dict[str, object] | UnsetType = UNSET
+
+
+def campaign_from(record: Mapping[str, object]) -> CampaignRecord:
     """Read the record of a campaign that this version wrote."""
-    return CampaignRecord(
-        title=record["title"],
-        state=record["state"],
-        runs=tuple(
-            msgspec.convert(run, LogSummary) if run["fault"] is None else msgspec.convert(run, FailedLog)
-            for run in record["runs"]
-        ),
-        between=tuple((one["run"], msgspec.convert(one, FindingRecord)) for one in record["between_logs"]),
-        waves=record.get("waves", UNSET),
+    read = msgspec.convert(record, _Written)
+    runs = tuple(
+        msgspec.convert(run, LogSummary) if run["fault"] is None else msgspec.convert(run, FailedLog)
+        for run in read.runs
     )
+    between = tuple((one.run, msgspec.convert(one, FindingRecord, from_attributes=True)) for one in read.between_logs)
+    return CampaignRecord(read.title, read.state, runs, between, read.waves)
 
 
 def run_load_text(run: LogSummary) -> str:

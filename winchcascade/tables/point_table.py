@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 
@@ -109,7 +109,7 @@ _Text = Annotated[str, Expected("a text", str.strip)]
 _Key = Annotated[
     str | list[str], Expected('the name of a column, or a list of names, such as key = ["torque", "speed"]')
 ]
-_Points = Annotated[list[dict[str, Any]], Expected("[[point]] tables")]
+_Points = Annotated[list[dict[str, object]], Expected("[[point]] tables")]
 _Percent = Annotated[float, Expected("percent from 0 to 20", lambda x: 0 <= x <= 20)]
 _Decimals = Annotated[int | None, Expected("how many are printed, such as 3", lambda n: -9 <= n <= 12)]
 _Digits = Annotated[int | None, Expected("how many significant digits are printed, such as 4", lambda n: 1 <= n <= 17)]
@@ -265,7 +265,7 @@ def _csv_rows(
 
 
 def _point_rows(
-    points: Sequence[Mapping[str, Any]], columns: Mapping[str, PointColumn], where: str
+    points: Sequence[Mapping[str, object]], columns: Mapping[str, PointColumn], where: str
 ) -> tuple[Mapping[str, PointCell], ...]:
     rows = []
     for k, point in enumerate(points, 1):

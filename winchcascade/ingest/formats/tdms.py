@@ -258,7 +258,7 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
             )
         groups = dict.fromkeys(column.group for column in reversed(columns))
         # The properties of groups replace those of the file; those of the first group count most.
-        properties: dict[str, Any] = {}
+        properties: dict[str, object] = {}
         for level in (tdms, *(tdms[group] for group in groups)):
             properties |= level.properties
     broken = Finding(
