@@ -220,7 +220,8 @@ def test_a_labelled_campaign_is_diagnosed(shared: Path, case: str) -> None:
         assert record["verdict"] not in ("explained", "no_gap")
         return
     hidden = set() if case.startswith("none") else set(case.split("_and_"))
-    assert {cause["effect"] for cause in record["causes"]} == hidden
+    causes = msgspec.convert(record["causes"], list[dict[str, object]])
+    assert {cause["effect"] for cause in causes} == hidden
     assert record["verdict"] == ("explained" if hidden else "no_gap")
 
 

@@ -15,6 +15,7 @@ from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Number
 from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
+from winchcascade.reduction.run_record import WavesRecord
 from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, mean_power, ratio_of_sums
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
 from winchcascade.report.wave_text import wave_lines, wave_record, waves_from_record
@@ -284,7 +285,7 @@ def test_mean_powers_of_the_record_have_the_interval_of_the_sensors_and_of_the_w
     assert (
         f"(waves in blocks of {gen.block}, without sensors, as the accuracy of idc, vdc is unknown) eta_trans" in lines
     )
-    back = waves_from_record(json.loads(msgspec.json.encode(wave_record(found))))
+    back = waves_from_record(msgspec.json.decode(msgspec.json.encode(wave_record(found)), type=WavesRecord))
     assert back.power == found.power
 
 

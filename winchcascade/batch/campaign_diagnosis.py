@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -174,7 +174,7 @@ def diagnose_listed(
 
 def diagnose_campaign(
     campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Diagnose a campaign for a trial: JSON as a dict, predictions into a folder if one is given."""
     found = diagnose_listed(load_campaign(campaign_toml), suspects, seed=seed)
     if predictions is not None:

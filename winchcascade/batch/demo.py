@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -104,7 +103,7 @@ def keep_diagnosis(
     *,
     force: bool = False,
     on_progress: Callable[[str], None] = lambda _: None,
-) -> tuple[dict[str, Any], list[Path]]:
+) -> tuple[dict[str, object], list[Path]]:
     """Write the diagnosis of the copied campaign into a folder that is there; give the JSON's content and the files.
 
     What an earlier call of the same version made of the same logs is kept, unless `force` is set.
@@ -124,4 +123,4 @@ def keep_diagnosis(
                 check_replaceable(path, force=force)
             for kind, content in diagnosed().items():
                 write_content(files[kind], content, force=force)
-        return msgspec.json.decode(files[RECORD].read_bytes(), type=dict[str, Any]), list(files.values())
+        return msgspec.json.decode(files[RECORD].read_bytes(), type=dict[str, object]), list(files.values())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -38,7 +37,7 @@ from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
-from winchcascade.reduction.run_record import RunRecord
+from winchcascade.reduction.run_record import CampaignWavesRecord, RunRecord
 from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
@@ -385,7 +384,7 @@ def campaign_record(plan: Plan, batch: Batch, state: str, briefs: Mapping[str, B
     return CampaignRecord(one_line(plan.title), state, runs, between, waves)
 
 
-def _waves(results: Mapping[str, Path]) -> dict[str, Any] | UnsetType:
+def _waves(results: Mapping[str, Path]) -> CampaignWavesRecord | UnsetType:
     """The waves of all logs together."""
     from winchcascade.report.wave_section import campaign_waves, campaign_waves_record
 

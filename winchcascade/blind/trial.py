@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from tempfile import gettempdir
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
@@ -65,7 +65,7 @@ class Diagnose(Protocol):
 
     def __call__(
         self, campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
-    ) -> dict[str, Any]:
+    ) -> dict[str, object]:
         """Diagnose one campaign and write the predictions of its held-out logs into a folder."""
 
 

@@ -137,7 +137,7 @@ def named_number(option: str) -> tuple[str, float]:
 NO_REPORT = ReportFiles()
 """The value of the parameter `report` where no file of a report is wanted."""
 
-_OPTIONS: dict[str, Any] = {
+_OPTIONS: dict[str, object] = {
     "html": Annotated[Path | None, valued_option("--html", "FILE", "Write the report as one self-contained page.")],
     "pdf": Annotated[Path | None, valued_option("--pdf", "FILE", "Write the report as PDF.")],
     "figures": Annotated[

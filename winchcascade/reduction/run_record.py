@@ -6,7 +6,7 @@ Versions before the present one lack some of it: what has a default here.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -14,6 +14,7 @@ from msgspec import UNSET, UnsetType
 from winchcascade.core.errors import OptionError
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, OperatingPoint, PayoutSummary
+from winchcascade.reduction.wave_bootstrap import EnergyError
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
 
@@ -200,6 +201,58 @@ class StagesRecord(msgspec.Struct, frozen=True):
 Part = Literal["mean", "max_deviation_percent", "standard_uncertainty", "total"]
 
 
+class RatioRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """A ratio of sums over waves [1] or a mean power [W]; an efficiency leads from and to the stages `between`."""
+
+    value: float | None
+    interval_95: Interval95 | None
+    block_waves: int | None
+    standard_uncertainty_waves: float | None
+    standard_uncertainty_sensors: float | None
+    between: tuple[str, str] | UnsetType = UNSET
+
+
+class BootstrapRecord(msgspec.Struct, frozen=True):
+    """Number and seed of the resamples behind the intervals of waves."""
+
+    draws: int
+    seed: int
+
+
+class WavesRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """Energies of waves: of each, of the whole record, and by class, with stages and units in the names of the numbers."""
+
+    record: dict[str, float]
+    mean_power: dict[str, RatioRecord] = {}
+    efficiency: dict[str, RatioRecord]
+    bootstrap: BootstrapRecord
+    waves: int
+    waves_of_logs: tuple[int, ...]
+    payout_unit: str
+    stages: tuple[str, ...]
+    sensors: tuple[EnergyError, ...]
+    without_accuracy: dict[str, tuple[str, ...]]
+    each: tuple[dict[str, int | float], ...]
+    classes: tuple[dict[str, int | float | tuple[float, float] | None], ...]
+
+
+class LogWavesRecord(msgspec.Struct, frozen=True):
+    """The waves of one log in the record of a campaign."""
+
+    run: str
+    load_ohm: float | None
+    record: dict[str, float]
+    efficiency: dict[str, RatioRecord]
+    waves: int
+
+
+class CampaignWavesRecord(WavesRecord, frozen=True, kw_only=True):
+    """The block `waves` of the record of a campaign: all logs together, and each; single waves are in the results."""
+
+    logs: tuple[LogWavesRecord, ...]
+    left_out: tuple[str, ...]
+
+
 class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null.
 
@@ -223,7 +276,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     bins: tuple[BinRecord, ...]
     stages: StagesRecord | UnsetType = UNSET
     cycles_from: str | UnsetType = UNSET
-    waves: dict[str, Any] | UnsetType = UNSET
+    waves: WavesRecord | UnsetType = UNSET
 
     def numbers(self, part: Part) -> Numbers:
         """Numbers of the metrics by their names, those of configured stages among them."""

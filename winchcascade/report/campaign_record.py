@@ -19,7 +19,7 @@ from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.run import Units
 from winchcascade.core.version import __version__
-from winchcascade.reduction.run_record import FindingRecord, Interval95, Numbers, RunRecord
+from winchcascade.reduction.run_record import CampaignWavesRecord, FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.report_model import Limit, TableColumn
 from winchcascade.report.screen import toned
@@ -97,7 +97,7 @@ class CampaignRecord(msgspec.Struct, frozen=True):
     state: str
     runs: tuple[LogSummary | FailedLog, ...]
     between: tuple[tuple[str, FindingRecord], ...] = ()
-    waves: dict[str, object] | UnsetType = UNSET
+    waves: CampaignWavesRecord | UnsetType = UNSET
 
     @property
     def reduced(self) -> list[LogSummary]:
@@ -179,7 +179,7 @@ class _Written(msgspec.Struct, frozen=True):
     state: str
     runs: tuple[dict[str, object], ...]
     between_logs: tuple[_FindingOf, ...]
-    waves: dict[str, object] | UnsetType = UNSET
+    waves: CampaignWavesRecord | UnsetType = UNSET
 
 
 def campaign_from(record: Mapping[str, object]) -> CampaignRecord:

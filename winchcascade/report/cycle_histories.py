@@ -6,7 +6,7 @@ import base64
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -21,6 +21,7 @@ from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.style import (
     COLOURS,
+    LineStyle,
     Margins,
     evenly,
     label_upright,
@@ -251,7 +252,7 @@ ABOVE, BELOW, APART, TITLE = 0.86, 0.4, 0.07, 0.3
 HEAD, FOOT = 0.25, 0.42
 """Margins above and below the panels. [in]"""
 
-LINES: tuple[dict[str, Any], ...] = (
+LINES: tuple[LineStyle, ...] = (
     {"color": COLOURS["ink"], "lw": 0.8},
     {"color": COLOURS["mech"], "lw": 1.0, "ls": DASHES},
     {"color": COLOURS["gen"], "lw": 1.2},
@@ -307,7 +308,7 @@ _NOWHERE = (-1e3, -1e3)
 """A stretch that lies outside of every panel: a page exchanges the mark of a cycle without repaired stretches too. [s]"""
 
 
-def _panel(ax: Axes, number: int, item: CycleHistory, lines: list[tuple[Signal, dict[str, Any], int]]) -> None:
+def _panel(ax: Axes, number: int, item: CycleHistory, lines: list[tuple[Signal, LineStyle, int]]) -> None:
     """Draw curves over time, the first one on top, with the payout shaded."""
     ax.axvspan(0.0, item.payout_end, color=COLOURS["payout"], lw=0, zorder=0.1, gid=f"span-{number}")
     for values, style, line in lines:

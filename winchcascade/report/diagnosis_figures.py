@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +25,9 @@ from winchcascade.report.model_account import COMPARED
 from winchcascade.report.style import (
     COLOURS,
     LOAD_COLOURS,
+    Dashes,
     Entry,
+    LineStyle,
     Margins,
     is_narrow,
     label_panel,
@@ -211,14 +213,14 @@ MARK = 5.0
 AFTER = "with the fitted effects"
 """Names of the two sides in every legend."""
 
-HOLLOW: dict[str, Any] = {"marker": "o", "mfc": COLOURS["paper"], "mec": COLOURS["mech"]}
-FILLED: dict[str, Any] = {"marker": "s", "color": COLOURS["gen"]}
+HOLLOW: LineStyle = {"marker": "o", "mfc": COLOURS["paper"], "mec": COLOURS["mech"]}
+FILLED: LineStyle = {"marker": "s", "color": COLOURS["gen"]}
 """Marks of values before and after."""
 
-NOISE: dict[str, Any] = {"color": COLOURS["loss"], "alpha": 0.6, "lw": 0}
+NOISE: LineStyle = {"color": COLOURS["loss"], "alpha": 0.6, "lw": 0}
 """Band of noise."""
 
-DASHES: Any = (0, (4, 1.2))
+DASHES: Dashes = (0, (4, 1.2))
 
 
 def gap_map(found: ModelDiagnosis) -> Figure | None:
@@ -422,7 +424,7 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
     figure, axes = panel_figure(3.1, 1, len(panels), margins=Margins(left=0.075, head=0.66), gaps={"wspace": 0.33})
     colours = dict(zip(logs, (LOAD_COLOURS[k] for k in (1, 3, 5)), strict=False))
     rated, shaded = found.rig.generator.speed_rated, False
-    marks: tuple[dict[str, Any], ...] = (
+    marks: tuple[LineStyle, ...] = (
         {"ls": "none", "marker": "o", "ms": 3.4, "mew": 0.8, "mfc": "none"},
         {"ls": "none", "marker": "s", "ms": SMALL, "mew": 0},
     )

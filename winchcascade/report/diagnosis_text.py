@@ -154,17 +154,35 @@ def _verdict(found: DiagnosisResult) -> list[str]:
     return [*whole[:-1], toned(verdict, TONES[found.verdict]).join(whole[-1].rsplit(verdict, 1))]
 
 
-def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
+class _CauseName(msgspec.Struct, frozen=True):
+    label: str
+    effect: str
+
+
+class _ShareClosed(msgspec.Struct, frozen=True):
+    share_closed: float
+
+
+class _Outcome(msgspec.Struct, frozen=True):
+    """What the few lines on a diagnosis tell of its record."""
+
+    verdict: str
+    causes: tuple[_CauseName, ...]
+    closure: _ShareClosed | None
+
+
+def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
     """Verdict, causes and files of a diagnosis in few lines.
 
     Parameters
     ----------
     record : the diagnosis as JSON, schema `winchcascade/diagnosis/1`
     """
-    names = ", ".join(f"{cause['label']} ({cause['effect']})" for cause in record["causes"])
-    text = f"{words.VERDICTS[record['verdict']].lower()}{f': {names}' if names else ''}"
-    if record["closure"] is not None:
-        share = share_words(record["closure"]["share_closed"]).replace(">", "more than")
+    found = msgspec.convert(record, _Outcome)
+    names = ", ".join(f"{cause.label} ({cause.effect})" for cause in found.causes)
+    text = f"{words.VERDICTS[found.verdict].lower()}{f': {names}' if names else ''}"
+    if found.closure is not None:
+        share = share_words(found.closure.share_closed).replace(">", "more than")
         text += f"; {share} of the gap closed on held-out logs"
     return plain("\n".join(entry("diagnosis:", text))) + "\n" + file_lines("", files, INDENT)
 

@@ -21,6 +21,7 @@ from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
 from winchcascade.report.style import (
     COLOURS,
+    LineStyle,
     Margins,
     broken,
     dots,
@@ -107,7 +108,7 @@ def _trace(ax: Axes, t: Signal, x: Signal, *, maximum: int = DRAWN, **style: Any
     ax.plot(t[rows], x[rows], **style)
 
 
-def _stage_style(stage: str) -> dict[str, Any]:
+def _stage_style(stage: str) -> LineStyle:
     """Colour and dashes of the power of a stage, and its symbol for the legend."""
     look = look_of(stage)
     return {"color": COLOURS[look.colour], "ls": look.dashes, "label": tex(f"power_{stage}")}
@@ -429,7 +430,7 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     return figure
 
 
-def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> dict[str, Any]:
+def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> LineStyle:
     if c.cycle == best:
         return {"color": COLOURS["line"], "lw": 1.1, "label": f"best, cycle {best}"}
     if c.cycle == worst:
@@ -483,7 +484,7 @@ def trend_panel(ax: Axes, reduction: Reduction, names: Sequence[str], unit: str)
         look = look_of(stage_of(cascade, name))
         colour = COLOURS[look.colour]
         ax.plot(x, y, color=colour, lw=0.5, alpha=0.5)
-        mark: Any = {"ls": "none", "marker": look.mark, "ms": 2.2, "mew": 0, "color": colour}
+        mark: LineStyle = {"ls": "none", "marker": look.mark, "ms": 2.2, "mew": 0, "color": colour}
         ax.plot(x if few else [], y if few else [], label=tex(name), **mark)
         if not few:
             dots(ax, x, y, colour)

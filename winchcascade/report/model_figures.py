@@ -6,7 +6,7 @@ Also the loss budget as stacked bars: where the energy of the line goes, load by
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +32,9 @@ from winchcascade.report.style import (
     MARK_SIZE,
     MARKS,
     WIDTH,
+    Dashes,
     Entry,
+    LineStyle,
     Margins,
     axis_label,
     dots,
@@ -55,7 +57,7 @@ MAX_MARKS = 330
 
 
 _LETTERS = "abcdefgh"
-_BACK: Any = (0, (2.5, 1.2))
+_BACK: Dashes = (0, (2.5, 1.2))
 """Dashes of what is drawn of the haul-ins."""
 
 
@@ -66,7 +68,7 @@ class Drawn(NamedTuple):
     curves: Mapping[str, ComparedCurve]
     log: str = "ink"
     simulated: str = "mech"
-    mark: Any = "o"
+    mark: str = "o"
 
 
 Clouds = dict[str, tuple["Signal", "Signal"]]
@@ -177,7 +179,7 @@ def _loads(drawn: Sequence[Drawn]) -> list[Entry]:
     return [line_entry(d.name, d.log, lw=1.2, **_mark(d.mark)) for d in reversed(first.values())]
 
 
-def _mark(mark: Any) -> dict[str, Any]:
+def _mark(mark: str) -> LineStyle:
     """Style of a marker of the simulation."""
     return {"marker": mark, "ms": MARK_SIZE, "mew": 0.7, "mfc": COLOURS["paper"]}
 
@@ -186,7 +188,7 @@ def _mark(mark: Any) -> dict[str, Any]:
 def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
     """Draw the line tension in open circuit over generator speed, logged and simulated with several dampers (Fig. 11)."""
     figure, (ax,) = panel_figure(2.9, margins=Margins(right=0.972, head=0.29))
-    entries: list[Any] = [(ax.plot(sweep.rpm, sweep.log, color=COLOURS["ink"], lw=1.4)[0], word)]
+    entries: list[Entry] = [(ax.plot(sweep.rpm, sweep.log, color=COLOURS["ink"], lw=1.4)[0], word)]
     for k, (factor, force) in enumerate(zip(sweep.factors, sweep.simulated, strict=True)):
         (drawn,) = ax.plot(
             sweep.rpm, force, color=COLOURS[LOAD_COLOURS[k % len(LOAD_COLOURS)]], lw=0.5, **_mark(MARKS[k % len(MARKS)])
@@ -203,7 +205,7 @@ def back_emf_figure(fit: Regression, *, word: str) -> Figure:
     """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12)."""
     figure, (left, right) = panel_figure(2.6, 1, 2, margins=Margins(right=0.972, head=0.468), gaps={"wspace": 0.24})
     ends = np.array([0.0, 1.05 * max(fit.rpm)])
-    rig: dict[str, Any] = {"ls": (0, (5, 2)), "lw": 0.9}
+    rig: LineStyle = {"ls": (0, (5, 2)), "lw": 0.9}
     known = np.isfinite(fit.reference)
     if known:
         right.fill_between(ends, 0.9 * fit.reference * ends, 1.1 * fit.reference * ends, color=COLOURS["payout"], lw=0)
@@ -334,5 +336,5 @@ def _bar(ax: Axes, row: float, budget: LossBudget, present: Sequence[str]) -> No
             ax.plot(share, row + _LANE, marker=mark, zorder=5, clip_on=False, **_POINT)
 
 
-_POINT: dict[str, Any] = {"color": COLOURS["ink"], "ls": "none", "ms": 4.2, "mew": 0.9, "mfc": COLOURS["paper"]}
+_POINT: LineStyle = {"color": COLOURS["ink"], "ls": "none", "ms": 4.2, "mew": 0.9, "mfc": COLOURS["paper"]}
 """Style of a point of the log."""

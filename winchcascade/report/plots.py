@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 Plot = Callable[[Any], None]
 """What draws on one Axes, or on an array of them."""
 
+Share = Literal["col", False]
+"""Whether the rows of a figure have an axis in common."""
+
 
 def plot_reduction(reduction: Reduction, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
     """Plot powers of one cycle, histories of the log, powers over generator speed, or efficiencies of the cycles.
@@ -41,7 +44,7 @@ def plot_reduction(reduction: Reduction, what: str, ax: Axes | None = None) -> A
     if what == "history":
         rows = 1 if ax is not None else figures.history_rows(reduction, powers)
         draw: Plot = lambda axes: figures.draw_histories(np.ravel(axes).tolist(), reduction, powers)  # noqa: E731
-        return _drawn(draw, ax, rows=rows, height=2.9 if rows == 1 else 1.2, share={"sharex": "col"})
+        return _drawn(draw, ax, rows=rows, height=2.9 if rows == 1 else 1.2, sharex="col")
     efficient = bool(figures.known_ratios(reduction) and reduction.complete)
     plots: dict[str, tuple[Plot, bool, str]] = {
         "power": (
@@ -119,7 +122,7 @@ def plot_diagnosis(found: DiagnosisResult, what: str, ax: Axes | None = None) ->
         costs = [max(costs, key=lambda one: abs(one.measured - one.as_given))]
     height = 0.6 + cause_costs.BAR * (len(costs[0].parts) + 2)
     draw: Plot = lambda axes: cause_costs.draw_waterfalls(np.ravel(axes).tolist(), found, costs)  # noqa: E731
-    return _drawn(draw, ax, rows=len(costs), height=height, share={"sharey": "col"})
+    return _drawn(draw, ax, rows=len(costs), height=height, sharey="col")
 
 
 def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
@@ -139,7 +142,7 @@ def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axe
     if ax is not None:
         metrics = [found.overall if found.overall in metrics else metrics[0]]
     draw: Plot = lambda axes: figures.draw_differences(np.ravel(axes).tolist(), found, metrics)  # noqa: E731
-    return _drawn(draw, ax, rows=len(metrics), height=1.0 + 0.5 * figures.PANEL, share={"sharex": "col"})
+    return _drawn(draw, ax, rows=len(metrics), height=1.0 + 0.5 * figures.PANEL, sharex="col")
 
 
 def _require(what: str, lacking: str) -> None:
@@ -148,14 +151,14 @@ def _require(what: str, lacking: str) -> None:
 
 
 def _drawn(
-    draw: Plot, ax: Axes | None, *, rows: int = 1, height: float = 2.9, share: Mapping[str, Any] | None = None
+    draw: Plot, ax: Axes | None, *, rows: int = 1, height: float = 2.9, sharex: Share = False, sharey: Share = False
 ) -> Axes | NDArray[np.object_]:
     """Draw on the given Axes, or on new ones of a figure of pyplot, which notebooks show.
 
     Parameters
     ----------
     height : of each row [in]
-    share : axes that the rows have in common
+    sharex, sharey : axes that the rows have in common
     """
     with house_style():
         if ax is None:
@@ -163,7 +166,7 @@ def _drawn(
 
             _, axes = plt.subplots(
                 rows, 1, figsize=(figure_width(), height * rows), squeeze=False, layout="constrained",
-                facecolor=COLOURS["paper"], **(share or {}),
+                facecolor=COLOURS["paper"], sharex=sharex, sharey=sharey,
             )  # fmt: skip
             found = axes[:, 0]
         else:
@@ -172,7 +175,7 @@ def _drawn(
         title = found[0].get_title(loc="left")
         if rows == 1 and title.startswith("("):  # the letter of a panel among others
             found[0].set_title(title.partition(") ")[2], loc="left", pad=3)
-    return found[0] if rows == 1 else found  # type: ignore[no-any-return]
+    return found[0] if rows == 1 else found
 
 
 def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -31,6 +31,7 @@ from winchcascade.reduction.run_record import (
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
+    WavesRecord,
     WindowRecord,
 )
 from winchcascade.reduction.uncertainty import BudgetRow, shares
@@ -111,7 +112,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
     )
 
 
-def _waves(reduction: Reduction) -> dict[str, Any] | UnsetType:
+def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
     """Energies of the waves where cycles are waves by the rig file."""
     if reduction.rig.phases.source != "waves":
         return UNSET

@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar
 
 import matplotlib
 import numpy as np
@@ -351,7 +351,7 @@ def cut_apart(names: Sequence[str], maximum: int = SHORT) -> list[str]:
 
 
 # --------------------------------------------------------------------------- what figures share
-MARKS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X")
+MARKS = ("o", "s", "^", "D", "v", "P", "X")
 """Markers of the logs in the order of their loads."""
 
 MARK_SIZE = 3.0
@@ -359,11 +359,30 @@ MARK_SIZE = 3.0
 LINE = 0.17
 """Height of a line of a legend. [in]"""
 
+Dashes = str | tuple[float, tuple[float, ...]]
+"""Dashes of a line, by a name of Matplotlib's or as an offset and lengths."""
+
+
+class LineStyle(TypedDict, total=False):
+    """Keywords of a line and of its marks, by Matplotlib's names; sizes in points."""
+
+    color: str
+    alpha: float
+    lw: float
+    ls: Dashes
+    marker: str
+    ms: float
+    mew: float
+    mfc: str
+    mec: str
+    label: str
+
+
 Entry = tuple[Any, str]
 """What a legend shows, and its text."""
 
 
-def load_style(k: int) -> tuple[str, Any]:
+def load_style(k: int) -> tuple[str, str]:
     """Colour and marker of the load at place k; where colours come again, the markers are others."""
     return LOAD_COLOURS[k % len(LOAD_COLOURS)], MARKS[(k + k // len(LOAD_COLOURS)) % len(MARKS)]
 

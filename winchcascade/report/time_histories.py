@@ -82,7 +82,7 @@ def shade_phases(ax: Axes, panel: int, cycles: Sequence[CycleResult], zero: floa
             if span is not None:
                 begin, end = span[0] - zero, span[1] - zero
                 ax.axvspan(begin, end, color=COLOURS[phase], lw=0, gid=f"span-{c.cycle}-{phase}-{panel}")
-        style: Any = "--" if c.complete else ":"
+        style = "--" if c.complete else ":"
         for name, edge in (("onset", c.window.onset), ("cutoff", c.window.cutoff)):
             ax.axvline(
                 edge - zero, ymax=top, color=COLOURS["soft"], ls=style, lw=0.7, gid=f"edge-{c.cycle}-{name}-{panel}"
@@ -141,7 +141,7 @@ def phase_entries(reduction: Reduction) -> list[Entry]:
     word = span_word(reduction)
     entries = [patch_entry(word, "payout"), *([patch_entry("hold", "hold")] if word == "payout" else [])]
     complete = all(c.complete for c in reduction.cycles)
-    lines: Mapping[str, Any] = {"integration window": "--"} | ({} if complete else {"of an incomplete cycle": ":"})
+    lines = {"integration window": "--"} | ({} if complete else {"of an incomplete cycle": ":"})
     return entries + [line_entry(name, "soft", ls=dash, lw=0.8) for name, dash in lines.items()]
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from msgspec import UNSET
 
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.run_record import RunRecord
+from winchcascade.reduction.run_record import CampaignWavesRecord, LogWavesRecord, RunRecord
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
 from winchcascade.report.digits import NumberText, interval_text, significant
 from winchcascade.report.report_model import (
@@ -122,7 +123,7 @@ class CampaignWaves(msgspec.Struct, frozen=True):
 
 def _log_waves(name: str, record: RunRecord) -> LogWaves | None:
     """The waves of a log, None where its cycles are no waves."""
-    if not isinstance(record.waves, dict):
+    if record.waves is UNSET:
         return None
     load = float("inf") if record.log.open_circuit else record.log.load_ohm
     return LogWaves(name, load, waves_from_record(record.waves))
@@ -148,22 +149,17 @@ def _kind(log: LogWaves) -> tuple[object, ...]:
     return log.waves.payout_unit, *log.waves.energy, *log.waves.pairs.items()
 
 
-def campaign_waves_record(found: CampaignWaves) -> dict[str, Any]:
-    """The block `waves` of the record of a campaign: all logs together, and each; single waves are in the results."""
-    each = [
-        {
-            "run": log.name,
-            "load_ohm": log.load,
-            **{key: part for key, part in wave_record(log.waves).items() if key in ("waves", "record", "efficiency")},
-        }
-        for log in found.logs
-    ]
-    return {**wave_record(found.together), "each": [], "logs": each, "left_out": list(found.left_out)}
+def campaign_waves_record(found: CampaignWaves) -> CampaignWavesRecord:
+    """The waves of a campaign as they are written."""
+    logs = [(log, wave_record(log.waves)) for log in found.logs]
+    each = tuple(LogWavesRecord(log.name, log.load, of.record, of.efficiency, of.waves) for log, of in logs)
+    together = msgspec.structs.asdict(wave_record(found.together)) | {"each": ()}
+    return CampaignWavesRecord(**together, logs=each, left_out=found.left_out)
 
 
-def campaign_waves_lines(record: dict[str, Any]) -> list[str]:
+def campaign_waves_lines(record: CampaignWavesRecord) -> list[str]:
     """The waves of a campaign in the terminal, by the block of its record."""
-    notes = [line for sentence in record["left_out"] for line in wrapped(f"note: {sentence}")]
+    notes = [line for sentence in record.left_out for line in wrapped(f"note: {sentence}")]
     return [*wave_lines(waves_from_record(record)), *notes]
 
 

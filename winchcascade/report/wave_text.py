@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from winchcascade.core.cascade import field_of
-from winchcascade.reduction.wave_bootstrap import DRAWS, MIN_WAVES, SEED, EnergyError, RatioOfSums
+from winchcascade.reduction.run_record import BootstrapRecord, Numbers, RatioRecord, WavesRecord
+from winchcascade.reduction.wave_bootstrap import DRAWS, MIN_WAVES, SEED, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
 from winchcascade.report.digits import NumberText, interval_text, significant
-from winchcascade.report.report_model import ItemTable, Limit, Table, TableColumn
+from winchcascade.report.report_model import Cell, ItemTable, Limit, Table, TableColumn
 from winchcascade.report.text_table import indented, listing, metric_steps, paragraphs, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 
@@ -75,12 +76,12 @@ def _range(ends: tuple[float, float]) -> str:
     return f"{ends[0]:g} to {ends[1]:g}"
 
 
-def _energy(stage: str) -> Any:
+def _energy(stage: str) -> Callable[[WaveClass], Cell]:
     """Cell of the energies of a class."""
     return lambda c: None if (joule := c.energy.get(stage)) is None else significant(joule, 4)
 
 
-def _efficiency(name: str) -> Any:
+def _efficiency(name: str) -> Callable[[WaveClass], Cell]:
     """Cell of the efficiencies of a class."""
     return lambda c: c.efficiency.get(name)
 
@@ -174,27 +175,25 @@ def _not_in(found: WaveEnergies) -> str:
     )
 
 
-def wave_record(found: WaveEnergies) -> dict[str, Any]:
+def wave_record(found: WaveEnergies) -> WavesRecord:
     """The block `waves` of the JSON: each wave, the record, efficiencies with intervals, and classes."""
     payout = f"payout_{found.payout_unit}"
-    return {
-        "record": {
+    return WavesRecord(
+        record={
             "duration_s": found.record_duration,
             **{field_of(f"energy_{stage}"): joule for stage, joule in found.record_energy.items()},
             **{field_of(f"power_{stage}"): watt for stage, watt in found.record_power.items()},
         },
-        "mean_power": {stage: _record_of(power) for stage, power in found.power.items()},
-        "efficiency": {
-            name: _record_of(eta) | {"between": found.pairs[name]} for name, eta in found.efficiency.items()
-        },
-        "bootstrap": {"draws": DRAWS, "seed": SEED},
-        "waves": int(found.cycle.size),
-        "waves_of_logs": found.counts,
-        "payout_unit": found.payout_unit,
-        "stages": list(found.energy),
-        "sensors": [msgspec.structs.asdict(error) for error in found.errors],
-        "without_accuracy": found.unknown,
-        "each": [
+        mean_power={stage: _record_of(power) for stage, power in found.power.items()},
+        efficiency={name: _record_of(eta, found.pairs[name]) for name, eta in found.efficiency.items()},
+        bootstrap=BootstrapRecord(DRAWS, SEED),
+        waves=found.cycle.size,
+        waves_of_logs=found.counts,
+        payout_unit=found.payout_unit,
+        stages=tuple(found.energy),
+        sensors=found.errors,
+        without_accuracy=dict(found.unknown),
+        each=tuple(
             {
                 "cycle": int(found.cycle[k]),
                 payout: float(found.payout[k]),
@@ -202,8 +201,8 @@ def wave_record(found: WaveEnergies) -> dict[str, Any]:
                 **{field_of(f"energy_{stage}"): float(x[k]) for stage, x in found.energy.items()},
             }
             for k in range(found.cycle.size)
-        ],
-        "classes": [
+        ),
+        classes=tuple(
             {
                 payout: c.payout,
                 "period_s": c.period,
@@ -212,59 +211,54 @@ def wave_record(found: WaveEnergies) -> dict[str, Any]:
                 **c.efficiency,
             }
             for c in found.classes
-        ],
-    }
-
-
-def _record_of(of: RatioOfSums) -> dict[str, Any]:
-    """A ratio of sums [1] or a mean power [W] with its interval, as written."""
-    return {
-        "value": of.value,
-        "interval_95": of.interval,
-        "block_waves": of.block,
-        "standard_uncertainty_waves": of.u_waves,
-        "standard_uncertainty_sensors": of.u_sensors,
-    }
-
-
-def _ratio_from(of: Mapping[str, Any]) -> RatioOfSums:
-    return RatioOfSums(
-        of["value"],
-        None if of["interval_95"] is None else (of["interval_95"][0], of["interval_95"][1]),
-        of["block_waves"],
-        of["standard_uncertainty_waves"],
-        of["standard_uncertainty_sensors"],
+        ),
     )
 
 
-def waves_from_record(record: Mapping[str, Any]) -> WaveEnergies:
+def _record_of(of: RatioOfSums, between: tuple[str, str] | UnsetType = UNSET) -> RatioRecord:
+    return RatioRecord(
+        value=of.value,
+        interval_95=of.interval,
+        block_waves=of.block,
+        standard_uncertainty_waves=of.u_waves,
+        standard_uncertainty_sensors=of.u_sensors,
+        between=between,
+    )
+
+
+def _ratio_from(of: RatioRecord) -> RatioOfSums:
+    return RatioOfSums(
+        of.value, of.interval_95, of.block_waves, of.standard_uncertainty_waves, of.standard_uncertainty_sensors
+    )
+
+
+def waves_from_record(of: WavesRecord) -> WaveEnergies:
     """The energies of waves of a written record; of some waves alone where it holds these alone."""
-    unit, each, of_record = record["payout_unit"], record["each"], record["record"]
-    pairs = {name: (of["between"][0], of["between"][1]) for name, of in record["efficiency"].items()}
-    stages = [key[len("energy_") : -len("_j")] for key in of_record if key.startswith("energy_")]
-    whole = record["stages"]
+    payout, energy = f"payout_{of.payout_unit}", {stage: field_of(f"energy_{stage}") for stage in of.stages}
     return WaveEnergies(
-        cycle=np.array([wave["cycle"] for wave in each], dtype=np.intp),
-        payout=np.array([wave[f"payout_{unit}"] for wave in each], dtype=np.float64),
-        payout_unit=unit,
-        period=np.array([wave["period_s"] for wave in each], dtype=np.float64),
-        energy={stage: np.array([wave[f"energy_{stage}_j"] for wave in each], dtype=np.float64) for stage in whole},
-        counts=tuple(record["waves_of_logs"]),
-        pairs=pairs,
-        record_duration=of_record["duration_s"],
-        record_energy={stage: of_record[f"energy_{stage}_j"] for stage in stages},
-        efficiency={name: _ratio_from(of) for name, of in record["efficiency"].items()},
-        power={stage: _ratio_from(of) for stage, of in record.get("mean_power", {}).items()},
+        cycle=np.array([wave["cycle"] for wave in of.each], dtype=np.intp),
+        payout=np.array([wave[payout] for wave in of.each], dtype=np.float64),
+        payout_unit=of.payout_unit,
+        period=np.array([wave["period_s"] for wave in of.each], dtype=np.float64),
+        energy={stage: np.array([wave[key] for wave in of.each], dtype=np.float64) for stage, key in energy.items()},
+        counts=of.waves_of_logs,
+        pairs={name: eta.between for name, eta in of.efficiency.items() if eta.between is not UNSET},
+        record_duration=of.record["duration_s"],
+        record_energy={
+            key[len("energy_") : -len("_j")]: x for key, x in of.record.items() if key.startswith("energy_")
+        },
+        efficiency={name: _ratio_from(eta) for name, eta in of.efficiency.items()},
+        power={stage: _ratio_from(power) for stage, power in of.mean_power.items()},
         classes=tuple(
             WaveClass(
-                payout=(of[f"payout_{unit}"][0], of[f"payout_{unit}"][1]),
-                period=(of["period_s"][0], of["period_s"][1]),
-                count=of["count"],
-                energy={stage: of[f"energy_{stage}_j"] for stage in whole},
-                efficiency={name: of.get(name) for name in pairs},
+                payout=msgspec.convert(one[payout], tuple[float, float]),
+                period=msgspec.convert(one["period_s"], tuple[float, float]),
+                count=msgspec.convert(one["count"], int),
+                energy=msgspec.convert({stage: one[key] for stage, key in energy.items()}, Numbers),
+                efficiency=msgspec.convert({name: one.get(name) for name in of.efficiency}, Numbers),
             )
-            for of in record["classes"]
+            for one in of.classes
         ),
-        errors=tuple(msgspec.convert(error, EnergyError) for error in record["sensors"]),
-        unknown={stage: tuple(names) for stage, names in record["without_accuracy"].items()},
+        errors=of.sensors,
+        unknown=of.without_accuracy,
     )
