@@ -22,6 +22,7 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.campaign_record import campaign_from
+from winchcascade.report.content import Note, Picture, Report, Section, Table
 from winchcascade.report.document import make_report
 from winchcascade.report.model_account import GROUPS, ModelComparison, Regression, account_of, compare
 from winchcascade.report.model_figures import back_emf_figure, budget_bars, damper_sweep
@@ -35,7 +36,6 @@ from winchcascade.report.model_section import (
     modelled,
     run_section,
 )
-from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS, house_style
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 
-from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
-from winchcascade.report.exports import csv_text
-from winchcascade.report.publish import cleaned
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     Limit,
     Report,
     Table,
@@ -19,6 +16,9 @@ from winchcascade.report.report_model import (
     section,
     text_column,
 )
+from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
+from winchcascade.report.exports import csv_text
+from winchcascade.report.publish import cleaned
 
 
 def test_a_table_keeps_the_values_behind_its_texts() -> None:

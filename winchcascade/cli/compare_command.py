@@ -22,7 +22,7 @@ from winchcascade.report.report_files import ReportFiles
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from winchcascade.report.report_model import Report
+    from winchcascade.report.content import Report
 
 SameSensorsOption = Annotated[
     bool,

@@ -5,8 +5,7 @@ from __future__ import annotations
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.report import audit_text as words
 from winchcascade.report.audit_text import law_sentences, point_summary, unread_sentences
-from winchcascade.report.digits import NumberText, number, upper
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ItemTable,
     Note,
     Point,
@@ -19,6 +18,7 @@ from winchcascade.report.report_model import (
     provenance_section,
     section,
 )
+from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.wording import SYMBOL, load_words, page_text
 from winchcascade.tables.attainable import AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import AttainableRow, Cell

@@ -15,8 +15,7 @@ from winchcascade.core.quantity import KGF, Quantity
 from winchcascade.core.run import Signal
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import Calibration, Number
-from winchcascade.report.digits import NumberText, number, places, significant, uncertain, upper
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ItemTable,
     Note,
     Point,
@@ -32,6 +31,7 @@ from winchcascade.report.report_model import (
     provenance_section,
     section,
 )
+from winchcascade.report.digits import NumberText, number, places, significant, uncertain, upper
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import data_lines, headed, indented, joined, table_lines, wrapped
 from winchcascade.report.wording import page_text

@@ -28,11 +28,7 @@ from winchcascade.report.campaign_record import (
     runs_by_load,
     window_text,
 )
-from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
-from winchcascade.report.model_account import Account
-from winchcascade.report.model_section import Named, campaign_section
-from winchcascade.report.records import read_results
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ItemTable,
     Limit,
     Note,
@@ -50,6 +46,10 @@ from winchcascade.report.report_model import (
     row_limit,
     section,
 )
+from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
+from winchcascade.report.model_account import Account
+from winchcascade.report.model_section import Named, campaign_section
+from winchcascade.report.records import read_results
 from winchcascade.report.style import house_style
 from winchcascade.report.wave_section import CampaignWaves, campaign_waves, campaign_waves_section
 from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, symbols_section, unit_of

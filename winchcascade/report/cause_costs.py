@@ -13,10 +13,7 @@ from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, l
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.report.cause_words import named
-from winchcascade.report.diagnosis_words import word_of
-from winchcascade.report.digits import NumberText, number
-from winchcascade.report.gap_words import has_own_simulation
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     Picture,
     Section,
     Table,
@@ -26,6 +23,9 @@ from winchcascade.report.report_model import (
     section,
     text_column,
 )
+from winchcascade.report.diagnosis_words import word_of
+from winchcascade.report.digits import NumberText, number
+from winchcascade.report.gap_words import has_own_simulation
 from winchcascade.report.text_table import aligned_lines, table_lines
 from winchcascade.report.wording import SYMBOL, load_words, tex
 

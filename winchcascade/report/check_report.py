@@ -16,8 +16,7 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.version import __version__
 from winchcascade.report.audit_text import load_record, table_record, table_rows, title_lines
-from winchcascade.report.digits import MINUS, NumberText, upper
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ItemTable,
     Note,
     Point,
@@ -30,6 +29,7 @@ from winchcascade.report.report_model import (
     provenance_section,
     section,
 )
+from winchcascade.report.digits import MINUS, NumberText, upper
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import at_most, data_lines, headed, indented, joined, table_lines, wrapped
 from winchcascade.report.wording import SYMBOL, load_words, page_text

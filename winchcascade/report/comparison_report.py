@@ -40,8 +40,7 @@ from winchcascade.report.comparison_text import (
     value_cell,
     zero_cell,
 )
-from winchcascade.report.digits import number, places, uncertain, upper
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ItemTable,
     Limit,
     Note,
@@ -56,6 +55,7 @@ from winchcascade.report.report_model import (
     provenance_section,
     section,
 )
+from winchcascade.report.digits import number, places, uncertain, upper
 from winchcascade.report.style import (
     COLOURS,
     Look,

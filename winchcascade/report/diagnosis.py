@@ -25,6 +25,19 @@ from winchcascade.report.cause_words import (
     small_words,
     stability_words,
 )
+from winchcascade.report.content import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Tile,
+    data_point,
+    file_digest,
+    pairs_table,
+    picture,
+    provenance_section,
+    section,
+)
 from winchcascade.report.cycle_histories import (
     CycleHistory,
     cycle_histories,
@@ -57,19 +70,6 @@ from winchcascade.report.gap_words import (
     simulated_words,
 )
 from winchcascade.report.line_report import line_how_far, line_logs_table, line_where, line_which
-from winchcascade.report.report_model import (
-    Note,
-    Point,
-    Report,
-    Section,
-    Tile,
-    data_point,
-    file_digest,
-    pairs_table,
-    picture,
-    provenance_section,
-    section,
-)
 from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words, symbols_section
 

@@ -16,6 +16,17 @@ from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import meaning_words, named, numbers_of
+from winchcascade.report.content import (
+    Block,
+    Section,
+    Table,
+    TableColumn,
+    formatted_table,
+    number_column,
+    row_limit,
+    section,
+    text_column,
+)
 from winchcascade.report.diagnosis_causes import threshold_words, thresholds
 from winchcascade.report.diagnosis_figures import worst_first
 from winchcascade.report.digits import number, significant, uncertain
@@ -32,17 +43,6 @@ from winchcascade.report.gap_words import (
     signed,
 )
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.report_model import (
-    Block,
-    Section,
-    Table,
-    TableColumn,
-    formatted_table,
-    number_column,
-    row_limit,
-    section,
-    text_column,
-)
 from winchcascade.report.wording import load_words
 
 MAX_PLACES, MAX_NUISANCES = 12, 10

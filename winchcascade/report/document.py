@@ -16,9 +16,7 @@ from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.wave_energies import wave_energies
 from winchcascade.report import figures, tables
-from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
-from winchcascade.report.model_section import Modelled, modelled, run_section
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     Note,
     Point,
     Report,
@@ -31,6 +29,8 @@ from winchcascade.report.report_model import (
     provenance_section,
     section,
 )
+from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
+from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.style import house_style
 from winchcascade.report.time_histories import readout
 from winchcascade.report.wave_text import power_interval

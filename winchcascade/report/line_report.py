@@ -10,6 +10,15 @@ from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import LINE_MEANINGS, set_words
+from winchcascade.report.content import (
+    Section,
+    Table,
+    formatted_table,
+    number_column,
+    picture,
+    section,
+    text_column,
+)
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
 from winchcascade.report.diagnosis_tables import where_section, which_section
 from winchcascade.report.digits import number, significant, upper
@@ -18,15 +27,6 @@ from winchcascade.report.gap_words import (
     probability_words,
     share_words,
     signed,
-)
-from winchcascade.report.report_model import (
-    Section,
-    Table,
-    formatted_table,
-    number_column,
-    picture,
-    section,
-    text_column,
 )
 from winchcascade.report.style import COLOURS, Margins, label_panel, legend_above, line_entry, panel_figure, wide_figure
 

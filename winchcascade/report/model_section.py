@@ -14,6 +14,17 @@ from msgspec.structs import astuple, replace
 from winchcascade.core.rig_file import Rig
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import model_figures as figures
+from winchcascade.report.content import (
+    Block,
+    Note,
+    Picture,
+    Section,
+    Table,
+    TableColumn,
+    make_table,
+    picture,
+    section,
+)
 from winchcascade.report.digits import number, upper
 from winchcascade.report.model_account import (
     ALWAYS,
@@ -30,17 +41,6 @@ from winchcascade.report.model_account import (
     compare_with_baseline,
     quantities,
     speed_width,
-)
-from winchcascade.report.report_model import (
-    Block,
-    Note,
-    Picture,
-    Section,
-    Table,
-    TableColumn,
-    make_table,
-    picture,
-    section,
 )
 from winchcascade.report.style import cut_apart
 from winchcascade.report.wording import load_words

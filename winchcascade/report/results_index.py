@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     Link,
     Point,
     Report,

@@ -12,10 +12,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.digits import NumberText, number, upper
-from winchcascade.report.document import histories_section
-from winchcascade.report.figures import powers_of
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ItemTable,
     Point,
     Report,
@@ -27,6 +24,9 @@ from winchcascade.report.report_model import (
     provenance_section,
     section,
 )
+from winchcascade.report.digits import NumberText, number, upper
+from winchcascade.report.document import histories_section
+from winchcascade.report.figures import powers_of
 from winchcascade.report.style import house_style
 from winchcascade.report.terminal import LEDGER_WORDS, energy_shares, energy_span
 from winchcascade.report.time_histories import readout

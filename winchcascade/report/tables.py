@@ -18,17 +18,7 @@ from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, shares
-from winchcascade.report.digits import (
-    MINUS,
-    interval_text,
-    number,
-    of_many,
-    percent,
-    significant,
-    stated,
-    uncertain,
-)
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ROW_UNIT,
     ItemTable,
     Limit,
@@ -38,6 +28,16 @@ from winchcascade.report.report_model import (
     make_table,
     row_limit,
     rows_of,
+)
+from winchcascade.report.digits import (
+    MINUS,
+    interval_text,
+    number,
+    of_many,
+    percent,
+    significant,
+    stated,
+    uncertain,
 )
 from winchcascade.report.time_histories import clock_zero
 from winchcascade.report.wording import (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.plain_text import one_line
-from winchcascade.report.report_model import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
+from winchcascade.report.content import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
 from winchcascade.report.screen import PIPED, Tone, length, line_width, table_width, toned, without_tones
 
 

@@ -21,9 +21,7 @@ from winchcascade.blind.score import (
     taken_as,
 )
 from winchcascade.core.campaign_file import Origin, banner
-from winchcascade.report.digits import MINUS, number, places, significant
-from winchcascade.report.gap_words import display_of
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ItemTable,
     Note,
     Point,
@@ -38,6 +36,8 @@ from winchcascade.report.report_model import (
     section,
     text_column,
 )
+from winchcascade.report.digits import MINUS, number, places, significant
+from winchcascade.report.gap_words import display_of
 from winchcascade.report.style import COLOURS, Margins, house_style, legend_above, panel_figure
 from winchcascade.report.trial_text import (
     HIDDEN,

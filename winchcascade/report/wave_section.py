@@ -14,8 +14,7 @@ from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import CampaignWavesRecord, LogWavesRecord, RunRecord
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
-from winchcascade.report.digits import NumberText, interval_text, significant
-from winchcascade.report.report_model import (
+from winchcascade.report.content import (
     ItemTable,
     Limit,
     Note,
@@ -26,6 +25,7 @@ from winchcascade.report.report_model import (
     picture,
     section,
 )
+from winchcascade.report.digits import NumberText, interval_text, significant
 from winchcascade.report.text_table import wrapped
 from winchcascade.report.wave_text import (
     classes_table,
