@@ -4,20 +4,9 @@ from __future__ import annotations
 
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.report import audit_text as words
+from winchcascade.report import content
 from winchcascade.report.audit_text import law_sentences, point_summary, unread_sentences
-from winchcascade.report.content import (
-    ItemTable,
-    Note,
-    Point,
-    Report,
-    Section,
-    Table,
-    TableColumn,
-    Tone,
-    filled,
-    provenance_section,
-    section,
-)
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.wording import SYMBOL, load_words, page_text
 from winchcascade.tables.attainable import AttainableRanges, SuspectResult
@@ -31,13 +20,13 @@ VERDICTS = {"confirmed": "confirmed", "contradicted": "contradicted", "not_check
 """Verdicts on a claim in words."""
 
 
-def audit_report(audit: Audit, *, command: str = "") -> Report:
+def audit_report(audit: Audit, *, command: str = "") -> content.Report:
     """Make the rows of the report of an audit of a table by load."""
     physics = audit.physics
     return _report(
         audit.table,
         (
-            Point(
+            content.Point(
                 "Outcome",
                 f"{upper(words.audit_summary(audit))}.",
                 _tone(not audit.contradictions and not audit.contradicted),
@@ -45,22 +34,26 @@ def audit_report(audit: Audit, *, command: str = "") -> Report:
             *(
                 []
                 if physics is None
-                else [Point("Physics", f"{upper(page_text(words.attainable_summary(physics)))}.", _tone(physics.ok))]
+                else [
+                    content.Point(
+                        "Physics", f"{upper(page_text(words.attainable_summary(physics)))}.", _tone(physics.ok)
+                    )
+                ]
             ),
             *map(_point, words.bound_sentences(audit)),
         ),
         (
-            section(
+            content.section(
                 "contradictions",
                 "Cells that contradict each other",
-                _CONTRADICTIONS.of(audit.contradictions) or Note("None."),
+                _CONTRADICTIONS.of(audit.contradictions) or content.Note("None."),
             ),
-            section(
+            content.section(
                 "claims",
                 "Claims of the text",
                 _CLAIMS.of(sorted(audit.claims, key=lambda claim: claim.verdict != "contradicted")),
             ),
-            section(
+            content.section(
                 "windows",
                 "Windows recovered from energy over power",
                 _WINDOWS.of(audit.windows),
@@ -72,52 +65,57 @@ def audit_report(audit: Audit, *, command: str = "") -> Report:
     )
 
 
-def point_audit_report(audit: PointAudit, *, command: str = "") -> Report:
+def point_audit_report(audit: PointAudit, *, command: str = "") -> content.Report:
     """Make the rows of the report of an audit of a table of operating points."""
     return _report(
         audit.table,
         (
-            Point("Outcome", f"{upper(point_summary(audit))}.", _tone(audit.ok)),
-            Point("Compared", f"{audit.laws} cells in {len(audit.table.rows)} rows."),
+            content.Point("Outcome", f"{upper(point_summary(audit))}.", _tone(audit.ok)),
+            content.Point("Compared", f"{audit.laws} cells in {len(audit.table.rows)} rows."),
             *map(_point, (*law_sentences(audit), *unread_sentences(audit))),
         ),
         (
-            section("columns", "Faults of whole columns", _faults(audit) or Note("None.")),
-            section("contradictions", "Cells that contradict others of their row", _broken(audit) or Note("None.")),
+            content.section("columns", "Faults of whole columns", _faults(audit) or content.Note("None.")),
+            content.section(
+                "contradictions", "Cells that contradict others of their row", _broken(audit) or content.Note("None.")
+            ),
         ),
         command,
     )
 
 
 def _report(
-    table: PublishedTable | PointTable, points: tuple[Point, ...], sections: tuple[Section, ...], command: str
-) -> Report:
-    return Report(
+    table: PublishedTable | PointTable,
+    points: tuple[content.Point, ...],
+    sections: tuple[content.Section, ...],
+    command: str,
+) -> content.Report:
+    return content.Report(
         kind="Audit of a published table",
         title=table.title or table.name,
         subtitle=" · ".join(part for part in (table.name, table.source) if part),
         tiles=(),
         points=points,
-        sections=filled(*sections, provenance_section(words.table_rows(table), command)),
+        sections=content.filled(*sections, content.provenance_section(words.table_rows(table), command)),
     )
 
 
-def _tone(ok: bool) -> Tone:
+def _tone(ok: bool) -> content.Tone:
     return "good" if ok else "warn"
 
 
-def _note(text: str, about: str = "") -> Note:
-    return Note(f"{upper(page_text(text))}.", about)
+def _note(text: str, about: str = "") -> content.Note:
+    return content.Note(f"{upper(page_text(text))}.", about)
 
 
-def _point(sentence: str) -> Point:
+def _point(sentence: str) -> content.Point:
     """A sentence of the terminal that names before a colon what it is about."""
     about, _, text = page_text(sentence).partition(": ")
-    return Point(upper(about), f"{upper(text or about)}.")
+    return content.Point(upper(about), f"{upper(text or about)}.")
 
 
 # ------------------------------------------------------------------------------------------------------ a table by load
-_CONTRADICTIONS = ItemTable[Contradiction](
+_CONTRADICTIONS = content.ItemTable[Contradiction](
     "contradictions",
     "Cells that cannot all be true, whatever the rounding and the scatter of the cycles.",
     [
@@ -133,7 +131,7 @@ _CONTRADICTIONS = ItemTable[Contradiction](
     ],
 )
 
-_CLAIMS = ItemTable[ClaimVerdict](
+_CLAIMS = content.ItemTable[ClaimVerdict](
     "claims",
     "Claims of the text about the table, contradicted ones first.",
     [
@@ -144,7 +142,7 @@ _CLAIMS = ItemTable[ClaimVerdict](
     ],
 )
 
-_WINDOWS = ItemTable[RecoveredWindow](
+_WINDOWS = content.ItemTable[RecoveredWindow](
     "windows",
     "Windows that the energies and powers of each row allow; none where the stages contradict each other.",
     [
@@ -165,17 +163,17 @@ def _span(low: float, high: float) -> NumberText:
 
 
 # ------------------------------------------------------------------------------------------------------ physics of a rig
-def _physics(ranges: AttainableRanges) -> tuple[Section, ...]:
+def _physics(ranges: AttainableRanges) -> tuple[content.Section, ...]:
     """What the rig can attain row by row, and which effects could explain what lies beyond."""
     metrics = list(dict.fromkeys(cell.metric for row in ranges.rows for cell in row.cells))
     verdicts = [text for metric in metrics for part in words.verdict_sentences(ranges, metric) for text in part]
     sets = [words.values_text(ranges, values) for values in ranges.explanation.sets]
     return (
-        section(
+        content.section(
             "physics", "What the rig can attain",
             _note(words.basis(ranges)),
-            *(Note(page_text(text), "Note") for text in ranges.notes),
-            ItemTable[AttainableRow](
+            *(content.Note(page_text(text), "Note") for text in ranges.notes),
+            content.ItemTable[AttainableRow](
         "attainable",
         "Published efficiencies beside what the rig can attain.",
         [
@@ -184,10 +182,10 @@ def _physics(ranges: AttainableRanges) -> tuple[Section, ...]:
             *(column for metric in metrics for column in _range_columns(metric)),
         ],
     ).of(ranges.rows),
-            *(Note(f"{load_words(item.load)}: {page_text(item.reason)}", "Not judged") for item in ranges.not_judged),
+            *(content.Note(f"{load_words(item.load)}: {page_text(item.reason)}", "Not judged") for item in ranges.not_judged),
             *map(_note, verdicts),
         ),
-        section(
+        content.section(
             "effects", "Effects that could explain it",
             None if ranges.ok else _effects(ranges),
             *(_note(text, "All within the attainable range") for text in sets),
@@ -221,8 +219,8 @@ def _fixed_span(low: float, high: float, decimals: int) -> NumberText:
     return NumberText(f"{number(low, decimals)} to {number(high, decimals)}", low, high)
 
 
-def _effects(ranges: AttainableRanges) -> Table | None:
-    return ItemTable[SuspectResult](
+def _effects(ranges: AttainableRanges) -> content.Table | None:
+    return content.ItemTable[SuspectResult](
         "effects",
         "Effects alone: the values that the rows need, and the share that a plausible value takes away.",
         [
@@ -248,8 +246,8 @@ def _effect_columns(ranges: AttainableRanges, metric: str) -> list[TableColumn[S
 
 
 # --------------------------------------------------------------------------------------------------- operating points
-def _faults(audit: PointAudit) -> Table | None:
-    return ItemTable[ColumnFault](
+def _faults(audit: PointAudit) -> content.Table | None:
+    return content.ItemTable[ColumnFault](
         "column-faults",
         "Faults of whole columns.",
         [
@@ -262,14 +260,14 @@ def _faults(audit: PointAudit) -> Table | None:
     ).of(audit.faults)
 
 
-def _broken(audit: PointAudit) -> Table | None:
+def _broken(audit: PointAudit) -> content.Table | None:
     table = audit.table
 
     def key(item: BrokenLaw) -> str:
         cells = table.rows[item.row]
         return ", ".join(f"{name} {cells[name].text}" for name in table.key if name in cells)
 
-    return ItemTable[BrokenLaw](
+    return content.ItemTable[BrokenLaw](
         "contradictions",
         "Cells that the others of their row contradict.",
         [

@@ -15,22 +15,8 @@ from winchcascade.core.quantity import KGF, Quantity
 from winchcascade.core.run import Signal
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import Calibration, Number
-from winchcascade.report.content import (
-    ItemTable,
-    Note,
-    Point,
-    Report,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    file_digest,
-    pairs_table,
-    picture,
-    provenance_section,
-    section,
-)
+from winchcascade.report import content
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import NumberText, number, places, significant, uncertain, upper
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import data_lines, headed, indented, joined, table_lines, wrapped
@@ -217,20 +203,20 @@ def findings(calibration: Calibration) -> list[str]:
 
 
 METHOD = (
-    Note(
+    content.Note(
         "The back-EMF constant is the slope of a line through zero: back-EMF, line to line, rms, over the speed of the "
         f"generator above {RPM_MIN:g} rpm, in payouts without their braking. The back-EMF follows from the DC voltage; the "
         "two conducting diodes, commutation, and the currents of bleed resistor and charging capacitor are included. A lag of "
         "Vdc is fitted beside the slope. The uncertainty combines that of the fit and that of the gain of the Vdc sensor.",
         "Back-EMF constant",
     ),
-    Note(
+    content.Note(
         "The other numbers follow from a least-squares fit of the model of the rig to means of line tension, torque and "
         "pressure in blocks of about 0.44 s. Everything else that is known to a tolerance is fitted with them: precharge, gas "
         "volume, piston area, gains and zeros of the sensors. The uncertainties include these tolerances.",
         "Damper and screw friction",
     ),
-    Note(
+    content.Note(
         "Intervals have a level of 95 % and a coverage factor of 1.96. A number that the log determines no better than the "
         "rig file stays as it was.",
         "Intervals",
@@ -239,7 +225,7 @@ METHOD = (
 """How the numbers are found."""
 
 
-def calibration_report(calibration: Calibration, *, command: str = "") -> Report:
+def calibration_report(calibration: Calibration, *, command: str = "") -> content.Report:
     """Make the rows and figures of the sheet of a calibration."""
     from winchcascade.report.style import house_style
 
@@ -247,33 +233,33 @@ def calibration_report(calibration: Calibration, *, command: str = "") -> Report
     found, new = findings(calibration), [n for n in calibration.numbers if n.new]
     with house_style():
         fit = _fit(calibration)
-    return Report(
+    return content.Report(
         kind="Calibration of a rig in open circuit",
         title=rig.name,
         subtitle=" · ".join(part for part in (rig.title, f"log {run.name}", run.about) if part),
         tiles=tuple(map(_tile, new[:3])),
         points=(
-            data_point([run.origin]),
-            Point(
+            content.data_point([run.origin]),
+            content.Point(
                 "Calibrated", f"{', '.join(n.name for n in new) or 'no number'} of rig {rig.name}, from log {run.name}."
             ),
-            Point("Against the rig file", f"{page_text(comparison(calibration))}."),
-            *(Point("Finding", f"{upper(page_text(text))}.", "warn") for text in found),
-            *([] if found else [Point("Findings", "None.", "good")]),
+            content.Point("Against the rig file", f"{page_text(comparison(calibration))}."),
+            *(content.Point("Finding", f"{upper(page_text(text))}.", "warn") for text in found),
+            *([] if found else [content.Point("Findings", "None.", "good")]),
         ),
         sections=(
-            section("results", "Results", _NUMBERS.of(calibration.numbers), _note(together_words(calibration))),
+            content.section("results", "Results", _NUMBERS.of(calibration.numbers), _note(together_words(calibration))),
             fit,
-            section("conditions", "Conditions", _conditions(calibration)),
-            section("method", "Method", *METHOD),
-            section("findings", "Findings", _findings(calibration)),
-            provenance_section(
+            content.section("conditions", "Conditions", _conditions(calibration)),
+            content.section("method", "Method", *METHOD),
+            content.section("findings", "Findings", _findings(calibration)),
+            content.provenance_section(
                 [
                     ("Log file", run.path),
                     ("SHA-256 of the log", run.sha256),
                     ("Table in the file", run.table or ""),
                     ("Rig file", rig.path or rig.name),
-                    ("SHA-256 of the rig file", file_digest(rig.path)),
+                    ("SHA-256 of the rig file", content.file_digest(rig.path)),
                 ],
                 command,
             ),
@@ -282,17 +268,17 @@ def calibration_report(calibration: Calibration, *, command: str = "") -> Report
     )
 
 
-def _note(text: str) -> Note:
-    return Note(f"{upper(page_text(text))}.")
+def _note(text: str) -> content.Note:
+    return content.Note(f"{upper(page_text(text))}.")
 
 
-def _tile(n: Number) -> Tile:
+def _tile(n: Number) -> content.Tile:
     _, value, low, high = _texts(n)
     unit = "" if n.unit == "1" else f" {page_text(n.unit)}"
-    return Tile(n.name, n.section, f"{value}{unit}", f"95 %: {low} to {high}{unit}")
+    return content.Tile(n.name, n.section, f"{value}{unit}", f"95 %: {low} to {high}{unit}")
 
 
-_NUMBERS = ItemTable[Number](
+_NUMBERS = content.ItemTable[Number](
     "calibrated-numbers",
     "Calibrated numbers of the rig.",
     [
@@ -309,7 +295,7 @@ _NUMBERS = ItemTable[Number](
 )
 
 
-def _fit(calibration: Calibration) -> Section:
+def _fit(calibration: Calibration) -> content.Section:
     """The regression of the back-EMF in words and as a figure."""
     from winchcascade.report.model_account import Regression
     from winchcascade.report.model_figures import back_emf_figure
@@ -320,9 +306,9 @@ def _fit(calibration: Calibration) -> Section:
         slope=fit.k_e, low=fit.low, high=fit.high, r2=fit.r2, points=fit.rpm.size, reference=before,
     )  # fmt: skip
     word = "simulated log" if calibration.run.simulated else "log"
-    return section(
+    return content.section(
         "fit", "Fit",
-        picture(
+        content.picture(
             back_emf_figure(drawn, word=word), "model-emf",
             "DC voltage and back-EMF over the speed of the generator, with the line through zero whose slope is the back-EMF "
             "constant.",
@@ -330,17 +316,17 @@ def _fit(calibration: Calibration) -> Section:
         ),
         _note(regression_words(fit)),
         _note(eq8_words(fit, calibration)),
-        Note(
+        content.Note(
             f"With the numbers found, force, torque and pressure differ from the model by "
             f"{significant(math.sqrt(calibration.misfit), 2)} times their noise (root mean square)."
         ),
     )  # fmt: skip
 
 
-def _conditions(calibration: Calibration) -> Table:
+def _conditions(calibration: Calibration) -> content.Table:
     """The run that was used, and the ranges within which the numbers were found."""
     run, fit = calibration.run, calibration.regression
-    return pairs_table(
+    return content.pairs_table(
         "conditions",
         "Conditions of the calibration.",
         [
@@ -372,10 +358,10 @@ def _range(x: Signal) -> str:
     return f"{number(float(x.min()), decimals)} to {number(float(x.max()), decimals)}"
 
 
-def _findings(calibration: Calibration) -> Table | Note:
+def _findings(calibration: Calibration) -> content.Table | content.Note:
     """What speaks against the numbers, and what is wrong with the log."""
     rows = [("calibration", page_text(text)) for text in findings(calibration)]
     rows += [(f"log, {f.kind.replace('_', ' ')}", f"{f.message}; {f.action}") for f in calibration.run.findings]
     caption = "Findings about the calibration and about the log."
-    none = Note("Nothing speaks against the numbers, and no fault was found in the log.")
-    return pairs_table("findings", caption, rows, ("Of", "What was found")) if rows else none
+    none = content.Note("Nothing speaks against the numbers, and no fault was found in the log.")
+    return content.pairs_table("findings", caption, rows, ("Of", "What was found")) if rows else none

@@ -18,6 +18,7 @@ from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_
 from winchcascade.core.cascade import field_of
 from winchcascade.reduction.run_record import FindingRecord
 from winchcascade.report import campaign_figures as figures
+from winchcascade.report import content
 from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
@@ -28,24 +29,7 @@ from winchcascade.report.campaign_record import (
     runs_by_load,
     window_text,
 )
-from winchcascade.report.content import (
-    ItemTable,
-    Limit,
-    Note,
-    Picture,
-    Point,
-    Report,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    filled,
-    picture,
-    provenance_section,
-    row_limit,
-    section,
-)
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
@@ -69,7 +53,7 @@ MAX_RUNS = 150
 @house_style()
 def make_campaign_report(
     campaign: CampaignRecord, out: Path, *, results: Path | None = None, command: str = ""
-) -> Report:
+) -> content.Report:
     """Make the rows and figures of the report of a campaign from its record, its dataset in a folder, and its results.
 
     Parameters
@@ -87,12 +71,12 @@ def make_campaign_report(
 def campaign_report(
     campaign: CampaignRecord,
     bins: figures.Bins,
-    model: Sequence[Section] = (),
+    model: Sequence[content.Section] = (),
     *,
     command: str = "",
     linked: bool = True,
     waves: CampaignWaves | None = None,
-) -> Report:
+) -> content.Report:
     """Make the rows and figures of the report of a campaign.
 
     Parameters
@@ -106,21 +90,21 @@ def campaign_report(
     loaded = [run for run in runs if not run.open_circuit] or runs
     rigs = sorted({run.rig for run in runs})
     energies, logs = (_linked(table, runs) if linked else table for table in (energies_table(runs), _LOGS.of(runs)))
-    return Report(
+    return content.Report(
         kind="Campaign",
         title=campaign.title,
         subtitle=f"rig {', '.join(rigs)}" if rigs else "",
         tiles=_tiles(loaded),
         points=tuple(_points(runs, failed, loaded)),
-        sections=filled(
-            section(
+        sections=content.filled(
+            content.section(
                 "results", "Energies and efficiencies",
                 _over_load(loaded), energies, logs_efficiencies_table(runs), logs_net_table(runs),
             ),
             *([] if waves is None else [campaign_waves_section(waves)]),
-            section(
+            content.section(
                 "speed", "Over generator speed",
-                picture(
+                content.picture(
                     figures.runs_over_speed(runs, bins), "speed",
                     "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
                     + (" Logs of one load look alike." if figures.look_alike(runs) else "")
@@ -129,10 +113,10 @@ def campaign_report(
                 ),
             ),
             *model,
-            section("repeatability", "Repeatability", logs_repeatability_table(runs)),
-            section(
-                "findings", "Logs and findings", logs or Note("No log could be used."),
-                _BETWEEN.of(campaign.between[: row_limit(MAX_RUNS)]), _FAULTS.of(failed[: row_limit(MAX_RUNS)]),
+            content.section("repeatability", "Repeatability", logs_repeatability_table(runs)),
+            content.section(
+                "findings", "Logs and findings", logs or content.Note("No log could be used."),
+                _BETWEEN.of(campaign.between[: content.row_limit(MAX_RUNS)]), _FAULTS.of(failed[: content.row_limit(MAX_RUNS)]),
             ),
             *((symbols_section(cascade_of(runs)),) if runs else ()),
             _provenance(campaign, runs, command),
@@ -146,9 +130,9 @@ _NOT_JOINED = (
 )
 
 
-def _over_load(loaded: Sequence[LogSummary]) -> Picture | None:
+def _over_load(loaded: Sequence[LogSummary]) -> content.Picture | None:
     """Powers and efficiencies over the load, and what the figure shows."""
-    return picture(
+    return content.picture(
         figures.over_load(loaded),
         "loads",
         f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. "
@@ -180,7 +164,7 @@ class _Kept(msgspec.Struct):
     model: Account | None = None
 
 
-def _model(runs: Sequence[LogSummary], out: Path) -> list[Section]:
+def _model(runs: Sequence[LogSummary], out: Path) -> list[content.Section]:
     """The logs beside their simulations: those that are drawn, and the first open circuit in any case."""
     drawn = figures.drawn_runs(runs)
     opened = [run for run in runs if run.open_circuit][:1]
@@ -244,7 +228,7 @@ def _interval(metric: str, run: LogSummary) -> str:
     return "–" if ends is None or not u else interval_text(*ends, u)
 
 
-def _tiles(runs: Sequence[LogSummary]) -> tuple[Tile, ...]:
+def _tiles(runs: Sequence[LogSummary]) -> tuple[content.Tile, ...]:
     """The best load with its efficiency, and the largest power."""
     tiles, cascade = [], cascade_of(runs)
     eta, delivered = cascade.overall, f"power_{cascade.names[-1]}"
@@ -253,37 +237,41 @@ def _tiles(runs: Sequence[LogSummary]) -> tuple[Tile, ...]:
         sure = f"best with a probability of {percent(best.likely) if best.likely < 0.995 else '>99'} %"
         there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
         tiles += [
-            Tile("Best load", "", _name(best.run), sure),
-            Tile(SYMBOL[eta], there, _mean(eta, best.run), f"95 %: {_interval(eta, best.run)}"),
+            content.Tile("Best load", "", _name(best.run), sure),
+            content.Tile(SYMBOL[eta], there, _mean(eta, best.run), f"95 %: {_interval(eta, best.run)}"),
         ]
     powers = [run.mean.get(field_of(delivered)) for run in runs]
     powered = [pair for pair in zip(powers, runs, strict=True) if pair[0] is not None and not pair[1].open_circuit]
     for _, run in sorted(powered, key=lambda pair: -(pair[0] or 0.0))[:1]:
         unknown = run.interval_95.get(field_of(delivered)) is None
         text = "uncertainty unknown" if unknown else f"95 %: {_interval(delivered, run)} W"
-        tiles.append(Tile(SYMBOL[delivered], f"largest, at {_name(run)}", f"{_mean(delivered, run)} W", text))
+        tiles.append(content.Tile(SYMBOL[delivered], f"largest, at {_name(run)}", f"{_mean(delivered, run)} W", text))
     return tuple(tiles)
 
 
-def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Sequence[LogSummary]) -> list[Point]:
+def _points(
+    runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Sequence[LogSummary]
+) -> list[content.Point]:
     eta, mixed, best = cascade_of(runs).overall, mixed_windows(runs), best_load(loaded)
     total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
     found = [run for run in runs if run.findings]
     kinds = ", ".join(sorted({kind.replace("_", " ") for run in found for kind in run.findings}))
     worst = [(maximum, run) for run in loaded if (maximum := run.max_deviation_percent.get(eta)) is not None]
     return [
-        *([data_point([run.origin for run in runs])] if runs else []),
-        *([Point("Windows", mixed, "warn")] if mixed else []),
-        Point(
+        *([content.data_point([run.origin for run in runs])] if runs else []),
+        *([content.Point("Windows", mixed, "warn")] if mixed else []),
+        content.Point(
             "Logs",
             f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete.",
             "warn" if failed or whole < total else "plain",
         ),
-        *([] if best is None else [Point("Best load", _best_words(best, eta))]),
-        *([Point("Findings", f"In {len(found)} of {len(runs)} logs: {kinds}.", "warn")] if found else []),
-        *([Point("Findings", "No fault found in any log.", "good")] if runs and not found else []),
+        *([] if best is None else [content.Point("Best load", _best_words(best, eta))]),
+        *([content.Point("Findings", f"In {len(found)} of {len(runs)} logs: {kinds}.", "warn")] if found else []),
+        *([content.Point("Findings", "No fault found in any log.", "good")] if runs and not found else []),
         *(
-            Point("Repeatability", f"{SYMBOL[eta]} deviates from its mean by {maximum:.2f} % at most, at {_name(run)}.")
+            content.Point(
+                "Repeatability", f"{SYMBOL[eta]} deviates from its mean by {maximum:.2f} % at most, at {_name(run)}."
+            )
             for maximum, run in sorted(worst, key=lambda pair: -pair[0])[:1]
         ),
     ]
@@ -296,12 +284,12 @@ def _best_words(best: Best, eta: str) -> str:
     return f"{first}, then {_name(best.following)} with {_mean(eta, best.following)}.{sure}"
 
 
-def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: str) -> Section:
+def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: str) -> content.Section:
     finite = sorted({run.load for run in runs if run.load is not None and math.isfinite(run.load)})
     results = ", ".join(run.result for run in runs)
     if len(results) > LISTED:
         results = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
-    return provenance_section(
+    return content.provenance_section(
         [
             ("Campaign", campaign.title),
             ("Data", origin_words([run.origin for run in runs])),
@@ -318,10 +306,10 @@ _LOG: TableColumn[LogSummary] = TableColumn("Log", text=True, of=lambda run: run
 _LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=run_load_text)
 _WINDOW: TableColumn[LogSummary] = TableColumn("Window", "s", of=window_text)
 _CYCLES: TableColumn[LogSummary] = TableColumn("Cycles", of=lambda run: run.complete)
-_LISTED_RUNS = Limit(MAX_RUNS, "more, in the dataset")
+_LISTED_RUNS = content.Limit(MAX_RUNS, "more, in the dataset")
 
 
-def _linked(table: Table | None, runs: Sequence[LogSummary]) -> Table | None:
+def _linked(table: content.Table | None, runs: Sequence[LogSummary]) -> content.Table | None:
     """A table whose rows lead to the reports of the logs, unless it lists a part of them alone."""
     links = tuple(f"runs/{quote(run.name)}.html" for run in runs)
     return None if table is None else replace(table, links=() if len(runs) > MAX_RUNS else links)
@@ -342,11 +330,11 @@ def _metric_column(metric: str) -> TableColumn[LogSummary]:
     return TableColumn(SYMBOL[metric], unit_of(metric), of=text)
 
 
-def energies_table(runs: Sequence[LogSummary]) -> Table | None:
+def energies_table(runs: Sequence[LogSummary]) -> content.Table | None:
     """Mean energies and powers of every log with their standard uncertainties (the layout of Table 2)."""
     cascade = cascade_of(runs)
     given = _given(runs, [f"{kind}_{stage}" for stage in cascade.names for kind in ("energy", "power")])
-    return ItemTable(
+    return content.ItemTable(
         "energies",
         "Mean energies over the integration window and mean powers in it, ± standard uncertainty.",
         [_LOG, _LOAD, _WINDOW, _CYCLES, *map(_metric_column, given)],
@@ -362,12 +350,12 @@ INTERVALS = (
 """What the intervals of the means of logs are."""
 
 
-def logs_efficiencies_table(runs: Sequence[LogSummary]) -> Table | None:
+def logs_efficiencies_table(runs: Sequence[LogSummary]) -> content.Table | None:
     """Mean efficiencies of every log with their standard uncertainties and 95 % intervals; None without logs."""
     cascade = cascade_of(runs)
     given = _given(runs, cascade.ratios)
     pairs = ((_metric_column(m), TableColumn("95 % interval", of=partial(_interval, m))) for m in given)
-    return ItemTable[LogSummary](
+    return content.ItemTable[LogSummary](
         "efficiencies",
         "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals.",
         [_LOG, _LOAD, _WINDOW, *(column for pair in pairs for column in pair)],
@@ -377,11 +365,11 @@ def logs_efficiencies_table(runs: Sequence[LogSummary]) -> Table | None:
     ).of(runs)
 
 
-def logs_net_table(runs: Sequence[LogSummary]) -> Table | None:
+def logs_net_table(runs: Sequence[LogSummary]) -> content.Table | None:
     """Net energies of whole cycles of every log, means with their standard uncertainties; None where no log has any."""
     given = _given(runs, cascade_of(runs).net_metrics)
     ratio = "η_net = E_gen, cycle / E_net. " if "eta_net" in given else ""
-    return ItemTable(
+    return content.ItemTable(
         "net",
         "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset, ± standard uncertainty.",
@@ -392,15 +380,20 @@ def logs_net_table(runs: Sequence[LogSummary]) -> Table | None:
     ).of(runs if given else ())
 
 
-def logs_repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
+def logs_repeatability_table(runs: Sequence[LogSummary]) -> content.Table | None:
     """Largest deviation of any cycle from the mean, for every log; None where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
     metrics = cascade_of(runs).metrics
     given = [m for m in metrics if any(_deviation(field_of(m), run) is not None for run in several)]
-    return ItemTable(
+    return content.ItemTable(
         "repeatability",
         "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean.",
-        [_LOG, _LOAD, _CYCLES, *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, field_of(m))) for m in given)],
+        [
+            _LOG,
+            _LOAD,
+            _CYCLES,
+            *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, field_of(m))) for m in given),
+        ],
         limit=_LISTED_RUNS,
     ).of(several if given else ())
 
@@ -414,7 +407,7 @@ def _findings(run: LogSummary) -> str:
     return f"{run.finding_count}: {kinds}" if kinds else "none"
 
 
-_LOGS = ItemTable[LogSummary](
+_LOGS = content.ItemTable[LogSummary](
     "logs",
     "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings.",
     [
@@ -430,7 +423,7 @@ _LOGS = ItemTable[LogSummary](
 )
 """Every log: its cycles, and what was found wrong with it."""
 
-_BETWEEN = ItemTable[tuple[str, FindingRecord]](
+_BETWEEN = content.ItemTable[tuple[str, FindingRecord]](
     "between",
     "Logs that lie apart from the others. The data are kept; the operator decides.",
     [
@@ -441,7 +434,7 @@ _BETWEEN = ItemTable[tuple[str, FindingRecord]](
 )
 """Findings that a log has beside the others."""
 
-_FAULTS = ItemTable[FailedLog](
+_FAULTS = content.ItemTable[FailedLog](
     "faults",
     "Logs that could not be used.",
     [

@@ -12,17 +12,9 @@ import msgspec
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.report import content
 from winchcascade.report.cause_words import named
-from winchcascade.report.content import (
-    Picture,
-    Section,
-    Table,
-    formatted_table,
-    number_column,
-    picture,
-    section,
-    text_column,
-)
+from winchcascade.report.content import number_column, text_column
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import NumberText, number
 from winchcascade.report.gap_words import has_own_simulation
@@ -176,13 +168,13 @@ def _cost_rows(
     return heads, [*above, *rows]
 
 
-def cost_section(found: ModelDiagnosis) -> Section:
+def cost_section(found: ModelDiagnosis) -> content.Section:
     """The waterfalls of all loads, unless the head of the report shows them, and a table of each efficiency; without blocks
     where no run has an efficiency.
     """
-    return section(
+    return content.section(
         "costs", "What each cause costs",
-        picture(
+        content.picture(
             waterfall_figure(found) if len(waterfall_costs(found)) > COLUMNS else None, "waterfall",
             _waterfall_words(found),
             "Bars from one level to the next; the values are in the table.",
@@ -191,13 +183,13 @@ def cost_section(found: ModelDiagnosis) -> Section:
     )  # fmt: skip
 
 
-def cost_tables(found: ModelDiagnosis) -> list[Table | None]:
+def cost_tables(found: ModelDiagnosis) -> list[content.Table | None]:
     """The split of every efficiency by load."""
     tables = ((metric, load_costs(found, metric)) for metric in EFFICIENCIES)
     return [_cost_table_of(found, metric, table) for metric, table in tables if table]
 
 
-def _cost_table_of(found: ModelDiagnosis, metric: str, table: Sequence[Contribution]) -> Table | None:
+def _cost_table_of(found: ModelDiagnosis, metric: str, table: Sequence[Contribution]) -> content.Table | None:
     rows = [
         (
             part_name(found, part) if part.effect is None else named(found, part.effect),
@@ -210,10 +202,14 @@ def _cost_table_of(found: ModelDiagnosis, metric: str, table: Sequence[Contribut
         (name, "", *(number(getattr(costs, of), 2) for costs in table))
         for name, of in ((f"{given_head(found)} [%]", "as_given"), (f"{word_of(found)} [%]", "measured"))
     ]
-    return formatted_table(
+    return content.formatted_table(
         f"costs-{metric.replace('_', '-')}",
         f"{SYMBOL[metric]}: from {given_words(found)} to {goal_words(found)}, in points of efficiency (±: 95 %).",
-        (text_column("Part"), text_column("Kind"), *(number_column(load_words(costs.load)) for costs in table)),
+        (
+            text_column("Part"),
+            text_column("Kind"),
+            *(number_column(load_words(costs.load)) for costs in table),
+        ),
         [ends[0], *rows, ends[1]],
         f"{no_energy_words(found)} {ABOUT}".strip(),
     )
@@ -255,12 +251,12 @@ LEAD = 2.35
 """Height of the waterfalls at the head of a report at most: verdict, tiles and they share the first screen. [in]"""
 
 
-def lead_picture(found: ModelDiagnosis) -> Picture | None:
+def lead_picture(found: ModelDiagnosis) -> content.Picture | None:
     """The waterfalls of up to three loads, from the largest to the smallest, in one row for the head of a report."""
     table = waterfall_costs(found)
     bar = min(BAR, (LEAD - 0.75) / (len(table[0].parts) + 2)) if table else BAR
     chosen = sorted({0, len(table) // 2, len(table) - 1}) if len(table) > COLUMNS else range(len(table))
-    return picture(
+    return content.picture(
         _waterfalls(found, [table[k] for k in chosen], bar), "lead",
         _waterfall_words(found)
         + (" All loads are in the section on what each cause costs." if len(table) > COLUMNS else "")

@@ -15,20 +15,9 @@ from winchcascade.core.campaign_file import banner, joint_origin, origin_record,
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.version import __version__
+from winchcascade.report import content
 from winchcascade.report.audit_text import load_record, table_record, table_rows, title_lines
-from winchcascade.report.content import (
-    ItemTable,
-    Note,
-    Point,
-    Report,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    pairs_table,
-    provenance_section,
-    section,
-)
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import MINUS, NumberText, upper
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import at_most, data_lines, headed, indented, joined, table_lines, wrapped
@@ -107,8 +96,8 @@ def junit_xml(check: Check) -> str:
     if check.notes:
         ElementTree.SubElement(suite, "system-out").text = "\n".join(one_line(note) for note in check.notes)
     ElementTree.indent(root)
-    content = _NOT_XML.sub("?", ElementTree.tostring(root, encoding="unicode"))
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{content}\n'
+    markup = _NOT_XML.sub("?", ElementTree.tostring(root, encoding="unicode"))
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{markup}\n'
 
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -260,49 +249,49 @@ VERDICTS = {"ok": "agrees", "miss": "differs", "not_measured": "not measured", "
 """Outcomes of a cell in words."""
 
 
-def check_report(check: Check, *, command: str = "") -> Report:
+def check_report(check: Check, *, command: str = "") -> content.Report:
     """Make the rows of the report of a check."""
     table, factors = check.table, check.factors
     counts = Counter(cell.outcome for cell in check.cells)
     whole = f"of {len(check.cells)} cells"
     without = f"{counts['no_run']} without a run" if counts["no_run"] else whole
     rows = [(_row_words(row), text) for row, found in check.findings.items() for text in found]
-    return Report(
+    return content.Report(
         kind="Check against a published table",
         title=table.title or table.name,
         subtitle=" · ".join(part for part in (table.name, table.source) if part),
         tiles=(
-            Tile("Cells that agree", "", str(counts["ok"]), whole),
-            Tile("Cells that differ", "", str(counts["miss"]), whole),
-            Tile("Cells not measured", "", str(counts["not_measured"]), without),
+            content.Tile("Cells that agree", "", str(counts["ok"]), whole),
+            content.Tile("Cells that differ", "", str(counts["miss"]), whole),
+            content.Tile("Cells not measured", "", str(counts["not_measured"]), without),
         ),
         points=(
-            Point("Outcome", f"{upper(check_summary(check))}.", "good" if check.ok else "warn"),
-            data_point(check.origins),
-            Point("Tolerance", f"{upper(recipe(check))}."),
+            content.Point("Outcome", f"{upper(check_summary(check))}.", "good" if check.ok else "warn"),
+            content.data_point(check.origins),
+            content.Point("Tolerance", f"{upper(recipe(check))}."),
             *(
-                [Point("Logs", f"{len(rows)} findings in {len(check.findings)} logs; see Findings.", "warn")]
+                [content.Point("Logs", f"{len(rows)} findings in {len(check.findings)} logs; see Findings.", "warn")]
                 if rows
                 else []
             ),
-            *(Point("Note", text, "warn") for text in check.notes),
+            *(content.Point("Note", text, "warn") for text in check.notes),
         ),
         sections=(
-            section(
+            content.section(
                 "differences",
                 "Cells that do not agree",
-                *(Note(page_text(miss_sentence(cell), one_line(cell.log or ""))) for cell in check.misses),
-                None if check.misses else Note("All cells agree."),
+                *(content.Note(page_text(miss_sentence(cell), one_line(cell.log or ""))) for cell in check.misses),
+                None if check.misses else content.Note("All cells agree."),
             ),
-            section("cells", "Every cell", _cells(check)),
-            section(
+            content.section("cells", "Every cell", _cells(check)),
+            content.section(
                 "findings",
                 "Findings",
-                pairs_table("findings", "Findings in the logs.", rows, ("Row", "What was found in its log"))
+                content.pairs_table("findings", "Findings in the logs.", rows, ("Row", "What was found in its log"))
                 if rows
-                else Note("No fault was found in the logs."),
+                else content.Note("No fault was found in the logs."),
             ),
-            provenance_section(
+            content.provenance_section(
                 [
                     *table_rows(table),
                     ("Logs", ", ".join(dict.fromkeys(cell.log for cell in check.cells if cell.log))),
@@ -319,9 +308,9 @@ def check_report(check: Check, *, command: str = "") -> Report:
     )
 
 
-def _cells(check: Check) -> Table:
+def _cells(check: Check) -> content.Table:
     """Every cell: published, found, difference, tolerance with its parts, verdict."""
-    return ItemTable[CellCheck](
+    return content.ItemTable[CellCheck](
         "cells",
         "Published and found values of every cell." if check.cells else "No cell was compared.",
         [

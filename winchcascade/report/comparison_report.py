@@ -16,6 +16,7 @@ from winchcascade.comparison.comparison_result import Comparison, MatchedRuns
 from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.cascade import PAPER
+from winchcascade.report import content
 from winchcascade.report.comparison_text import (
     MATCHED,
     DifferenceRow,
@@ -40,21 +41,7 @@ from winchcascade.report.comparison_text import (
     value_cell,
     zero_cell,
 )
-from winchcascade.report.content import (
-    ItemTable,
-    Limit,
-    Note,
-    Point,
-    Report,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    filled,
-    picture,
-    provenance_section,
-    section,
-)
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import number, places, uncertain, upper
 from winchcascade.report.style import (
     COLOURS,
@@ -71,7 +58,7 @@ from winchcascade.report.style import (
 )
 from winchcascade.report.wording import SYMBOL, load_words, subscripts_of, tex, unit_of
 
-LISTED_ROWS = Limit(400, "more, in the JSON")
+LISTED_ROWS = content.Limit(400, "more, in the JSON")
 """Rows that a table of the report lists."""
 
 _RUN: TableColumn[DifferenceRow] = TableColumn("Run", text=True, of=lambda row: run_label(row.runs))
@@ -80,34 +67,34 @@ _UNIT: TableColumn[DifferenceRow] = TableColumn("Unit", text=True, of=lambda row
 
 
 @house_style()
-def make_comparison_report(found: Comparison, gate: Gate | None = None, *, command: str = "") -> Report:
+def make_comparison_report(found: Comparison, gate: Gate | None = None, *, command: str = "") -> content.Report:
     """Make the rows and the figure of the report of a comparison."""
     etas, others = headline_metrics(found), other_metrics(found)
     runs = [*found.a.runs, *found.b.runs]
-    figure = picture(
+    figure = content.picture(
         difference_figure(found, drawn_metrics(found)), "differences",
         "Differences B − A of the efficiencies with 95 % intervals. A marker is full where the interval excludes zero."
         + (f" {MAX_DRAWN} runs, evenly chosen." if len(drawn(found)) < len(found.runs) else ""),
         "Points with intervals about a line at zero, one panel for each efficiency; the values are in the table.",
     )  # fmt: skip
-    sections = filled(
-        section(
+    sections = content.filled(
+        content.section(
             "efficiencies", "Efficiencies", figure,
             differences_table("efficiencies", found, etas), None if gate is None else gate_table(gate),
         ),
-        section(
+        content.section(
             "energies", "Energies and powers", differences_table("energies", found, of_windows(found)),
             differences_table("cycles", found, [m for m in others if m not in of_windows(found)]),
         ),
-        section(
-            "method", "How the intervals come about", *map(Note, (f"95 % intervals are {method_words()}", *_METHOD)),
-            Note(f"Sensors are {sensors_words(found)}."), _PARTS.of(difference_rows(found, etas or others)),
+        content.section(
+            "method", "How the intervals come about", *map(content.Note, (f"95 % intervals are {method_words()}", *_METHOD)),
+            content.Note(f"Sensors are {sensors_words(found)}."), _PARTS.of(difference_rows(found, etas or others)),
         ),
-        section(
+        content.section(
             "runs", "Runs and notes", runs_table(found),
-            *(Note(f"{upper(note_words(note, len(found.runs)))}.") for note in found.notes),
+            *(content.Note(f"{upper(note_words(note, len(found.runs)))}.") for note in found.notes),
         ),
-        provenance_section(
+        content.provenance_section(
             [
                 (f"{side} {what}", text)
                 for side, of in (("A", found.a), ("B", found.b))
@@ -116,7 +103,7 @@ def make_comparison_report(found: Comparison, gate: Gate | None = None, *, comma
             command,
         ),
     )  # fmt: skip
-    return Report(
+    return content.Report(
         kind="Comparison",
         title=f"{_short(found.b.name, found.a.name)} compared with {_short(found.a.name, found.b.name)}",
         subtitle=f"B − A of {len(found.runs)} run{'s' * (len(found.runs) > 1)}, matched {MATCHED[found.matched_by]}",
@@ -148,10 +135,10 @@ _CAPTIONS = {
 }
 
 
-def differences_table(name: str, found: Comparison, metrics: Sequence[str]) -> Table | None:
+def differences_table(name: str, found: Comparison, metrics: Sequence[str]) -> content.Table | None:
     """Means of both sides and their differences with intervals, run by run; None without a metric."""
     rows = difference_rows(found, metrics)
-    return ItemTable[DifferenceRow](
+    return content.ItemTable[DifferenceRow](
         f"{name}-differences",
         f"Means of A and B, and their differences with 95 % intervals (Student's t): {_CAPTIONS[name]}.",
         [
@@ -171,7 +158,7 @@ def _scatter_interval(row: DifferenceRow) -> str:
     return "–" if ends is None or not u else f"{number(ends[0], places(u))} to {number(ends[1], places(u))}"
 
 
-_PARTS = ItemTable[DifferenceRow](
+_PARTS = content.ItemTable[DifferenceRow](
     "parts",
     "Standard uncertainties of the differences and their effective degrees of freedom.",
     [
@@ -190,7 +177,7 @@ _PARTS = ItemTable[DifferenceRow](
 )
 
 
-def runs_table(found: Comparison) -> Table | None:
+def runs_table(found: Comparison) -> content.Table | None:
     """Logs of both sides with what decides whether they can be compared."""
     logs = [
         (run_label(runs), side, run)
@@ -199,7 +186,7 @@ def runs_table(found: Comparison) -> Table | None:
         for run in (runs.a if side == "A" else runs.b)
     ]
     logs += [("alone", side, run) for side, alone in (("A", found.alone_a), ("B", found.alone_b)) for run in alone]
-    return ItemTable[tuple[str, str, ComparedRun]](
+    return content.ItemTable[tuple[str, str, ComparedRun]](
         "runs",
         "Logs of both sides; the plateau is the mean of the payouts.",
         [
@@ -218,9 +205,9 @@ def runs_table(found: Comparison) -> Table | None:
     ).of(logs)
 
 
-def gate_table(gate: Gate) -> Table | None:
+def gate_table(gate: Gate) -> content.Table | None:
     """Drop of each run against the limit."""
-    return ItemTable[Drop](
+    return content.ItemTable[Drop](
         "gate",
         f"Drops of {SYMBOL[gate.metric]} against the limit of {gate.limit:g}; the estimate decides.",
         [
@@ -245,7 +232,7 @@ def _short(name: str, other: str) -> str:
     return last if last and last != Path(other).name else name
 
 
-def _tiles(found: Comparison) -> tuple[Tile, ...]:
+def _tiles(found: Comparison) -> tuple[content.Tile, ...]:
     """The largest drop and the largest gain of the efficiency of the whole cascade."""
     rows = [] if found.overall is None else difference_rows(found, [found.overall])
     if not rows or found.overall is None:
@@ -253,7 +240,7 @@ def _tiles(found: Comparison) -> tuple[Tile, ...]:
     low, high = min(rows, key=lambda row: row.of.value), max(rows, key=lambda row: row.of.value)
     chosen = {low.runs.label: low, high.runs.label: high}
     return tuple(
-        Tile(
+        content.Tile(
             f"{SYMBOL[found.overall]}",
             f"B − A at {run_label(row.runs)}",
             value_cell(row.of),
@@ -263,18 +250,18 @@ def _tiles(found: Comparison) -> tuple[Tile, ...]:
     )
 
 
-def _points(found: Comparison, gate: Gate | None, etas: Sequence[str]) -> list[Point]:
+def _points(found: Comparison, gate: Gate | None, etas: Sequence[str]) -> list[content.Point]:
     both = (("A", found.alone_a), ("B", found.alone_b))
     alone = [f"{side}: {run_words([run.name for run in runs])}" for side, runs in both if runs]
     limit = "" if gate is None else gate_words(gate, SYMBOL[gate.metric])
     return [
-        data_point([run.origin for run in (*found.a.runs, *found.b.runs)]),
-        *([] if gate is None else [Point("Limit", f"{upper(limit)}.", "good" if gate.ok else "warn")]),
-        *(Point("Difference", f"{significance(found, m, run_label)}.") for m in etas),
-        Point("Sensors", f"{upper(sensors_words(found))}."),
-        *([Point("Unmatched", f"{'; '.join(alone)}.", "warn")] if alone else []),
+        content.data_point([run.origin for run in (*found.a.runs, *found.b.runs)]),
+        *([] if gate is None else [content.Point("Limit", f"{upper(limit)}.", "good" if gate.ok else "warn")]),
+        *(content.Point("Difference", f"{significance(found, m, run_label)}.") for m in etas),
+        content.Point("Sensors", f"{upper(sensors_words(found))}."),
+        *([content.Point("Unmatched", f"{'; '.join(alone)}.", "warn")] if alone else []),
         *(
-            Point(upper(note.kind.replace("_", " ")), f"{upper(note_words(note, len(found.runs)))}.", "warn")
+            content.Point(upper(note.kind.replace("_", " ")), f"{upper(note_words(note, len(found.runs)))}.", "warn")
             for note in found.notes
             if note.is_warning
         ),

@@ -9,6 +9,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.report import content
 from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
@@ -24,19 +25,6 @@ from winchcascade.report.cause_words import (
     named,
     small_words,
     stability_words,
-)
-from winchcascade.report.content import (
-    Note,
-    Point,
-    Report,
-    Section,
-    Tile,
-    data_point,
-    file_digest,
-    pairs_table,
-    picture,
-    provenance_section,
-    section,
 )
 from winchcascade.report.cycle_histories import (
     CycleHistory,
@@ -74,13 +62,13 @@ from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words, symbols_section
 
 
-def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> Report:
+def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> content.Report:
     """Make the rows and figures of the report of a diagnosis."""
     size, rig = f"{len(found.runs)} logs", f"{found.rig.name}, model of its rig file"
     traces, lead = "", None
     with house_style():
         if isinstance(found, LineDiagnosis):
-            sections: tuple[Section, ...] = (
+            sections: tuple[content.Section, ...] = (
                 line_where(found),
                 line_which(found),
                 line_how_far(found),
@@ -102,7 +90,7 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
             items, first = cycle_histories(found)
             sections = _sections(found, items[first : first + 1])
             traces = histories_json(found, items, first, _logged_word(found)) if items else ""
-    return Report(
+    return content.Report(
         kind="Diagnosis of a campaign",
         title=found.title,
         subtitle=f"{size} · rig {rig} · {len(found.suspects)} suspects",
@@ -115,7 +103,7 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
     )
 
 
-def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Section, ...]:
+def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[content.Section, ...]:
     both = sides(found)
     word, after = words.word_of(found), ", and with the fitted effects" if found.causes else ""
     return (
@@ -124,9 +112,9 @@ def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Sec
         cost_section(found),
         _how_far(found, both),
         *(_histories(found, item) for item in shown),
-        section(
+        content.section(
             "speed", "Current, torque and power over speed",
-            picture(
+            content.picture(
                 figures.over_speed_figure(found, both, word), "speed",
                 f"Payouts at a light, a middle and a heavy load: {word}, {simulated_words(found)}{after} "
                 "(the paper's Figs 18a, 18c and 18d). Means of blocks in bins of 250 rpm.",
@@ -140,29 +128,29 @@ def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Sec
             "remains of it after every tolerance, every zero and the numbers of the alternative have adapted as far as they "
             "can.",
         ),
-        section(
+        content.section(
             "remainder", "Residual",
-            Note(words.remainder_words(found)) if found.remainder else None,
+            content.Note(words.remainder_words(found)) if found.remainder else None,
             tables.alarms_table(found),
             tables.roughness_table(found),
             tables.nuisances_table(found),
         ),
-        section("considered", "What else was considered", tables.suspects_table(found), tables.thresholds_table(found)),
+        content.section("considered", "What else was considered", tables.suspects_table(found), tables.thresholds_table(found)),
         _method(METHOD),
         symbols_section(found.rig.cascade, cycles=False, diagnosed=True),
     )  # fmt: skip
 
 
 # ---------------------------------------------------------------------------------------------- the page for a decision
-def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[Tile, ...]:
+def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[content.Tile, ...]:
     """Verdict, leading cause, and share that is closed; without a cause, with a model, the size of the gap."""
     count, closure = len(found.causes), found.closure
     none = "no significant gap" if found.verdict == "no_gap" else "no cause named"
     named = f"{count} cause{'s' if count > 1 else ''} named" if count else none
     return (
-        Tile("Verdict", "", words.VERDICTS[found.verdict], named),
+        content.Tile("Verdict", "", words.VERDICTS[found.verdict], named),
         *(
-            Tile(
+            content.Tile(
                 "Leading cause",
                 f"probability {probability_words(lead.probability)}",
                 found.suspects[lead.effect].label,
@@ -174,7 +162,7 @@ def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[Tile, ...]:
             []
             if closure is None
             else [
-                Tile(
+                content.Tile(
                     "Gap closed",
                     f"on held-out {words.phrases_of(found).item}s",
                     share_words(closure.share),
@@ -186,21 +174,21 @@ def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[Tile, ...]:
     )
 
 
-def _extremes(found: ModelDiagnosis) -> list[Tile]:
+def _extremes(found: ModelDiagnosis) -> list[content.Tile]:
     """The most significant mean, and the strongest sign of something unexplained or how many effects were tried."""
     tiles = [
-        Tile(
+        content.Tile(
             "Largest gap", f"limit {STANDS_OUT:g}", f"{abs(worst.z):.1f}",
             f"standard uncertainties: {NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load)}",
         )
         for worst in figures.worst_first(found)[:1]
     ]  # fmt: skip
     if found.remainder is None or not found.remainder.alarms:
-        return [*tiles, Tile("Effects tried", "", f"{len(found.suspects)}", "none is named")]
+        return [*tiles, content.Tile("Effects tried", "", f"{len(found.suspects)}", "none is named")]
     alarm = found.remainder.alarms[0]
     return [
         *tiles,
-        Tile(
+        content.Tile(
             "Strongest sign",
             f"limit {alarm.limit:g}",
             significant(alarm.size, 2),
@@ -209,47 +197,47 @@ def _extremes(found: ModelDiagnosis) -> list[Tile]:
     ]
 
 
-def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
+def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[content.Point, ...]:
     """What a reader must know after ten seconds, in sentences."""
     if isinstance(found, LineDiagnosis):
         small = small_words(found)
-        sign, steady = [Point("Sign corrected", flipped_words(found), "warn")], words.again_words(found)
-        others = [Point("Not needed", f"{small}." if small else "")]
+        sign, steady = [content.Point("Sign corrected", flipped_words(found), "warn")], words.again_words(found)
+        others = [content.Point("Not needed", f"{small}." if small else "")]
     else:
         clean, sign, steady = found.verdict == "no_gap", [], stability_words(found)
         others = [
-            Point("What was checked", words.checked_words(found) if clean else ""),
-            Point("What would show", _seen_words(found) if clean else ""),
+            content.Point("What was checked", words.checked_words(found) if clean else ""),
+            content.Point("What would show", _seen_words(found) if clean else ""),
         ]
     hidden, residual = found.unnamed if found.causes else (), found.remainder
     return tuple(
         point
         for point in (
-            data_point(words.origins_of(found)),
+            content.data_point(words.origins_of(found)),
             *sign,
-            Point(
+            content.Point(
                 "Verdict", words.verdict_words(found), "good" if found.verdict in ("no_gap", "explained") else "warn"
             ),
-            *(Point("Your simulation", text) for text in own_simulation_words(found)),
-            Point("Where", f"{words.where_words(found)} {words.arises_words(found)}".strip()),
+            *(content.Point("Your simulation", text) for text in own_simulation_words(found)),
+            content.Point("Where", f"{words.where_words(found)} {words.arises_words(found)}".strip()),
             *_cause_points(found),
-            Point("What it costs", "" if isinstance(found, LineDiagnosis) else cost_words(found)),
-            Point("How sure", words.sure_words(found)),
-            Point("Minor", minor_words(found)),
-            Point("How far", words.closure_words(found)),
-            Point(
+            content.Point("What it costs", "" if isinstance(found, LineDiagnosis) else cost_words(found)),
+            content.Point("How sure", words.sure_words(found)),
+            content.Point("Minor", minor_words(found)),
+            content.Point("How far", words.closure_words(found)),
+            content.Point(
                 "How steady",
                 steady,
                 "warn" if any(c.stability and c.stability.trends for c in found.causes) else "plain",
             ),
-            Point("What next", words.experiment_words(found)),
-            Point(
+            content.Point("What next", words.experiment_words(found)),
+            content.Point(
                 "Residual",
                 words.remainder_words(found) if residual else "",
                 "warn" if residual and residual.alarms else "plain",
             ),
             *others,
-            Point(
+            content.Point(
                 "Not named",
                 f"The best fit used {', '.join(hidden)} too. While the residual is significant they may only imitate its "
                 "cause, so they are not named."
@@ -262,14 +250,14 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
     )
 
 
-def _cause_points(found: DiagnosisResult) -> list[Point]:
+def _cause_points(found: DiagnosisResult) -> list[content.Point]:
     """What each cause is, and its numbers; of several causes with a model the names alone, as a table has their numbers."""
     if len(found.causes) > 1 and isinstance(found, ModelDiagnosis):
         names = ", ".join(named(found, cause.effect) for cause in found.causes)
         checks = " ".join(text for cause in found.causes if (text := check_words(found, cause)))
-        return [Point("Causes", f"{names}; the table of causes has their numbers. {checks}".rstrip())]
+        return [content.Point("Causes", f"{names}; the table of causes has their numbers. {checks}".rstrip())]
     return [
-        Point(f"Cause {k}" if len(found.causes) > 1 else "Cause", _cause_text(found, cause))
+        content.Point(f"Cause {k}" if len(found.causes) > 1 else "Cause", _cause_text(found, cause))
         for k, cause in enumerate(found.causes, start=1)
     ]
 
@@ -297,21 +285,21 @@ def _seen_words(found: ModelDiagnosis) -> str:
 
 
 # ---------------------------------------------------------------------------------------------------------- the evidence
-def _where(found: ModelDiagnosis) -> Section:
+def _where(found: ModelDiagnosis) -> content.Section:
     word = words.word_of(found)
     return where_section(
         found,
-        picture(
+        content.picture(
             figures.gap_map(found), "map",
             f"Map of the gap: {word} minus {simulated_words(found)}, as a mean over each phase of each log, in "
             f"standard uncertainties (z). Bold and coloured: beyond {STANDS_OUT:g}; blue: the log lies above the "
             "simulation, orange: below.",
             "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in the table.",
         ),
-        Note(YARDSTICKS),
+        content.Note(YARDSTICKS),
         tables.places_table(found),
-        Note(STAGE_BY_STAGE),
-        picture(
+        content.Note(STAGE_BY_STAGE),
+        content.picture(
             figures.stage_map(found), "stages",
             f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, by the model of the rig file, "
             "in standard uncertainties; numbers and colours as in the map.",
@@ -321,30 +309,30 @@ def _where(found: ModelDiagnosis) -> Section:
     )  # fmt: skip
 
 
-def _which(found: ModelDiagnosis) -> Section:
+def _which(found: ModelDiagnosis) -> content.Section:
     return which_section(
         found,
-        picture(
+        content.picture(
             numbers_figure(found), "numbers",
             "What was found of each cause, beside the value that the rig file gives, how well that is known, and "
             "what is plausible.",
             "Points with bars on one axis for each number; the values are in the table of causes.",
         ),
-        picture(
+        content.picture(
             profile_figure(found), "rolloff",
             "Back-EMF constant over the stator current, as far as the logs reach (the paper's Fig. 18e). The shape "
             "is free: it may fall between any two knots and never rise; the band is narrow where a knot lies at "
             "its bound.",
             "A falling curve with a band; its value at 10 A is in the table of causes.",
         ),
-        picture(
+        content.picture(
             stability_figure(found), "stability",
             "Number of each cause from every run alone, with its 95 % interval; all else is as the joint fit has it. Band: the "
             "joint number with its interval. Runs that hardly depend on a cause have no mark; a much longer interval leaves "
             "its panel. The title marks a number that changes more than the intervals allow.",
             "Points with error bars for every run, and a band; the values are in the JSON.",
         ),
-        picture(
+        content.picture(
             odds_figure(found), "odds",
             f"{'Probability of each effect (green: named), and odds' if found.causes else 'Odds'} of the likeliest of "
             f"{len(found.sets)} sets of effects that were fitted, against the best one: a bar that is as long as the first "
@@ -358,12 +346,12 @@ def _logged_word(found: ModelDiagnosis) -> str:
     return "measured" if words.word_of(found) == "measured" else "logged"
 
 
-def _histories(found: ModelDiagnosis, item: CycleHistory) -> Section:
+def _histories(found: ModelDiagnosis, item: CycleHistory) -> content.Section:
     logged = _logged_word(found)
     effects = " and with the fitted effects and tolerances" if item.caused is not None else ""
-    return section(
+    return content.section(
         "histories", "Time histories",
-        picture(
+        content.picture(
             histories_figure(found, item, logged), "histories",
             f"{item_words(found, item)}, where the gap is largest: {logged}, and simulated over time: {baseline_words(found)}"
             f"{effects} (the paper's Figs 11 and 12). Below each channel its residual, {logged} minus "
@@ -374,7 +362,7 @@ def _histories(found: ModelDiagnosis, item: CycleHistory) -> Section:
     )  # fmt: skip
 
 
-def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
+def _how_far(found: ModelDiagnosis, both: Sides) -> content.Section:
     log = most_telling(found)
     run, word = found.data.logs[log].run, words.word_of(found)
     fresh = found.closure is not None and log in found.closure.withheld
@@ -385,21 +373,21 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
         if found.rig.generator.i_rated
         else ""
     )
-    return section(
+    return content.section(
         "how-far", "How far the gap closes" if found.causes else "The gap in time and over current",
-        picture(
+        content.picture(
             figures.closure_bars(found), "closure-bars",
             "Misfit before and after, in units of the noise, on held-out logs.",
             "Pairs of points for each channel; the values are in the table.",
         ),
         tables.closure_table(found),
-        picture(
+        content.picture(
             figures.error_figure(found, both, word), "errors",
             f"Error of {names} in the payouts of all logs; one mark is a block (the paper's Fig. "
             f"18b).{limit}",
             "Clouds of marks before and after about zero.",
         ),
-        picture(
+        content.picture(
             figures.history(found, both, log, word), "history",
             f"{run.name} ({load_words(run.load)}): {word} minus {simulated_words(found, 'block by block')}"
             f"{after}. The zeros of the log's sensors are taken off alike.",
@@ -408,7 +396,7 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
     )  # fmt: skip
 
 
-def _next(found: DiagnosisResult, caption: str, how: str) -> Section:
+def _next(found: DiagnosisResult, caption: str, how: str) -> content.Section:
     """What to test next.
 
     Parameters
@@ -417,22 +405,26 @@ def _next(found: DiagnosisResult, caption: str, how: str) -> Section:
     """
     plan = found.experiment
     if plan is None:
-        return section("next", "What to test next")
+        return content.section("next", "What to test next")
     rows = (
         *([] if plan.load is None else [("Load", load_words(plan.load))]),
         ("Motion", words.profile_words(plan)),
         ("Distinguishes", " from ".join(plan.separates)),
         ("They would differ by", f"{apart_words(plan.expected_z)} standard deviations"),
     )
-    return section("next", "What to test next", pairs_table("experiment", caption, rows), Note(how))
+    return content.section(
+        "next", "What to test next", content.pairs_table("experiment", caption, rows), content.Note(how)
+    )
 
 
-def _method(texts: Sequence[str]) -> Section:
+def _method(texts: Sequence[str]) -> content.Section:
     """The method in short; what stands before the first full stop of a paragraph is what it is about."""
-    return section("method", "Method and its limits", *(Note(*reversed(text.split(". ", 1))) for text in texts))
+    return content.section(
+        "method", "Method and its limits", *(content.Note(*reversed(text.split(". ", 1))) for text in texts)
+    )
 
 
-def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
+def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> content.Section:
     rig, sets = found.rig, len(found.sets)
     if isinstance(found, LineDiagnosis):
         logs, judged, source = line_logs_table(found), "Judged", "Source of the logs and the rig"
@@ -446,9 +438,9 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
         (judged, words.judged_words(found)),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         (source, rig.source),
-        ("SHA-256 of the rig file", file_digest(rig.path)),
+        ("SHA-256 of the rig file", content.file_digest(rig.path)),
         ("Suspects", ", ".join(found.suspects)),
         ("Fits", fits),
         ("Seed of the resampled cycles", str(found.seed)),
     ]
-    return provenance_section(rows, command, logs)
+    return content.provenance_section(rows, command, logs)

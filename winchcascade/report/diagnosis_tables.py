@@ -14,19 +14,10 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.report import content
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import meaning_words, named, numbers_of
-from winchcascade.report.content import (
-    Block,
-    Section,
-    Table,
-    TableColumn,
-    formatted_table,
-    number_column,
-    row_limit,
-    section,
-    text_column,
-)
+from winchcascade.report.content import TableColumn, number_column, text_column
 from winchcascade.report.diagnosis_causes import threshold_words, thresholds
 from winchcascade.report.diagnosis_figures import worst_first
 from winchcascade.report.digits import number, significant, uncertain
@@ -61,7 +52,7 @@ MIN_PULL = 1.0
 
 
 # ------------------------------------------------------------------------------------------------------------ the causes
-def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
+def causes_table(found: ModelDiagnosis | LineDiagnosis) -> content.Table | None:
     """Every cause with its numbers, probability and alternatives; without a model with the numbers of the withheld cycles."""
     numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
     has_rivals = any(cause.rivals for cause in found.causes)
@@ -71,7 +62,7 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
             for cause in found.causes
             for n in numbers_of(found, cause, again=bool(found.again))
         ]
-        return formatted_table(
+        return content.formatted_table(
             "causes",
             "Effects that are needed, the one that closes most first.",
             (
@@ -87,7 +78,7 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
             "Numbers are in units of the line: no drum radius is needed. Intervals allow for the correlation of samples "
             "within a cycle and, where the inertia is fitted, for the width of the slope that gives the acceleration.",
         )  # fmt: skip
-    return formatted_table(
+    return content.formatted_table(
         "causes",
         "Effects that are needed, most important first.",
         (
@@ -105,16 +96,16 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
 
 
 # --------------------------------------------------------------------------------------------------------------- the map
-def places_table(found: ModelDiagnosis) -> Table | None:
+def places_table(found: ModelDiagnosis) -> content.Table | None:
     """The places of the map with the largest gap, with their yardsticks."""
     ranked = worst_first(found)
     significant_ones = [p for p in ranked if abs(p.z) > STANDS_OUT]
-    return formatted_table(
+    return content.formatted_table(
         "places",
         f"Where the gap is largest: {len(significant_ones) or 'none'} of {len(ranked)} places deviate by more than "
         f"{STANDS_OUT:g} standard uncertainties.",
         (text_column("Channel"), *_yardsticks("zero")),
-        [_place_row(p) for p in significant_ones[: row_limit(MAX_PLACES)] or ranked[:3]],
+        [_place_row(p) for p in significant_ones[: content.row_limit(MAX_PLACES)] or ranked[:3]],
         "Bias: logged minus simulated, the zero of the log's sensor taken off. The three columns beside it are standard "
         "uncertainties of the bias; u is their root of squares.",
     )
@@ -142,7 +133,7 @@ def _place_row(p: Place | StagePlace) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def stages_table(found: ModelDiagnosis) -> Table | None:
+def stages_table(found: ModelDiagnosis) -> content.Table | None:
     """The stages that deviate most from their own inputs: of each phase the worst load."""
     worst = {(p.stage, p.phase): p for p in sorted(found.stages, key=lambda p: abs(p.z))}
     ranked = sorted(worst.values(), key=lambda p: -abs(p.z))
@@ -153,7 +144,7 @@ def stages_table(found: ModelDiagnosis) -> Table | None:
         inputs = ", ".join(NAMES[name] for name in p.inputs if name != "velocity") or "velocity"
         rows.append((f"{p.stage}: {channel} ({unit})", inputs, phase, load, *numbers))
     phase_column, load_column, _, *others = _yardsticks("zeros")
-    return formatted_table(
+    return content.formatted_table(
         "stages",
         f"Stages with their logged inputs: {out or 'none'} of {len(found.stages)} places deviate by more than {STANDS_OUT:g} "
         "standard uncertainties; of each stage and phase the load with the largest z.",
@@ -166,7 +157,7 @@ def stages_table(found: ModelDiagnosis) -> Table | None:
 
 
 # ----------------------------------------------------------------------------------------------- closure and the residual
-def closure_table(found: ModelDiagnosis) -> Table | None:
+def closure_table(found: ModelDiagnosis) -> content.Table | None:
     """Root mean squares before and after on the withheld logs, beside the noise."""
     if found.closure is None:
         return None
@@ -180,7 +171,7 @@ def closure_table(found: ModelDiagnosis) -> Table | None:
         for name, x in found.closure.channels.items()
     ]
     loads = ", ".join(load_words(found.data.logs[k].run.load) for k in found.closure.withheld)
-    return formatted_table(
+    return content.formatted_table(
         "closure",
         f"Misfit on held-out logs ({loads}): root mean squares of means over blocks.",
         (
@@ -195,9 +186,9 @@ def closure_table(found: ModelDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def alarms_table(found: ModelDiagnosis) -> Table | None:
+def alarms_table(found: ModelDiagnosis) -> content.Table | None:
     """Every sign of something unexplained."""
-    return formatted_table(
+    return content.formatted_table(
         "alarms",
         "Signs of something that the named causes do not explain, worst first.",
         (
@@ -220,11 +211,11 @@ def alarms_table(found: ModelDiagnosis) -> Table | None:
     )
 
 
-def roughness_table(found: ModelDiagnosis) -> Table | None:
+def roughness_table(found: ModelDiagnosis) -> content.Table | None:
     """Root mean squares of whitened blocks by channel and phase, without any cause and with those named."""
     null, best = (block_rms(found.data, fit.z) for fit in (found.found.null, found.found.best))
     several = bool(found.found.best.names)
-    return formatted_table(
+    return content.formatted_table(
         "roughness",
         "The residual in every channel and phase, in units of its noise: root mean square over all logs of the fit.",
         (
@@ -242,11 +233,11 @@ def roughness_table(found: ModelDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def nuisances_table(found: ModelDiagnosis) -> Table | None:
+def nuisances_table(found: ModelDiagnosis) -> content.Table | None:
     """The nuisances that the fit moves most, in their standard uncertainties."""
     files = words.files_of(found)
     pulls = sorted(zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True), key=lambda pair: -abs(pair[1]))
-    return formatted_table(
+    return content.formatted_table(
         "nuisances",
         f"What the fit moved within its tolerance: {len(found.data.nuisances)} numbers, the most moved ones.",
         (
@@ -254,7 +245,7 @@ def nuisances_table(found: ModelDiagnosis) -> Table | None:
             text_column("Unit"),
             number_column("In uncertainties"),
         ),
-        [_nuisance_row(n, x, files) for n, x in pulls[: row_limit(MAX_NUISANCES)] if abs(x) > MIN_PULL],
+        [_nuisance_row(n, x, files) for n, x in pulls[: content.row_limit(MAX_NUISANCES)] if abs(x) > MIN_PULL],
         "Numbers of the rig file, loads, gains and zeros of the sensors are known to a tolerance only, and no model is exact; "
         "every fit lets them move within it, at a price. A discrepancy of the model is a share of the channel's plateau in the "
         f"log. A number that moves beyond {PULLED:g} of its uncertainties is a sign of something else.",
@@ -277,7 +268,7 @@ def _nuisance_row(n: Nuisance, x: float, files: Sequence[str]) -> tuple[str, ...
 
 
 # ---------------------------------------------------------------------------------------------------------- the suspects
-def suspects_table(found: ModelDiagnosis) -> Table | None:
+def suspects_table(found: ModelDiagnosis) -> content.Table | None:
     """Suspects that were considered and are not needed, with what they would change."""
     scale, linear, best = found.found.scale, found.found.linear, found.found.best.names
     here, named = linear.evidence(best, scale), {cause.effect for cause in found.causes}
@@ -286,7 +277,7 @@ def suspects_table(found: ModelDiagnosis) -> Table | None:
         for name in found.suspects
         if named and name not in named
     }
-    return formatted_table(
+    return content.formatted_table(
         "suspects",
         "Effects that were considered and are not needed beside the causes, the nearest first.",
         (
@@ -317,9 +308,9 @@ def _odds_words(gained: float) -> str:
     return f"{text} : 1" if gained > 0.0 else f"1 : {text}"
 
 
-def thresholds_table(found: ModelDiagnosis) -> Table | None:
+def thresholds_table(found: ModelDiagnosis) -> content.Table | None:
     """How large each effect would have to be to be named in these logs."""
-    return formatted_table(
+    return content.formatted_table(
         "thresholds",
         "How large each effect, acting alone, would have to be to be named in these logs.",
         (text_column("Effect"), text_column("Stage"), text_column("Number"), number_column("Named from")),
@@ -335,10 +326,10 @@ def thresholds_table(found: ModelDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def diagnosed_logs_table(found: ModelDiagnosis) -> Table | None:
+def diagnosed_logs_table(found: ModelDiagnosis) -> content.Table | None:
     """Every log: its load, its part in the diagnosis, and its hash."""
     once = () if found.closure is None else found.closure.withheld
-    return formatted_table(
+    return content.formatted_table(
         "logs",
         "Logs of the campaign.",
         (
@@ -361,22 +352,22 @@ def diagnosed_logs_table(found: ModelDiagnosis) -> Table | None:
     )
 
 
-def where_section(found: ModelDiagnosis | LineDiagnosis, *blocks: Block | None) -> Section:
+def where_section(found: ModelDiagnosis | LineDiagnosis, *blocks: content.Block | None) -> content.Section:
     """Where the gap lies."""
-    return section(
+    return content.section(
         "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies", *blocks
     )
 
 
-def which_section(found: ModelDiagnosis | LineDiagnosis, *blocks: Block | None) -> Section:
+def which_section(found: ModelDiagnosis | LineDiagnosis, *blocks: content.Block | None) -> content.Section:
     """Causes, what was compared to find them, and alternative explanations."""
     heading = "Which causes, and how sure" if found.causes else "What was tried"
-    return section(
+    return content.section(
         "which",
         heading,
         causes_table(found),
         *blocks,
-        formatted_table(
+        content.formatted_table(
             "rivals",
             f"Alternatives: {words.phrases_of(found).suspect}s that would {words.phrases_of(found).alike} about as well in "
             "place of a cause, and where the two predictions differ most.",

@@ -15,20 +15,7 @@ from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.wave_energies import wave_energies
-from winchcascade.report import figures, tables
-from winchcascade.report.content import (
-    Note,
-    Point,
-    Report,
-    Section,
-    Tile,
-    data_point,
-    file_digest,
-    filled,
-    picture,
-    provenance_section,
-    section,
-)
+from winchcascade.report import content, figures, tables
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.style import house_style
@@ -59,7 +46,7 @@ _NAMES = {
 
 def report_maker(
     reduction: Reduction, found: Uncertainty, mapped: LossMap | None = None, *, command: str = ""
-) -> Callable[[], Report]:
+) -> Callable[[], content.Report]:
     """What makes the report of one log as often as it is wanted: the log is simulated once.
 
     Parameters
@@ -68,7 +55,7 @@ def report_maker(
     """
     model = modelled(reduction)
 
-    def make() -> Report:
+    def make() -> content.Report:
         report = make_report(reduction, found, model=model, command=command)
         if mapped is None:
             return report
@@ -82,7 +69,7 @@ def report_maker(
 @house_style()
 def make_report(
     reduction: Reduction, found: Uncertainty, *, model: Modelled | None = None, command: str = ""
-) -> Report:
+) -> content.Report:
     """Make the rows and figures of the report of one log.
 
     Parameters
@@ -96,24 +83,24 @@ def make_report(
     rest = ". ".join(upper(sentence) for sentence in not_known(found.budget))
     texts = [f"What makes most of the variance: {parts}." if parts else "", f"{rest}." if rest else ""]
     text = " ".join(text for text in texts if text)
-    return Report(
+    return content.Report(
         kind="Reduction of a log",
         title=run.name,
         subtitle=" · ".join(part for part in (_about(reduction), run.about) if part),
         tiles=_tiles(reduction, found),
         points=(
-            data_point([reduction.run.origin]),
-            Point("Cycles", cycles, "plain" if n == of else "warn"),
+            content.data_point([reduction.run.origin]),
+            content.Point("Cycles", cycles, "plain" if n == of else "warn"),
             *_best_points(reduction),
             *_net_points(reduction, found),
             _log_point(reduction),
-            *([Point("Uncertainty", text, "warn" if found.budget.unknown else "plain")] if text else []),
+            *([content.Point("Uncertainty", text, "warn" if found.budget.unknown else "plain")] if text else []),
             *(
-                [Point("Intervals", tables.interval_type(reduction))]
+                [content.Point("Intervals", tables.interval_type(reduction))]
                 if found.interval_95 and reduction.rig.phases.repeats
                 else []
             ),
-            *([Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
+            *([content.Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
         ),
         sections=_sections(reduction, found, model or modelled(reduction), command),
         traces=readout(reduction, figures.powers_of(reduction)),
@@ -128,7 +115,7 @@ def _about(reduction: Reduction) -> str:
     return " · ".join(part for part in (load, f"rig {rig.name}", rig.title) if part)
 
 
-def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
+def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[content.Tile, ...]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
     cascade = reduction.rig.cascade
     etas = (*cascade.neighbours[:2], cascade.overall) if len(cascade.stages) > 2 else tuple(cascade.ratios)
@@ -137,7 +124,7 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
     given = [m for m in (*etas, *cascade.energies) if reduction.mean[m] is not None][:3]
     if not reduction.rig.phases.repeats:
         return tuple(
-            Tile(
+            content.Tile(
                 SYMBOL[m],
                 _name(cascade, m).removesuffix(", per cycle"),
                 f"{tables.whole_text(reduction, m)} {unit_of(m)}".strip(),
@@ -146,7 +133,7 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
             for m in given
         )
     return tuple(
-        Tile(
+        content.Tile(
             SYMBOL[m],
             _name(cascade, m),
             f"{tables.mean_text(reduction, found, m)} {unit_of(m)}".strip(),
@@ -165,12 +152,12 @@ def _interval_words(found: Uncertainty, metric: str) -> str:
     return f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone" if scatter else "uncertainty unknown"
 
 
-def _wave_tiles(reduction: Reduction, etas: Sequence[str]) -> tuple[Tile, ...]:
+def _wave_tiles(reduction: Reduction, etas: Sequence[str]) -> tuple[content.Tile, ...]:
     """Efficiencies of all waves together, and mean powers of the record where there are fewer than three."""
     found = wave_energies(reduction)
     ratios = ((eta, found.efficiency[eta]) for eta in etas if eta in found.efficiency)
     tiles = [
-        Tile(
+        content.Tile(
             SYMBOL[eta],
             "all waves together",
             f"{ratio.value:.3f}",
@@ -182,7 +169,7 @@ def _wave_tiles(reduction: Reduction, etas: Sequence[str]) -> tuple[Tile, ...]:
         if ratio.value is not None
     ]
     powers = [
-        Tile(
+        content.Tile(
             SYMBOL[f"power_{stage}"],
             "mean of the record",
             f"{significant(watt, 4)} W",
@@ -213,7 +200,7 @@ def best_and_worst(reduction: Reduction) -> tuple[CycleResult, CycleResult, str]
     return None
 
 
-def _best_points(reduction: Reduction) -> list[Point]:
+def _best_points(reduction: Reduction) -> list[content.Point]:
     """The best and the worst cycle, with as many digits as show how they differ, four at least."""
     extremes = best_and_worst(reduction)
     if extremes is None:
@@ -224,31 +211,31 @@ def _best_points(reduction: Reduction) -> list[Point]:
     maximum = reduction.max_deviation_percent[m]
     deviates = "" if maximum is None else f"; the largest deviation from the mean is {maximum:.2f} %"
     text = f"Cycle {best.cycle} with {SYMBOL[m]} = {number(high, decimals)}, cycle {worst.cycle} with {number(low, decimals)}"
-    return [Point("Best and worst", f"{text}{deviates}.")]
+    return [content.Point("Best and worst", f"{text}{deviates}.")]
 
 
-def _net_points(reduction: Reduction, found: Uncertainty) -> list[Point]:
+def _net_points(reduction: Reduction, found: Uncertainty) -> list[content.Point]:
     """The residual energy of the line once haul-in has returned its part, and what of that is delivered."""
     mean, text = reduction.mean, partial(tables.mean_text, reduction, found)
     if mean.energy_net is None:
         reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.has_net else []
-        return [Point("Whole cycles", f"No net energy; {reasons[0]}.")] if reasons else []
+        return [content.Point("Whole cycles", f"No net energy; {reasons[0]}.")] if reasons else []
     sentence = (
         f"From onset to next onset E_net = {text('energy_net')} J: E_payout = {text('energy_payout')} J less "
         f"E_returned = {text('energy_returned')} J in haul-in."
     )
     ratio = "" if mean.eta_net is None else f" η_net = {text('eta_net')}."
-    return [Point("Whole cycles", sentence + ratio)]
+    return [content.Point("Whole cycles", sentence + ratio)]
 
 
-def _log_point(reduction: Reduction) -> Point:
+def _log_point(reduction: Reduction) -> content.Point:
     kinds = Counter(finding.kind for finding in reduction.quality)
     if not kinds:
-        return Point("Log", "No fault found.", "good")
+        return content.Point("Log", "No fault found.", "good")
     named = ", ".join(k.replace("_", " ") + (f" ({n} times)" if n > 1 else "") for k, n in kinds.items())
     lost, total = lost_share(reduction), kinds.total()
     bridged = f", {percent(lost, 2)} % of the time bridged" if lost else ""
-    return Point("Log", f"{total} finding{'s' * (total > 1)}{bridged}: {named}.", "warn")
+    return content.Point("Log", f"{total} finding{'s' * (total > 1)}{bridged}: {named}.", "warn")
 
 
 def lost_share(reduction: Reduction) -> float:
@@ -263,9 +250,9 @@ def lost_share(reduction: Reduction) -> float:
     return lost / max(float(run.t[-1] - run.t[0]), step)
 
 
-def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command: str) -> tuple[Section, ...]:
+def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command: str) -> tuple[content.Section, ...]:
     powers = figures.powers_of(reduction)
-    return filled(
+    return content.filled(
         _results(reduction, found),
         histories_section(reduction),
         _powers(reduction, powers),
@@ -273,19 +260,19 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
         _cycles(reduction, powers),
         run_section(model),
         _repeatability(reduction, found),
-        section(
-            "findings", "Findings", tables.findings_table(reduction) or Note("No fault was found in the log.")
+        content.section(
+            "findings", "Findings", tables.findings_table(reduction) or content.Note("No fault was found in the log.")
         ),
         symbols_section(reduction.rig.cascade),
         _provenance(reduction, found, command),
     )  # fmt: skip
 
 
-def histories_section(reduction: Reduction) -> Section:
+def histories_section(reduction: Reduction) -> content.Section:
     """Channels and powers over the whole log, with the marks of phases, windows and repairs."""
-    return section(
+    return content.section(
         "histories", "Time histories",
-        picture(
+        content.picture(
             figures.time_histories(reduction, figures.powers_of(reduction)), "histories",
             "Channels and powers over the whole log. "
             + (_NOT_SHADED if len(reduction.cycles) > figures.SHADED_CYCLES else _shaded(reduction))
@@ -296,7 +283,7 @@ def histories_section(reduction: Reduction) -> Section:
     )  # fmt: skip
 
 
-def _waves(reduction: Reduction) -> tuple[Section, ...]:
+def _waves(reduction: Reduction) -> tuple[content.Section, ...]:
     """Energies of waves where cycles are waves by the rig file."""
     if reduction.rig.phases.source != "waves":
         return ()
@@ -305,7 +292,7 @@ def _waves(reduction: Reduction) -> tuple[Section, ...]:
     return (wave_section(reduction),)
 
 
-def _results(reduction: Reduction, found: Uncertainty) -> Section:
+def _results(reduction: Reduction, found: Uncertainty) -> content.Section:
     given = [m for m, value in reduction.mean.items() if m.startswith("energy") and value is not None]
     cascade, repeats = reduction.rig.cascade, reduction.rig.phases.repeats
     means = {m: tables.mean_text(reduction, found, m) if repeats else tables.whole_text(reduction, m) for m in given}
@@ -314,9 +301,9 @@ def _results(reduction: Reduction, found: Uncertainty) -> Section:
     over = "as a mean over the complete cycles" if repeats else "all complete cycles together"
     whose = "the line" if cascade.names[0] == "line" else f"stage {cascade.names[0]}"
     net = " b: over the whole cycle the stored energy is returned, so that only losses remain."
-    return section(
+    return content.section(
         "results", "Energies and efficiencies",
-        picture(
+        content.picture(
             figures.energy_flow(reduction, means), "flow",
             f"Where the energy of {whose} goes, {over}: heights are energies. a: in the "
             "integration window, stage by stage; grey does not reach the next stage within the window, as it is lost, or "
@@ -329,7 +316,7 @@ def _results(reduction: Reduction, found: Uncertainty) -> Section:
     )  # fmt: skip
 
 
-def _powers(reduction: Reduction, powers: dict[str, Signal]) -> Section:
+def _powers(reduction: Reduction, powers: dict[str, Signal]) -> content.Section:
     """Powers over time and, where it is known, over the speed of the generator."""
     cycle = figures.representative(reduction).cycle if reduction.cycles else 0
     heading, more, alt = "Power over time", "", ""
@@ -337,9 +324,9 @@ def _powers(reduction: Reduction, powers: dict[str, Signal]) -> Section:
         heading += " and over generator speed"
         more = f" Right: powers of all complete {span_word(reduction)}s over generator speed, with means in bins."
         alt = ", and dots with binned means over generator speed; the means are in the table of bins"
-    return section(
+    return content.section(
         "powers", heading,
-        picture(
+        content.picture(
             figures.power_streams(reduction, powers), "streams",
             f"{'Left: p' if more else 'P'}owers of cycle {cycle} over time; between the dashed lines lies the integration "
             "window. What lies between two curves is lost between the stages, or stored and returned or delivered "
@@ -350,7 +337,7 @@ def _powers(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     )  # fmt: skip
 
 
-def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
+def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> content.Section:
     """Cycles laid over each other and one after the other."""
     holds = tables.holds_table(reduction)
     extremes = best_and_worst(reduction)
@@ -362,14 +349,14 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     if many == 1:
         caption = "The cycle on a clock that starts at its onset."
     some = f" {figures.OVERLAID} of {many} cycles, evenly chosen." if many > figures.OVERLAID else ""
-    return section(
+    return content.section(
         "cycles-and-phases", "Cycles and phases",
-        picture(
+        content.picture(
             figures.overlaid(reduction, powers, best, worst) if reduction.rig.phases.repeats else None, "overlaid",
             f"{caption} Dashed: end of the window.{by}{some}",
             "Line plots of the cycles laid over each other.",
         ),
-        picture(
+        content.picture(
             figures.trend(reduction), "trend", "Complete cycles one after the other: a slope would be a drift.",
             "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
         ),
@@ -378,14 +365,14 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     )  # fmt: skip
 
 
-def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
+def _repeatability(reduction: Reduction, found: Uncertainty) -> content.Section:
     unknown = tables.unknown_words(found)
-    return section(
+    return content.section(
         "uncertainty", "Repeatability and uncertainty",
         tables.repeatability_table(reduction, found),
         tables.uncertainty_table(reduction, found) if reduction.complete else None,
-        Note(unknown) if unknown else None,
-        picture(
+        content.Note(unknown) if unknown else None,
+        content.picture(
             figures.uncertainty_bars(found.budget), "budget",
             "What makes the uncertainty of each mean: the longest part of a bar is the sensor to improve first, or the scatter "
             "of the cycles (repeatability).",
@@ -409,11 +396,11 @@ _REPAIRED = " Marks at the lower edge: samples of a channel that is shown were r
 _NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 
 
-def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Section:
+def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> content.Section:
     """Where every number comes from, so that it can be made again."""
     run, rig = reduction.run, reduction.rig
     load = load_words(run.load, unknown="unknown")
-    return provenance_section(
+    return content.provenance_section(
         [
             ("Log", run.path or run.name),
             ("Table in the log", run.table or ""),
@@ -424,7 +411,7 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Secti
             ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
             ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
             ("Source of the rig's numbers", rig.source),
-            ("SHA-256 of the rig file", file_digest(rig.path)),
+            ("SHA-256 of the rig file", content.file_digest(rig.path)),
             ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
             (
                 "Integration window",

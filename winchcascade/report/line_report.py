@@ -8,17 +8,10 @@ from matplotlib.figure import Figure
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.report import content
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import LINE_MEANINGS, set_words
-from winchcascade.report.content import (
-    Section,
-    Table,
-    formatted_table,
-    number_column,
-    picture,
-    section,
-    text_column,
-)
+from winchcascade.report.content import number_column, text_column
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
 from winchcascade.report.diagnosis_tables import where_section, which_section
 from winchcascade.report.digits import number, significant, upper
@@ -31,7 +24,7 @@ from winchcascade.report.gap_words import (
 from winchcascade.report.style import COLOURS, Margins, label_panel, legend_above, line_entry, panel_figure, wide_figure
 
 
-def line_where(found: LineDiagnosis) -> Section:
+def line_where(found: LineDiagnosis) -> content.Section:
     """Where the gap lies: the power over time, and its residual phase by phase."""
     word, causes, role = words.word_of(found), "", ""
     if found.closure is not None:
@@ -41,7 +34,7 @@ def line_where(found: LineDiagnosis) -> Section:
         )
     return where_section(
         found,
-        picture(
+        content.picture(
             power_history(found, word), "history",
             f"Power of the winch: {word}, line tension times speed{causes}; below, the residual.{role}",
             "Lines over time; root mean squares are in the table.",
@@ -50,11 +43,11 @@ def line_where(found: LineDiagnosis) -> Section:
     )  # fmt: skip
 
 
-def line_which(found: LineDiagnosis) -> Section:
+def line_which(found: LineDiagnosis) -> content.Section:
     """Causes, suspects and sets of them."""
     return which_section(
         found,
-        picture(
+        content.picture(
             closed_bars(found), "closed",
             "Squared error with each cause alone and together (green: chosen), on held-out cycles.",
             "Bars of the squared error; the values are in the table of sets.",
@@ -64,19 +57,19 @@ def line_which(found: LineDiagnosis) -> Section:
     )  # fmt: skip
 
 
-def line_how_far(found: LineDiagnosis) -> Section:
+def line_how_far(found: LineDiagnosis) -> content.Section:
     """How far the causes close the gap on the judged cycles."""
     word = words.word_of(found)
-    return section(
+    return content.section(
         "how-far", "How far the gap closes",
         line_closure_table(found),
-        picture(
+        content.picture(
             power_scatter(found, word), "scatter",
             f"{upper(word)} over predicted power, samples spread over the judged cycles; on the line both "
             "agree.",
             "Clouds of marks about a diagonal, wide before and narrow after.",
         ),
-        picture(
+        content.picture(
             power_by_cycle(found, word), "cycles", "Error of the power in every judged cycle.",
             "Pairs of marks for each cycle, before and after.",
         ),
@@ -88,7 +81,7 @@ MAX_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""
 
 
-def line_suspects_table(found: LineDiagnosis) -> Table | None:
+def line_suspects_table(found: LineDiagnosis) -> content.Table | None:
     """What each suspect is, and what it closes alone and is worth beside the others."""
     choice = found.choice
 
@@ -97,7 +90,7 @@ def line_suspects_table(found: LineDiagnosis) -> Table | None:
         other = tuple(n for n in found.lines.names if (n in found.chosen) != (n == name))
         return (100.0 if name in found.chosen else -100.0) * (choice.error(other) - choice.error(found.chosen))
 
-    return formatted_table(
+    return content.formatted_table(
         "suspects",
         "What each suspect closes alone, and beside the causes.",
         (
@@ -112,9 +105,9 @@ def line_suspects_table(found: LineDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def line_places_table(found: LineDiagnosis) -> Table | None:
+def line_places_table(found: LineDiagnosis) -> content.Table | None:
     """The gap phase by phase."""
-    return formatted_table(
+    return content.formatted_table(
         "places",
         f"Where the gap lies: {words.word_of(found)} power of the winch minus line tension times speed, phase by phase.",
         (
@@ -137,12 +130,12 @@ def line_places_table(found: LineDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def line_closure_table(found: LineDiagnosis) -> Table | None:
+def line_closure_table(found: LineDiagnosis) -> content.Table | None:
     """Root mean squares before and after on the judged cycles."""
     if found.closure is None:
         return None
     power = found.closure.power
-    return formatted_table(
+    return content.formatted_table(
         "closure",
         f"Error of the power, {words.judged_words(found)}: root mean squares of samples.",
         (
@@ -162,12 +155,12 @@ def line_closure_table(found: LineDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def sets_table(found: LineDiagnosis) -> Table | None:
+def sets_table(found: LineDiagnosis) -> content.Table | None:
     """The sets of suspects that predict best, and the single ones."""
     choice = found.choice
     ranked = sorted(choice.errors, key=choice.error)
     shown = ranked[:MAX_SETS] + [names for names in ranked[MAX_SETS:] if len(names) < 2]
-    return formatted_table(
+    return content.formatted_table(
         "sets",
         f"Sets of suspects by the squared error that remains on held-out cycles: {len(shown)} of {len(ranked)}.",
         (
@@ -188,10 +181,10 @@ def sets_table(found: LineDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def line_logs_table(found: LineDiagnosis) -> Table | None:
+def line_logs_table(found: LineDiagnosis) -> content.Table | None:
     """Every part of the campaign: its log, cycles and part in the diagnosis."""
     in_turn = found.closure is not None and found.closure.left_out_in_turn
-    return formatted_table(
+    return content.formatted_table(
         "logs",
         "Logs of the campaign.",
         (

@@ -13,18 +13,9 @@ from msgspec.structs import astuple, replace
 
 from winchcascade.core.rig_file import Rig
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report import content
 from winchcascade.report import model_figures as figures
-from winchcascade.report.content import (
-    Block,
-    Note,
-    Picture,
-    Section,
-    Table,
-    TableColumn,
-    make_table,
-    picture,
-    section,
-)
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import number, upper
 from winchcascade.report.model_account import (
     ALWAYS,
@@ -72,17 +63,17 @@ def modelled(reduction: Reduction) -> Modelled:
 
 
 # ---------------------------------------------------------------------------------------------------------- of one log
-def run_section(found: Modelled) -> Section:
+def run_section(found: Modelled) -> content.Section:
     """Lay one log beside its simulation; where there is none, give the reason. Called within the style of the figures."""
     account, comparison = found.account, found.comparison
     words = _words(account.word)
     if comparison is None:
-        return section("model", words.heading, Note(f"Left out: {account.why}"))
+        return content.section("model", words.heading, content.Note(f"Left out: {account.why}"))
     first = f" Of the {account.total} complete cycles the first {account.cycles} are simulated and compared."
-    return section(
+    return content.section(
         "model",
         words.heading,
-        Note(f"{_aim(account.word)}{_stated(comparison.rig)}{first if account.cycles < account.total else ''}"),
+        content.Note(f"{_aim(account.word)}{_stated(comparison.rig)}{first if account.cycles < account.total else ''}"),
         *_run_pictures(comparison, account),
         _differences_table([account], [()], ()),
         *_open_circuit(account),
@@ -93,7 +84,7 @@ def run_section(found: Modelled) -> Section:
     )
 
 
-def _run_pictures(comparison: ModelComparison, account: Account) -> list[Picture | None]:
+def _run_pictures(comparison: ModelComparison, account: Account) -> list[content.Picture | None]:
     """Figs 13, 14, 16 and 17 of one log."""
     means = (
         f"Dots: {_words(account.word).samples}; solid lines: their means; markers: means of the simulation over the same "
@@ -118,7 +109,7 @@ def _run_pictures(comparison: ModelComparison, account: Account) -> list[Picture
 
 def _panels(
     name: str, words: str, drawn: Sequence[figures.Drawn], names: Sequence[str], figure: Figure | None
-) -> Picture | None:
+) -> content.Picture | None:
     """Picture of some panels, whose caption begins with what they show."""
     given = figures.given_names(drawn, names)
     return _picture(figure, name, f"{shown_words(given)} {words}") if given else None
@@ -135,9 +126,9 @@ def clouds(comparison: ModelComparison) -> figures.Clouds:
     return found
 
 
-def _open_circuit(account: Account) -> list[Block | None]:
+def _open_circuit(account: Account) -> list[content.Block | None]:
     """The damper's sweep and the back-EMF's regression, where the log is an open circuit."""
-    blocks: list[Block | None] = []
+    blocks: list[content.Block | None] = []
     sweep, fit, word = account.sweep, account.regression, account.word
     if sweep is not None:
         factors = f"{', '.join(f'{factor:g}' for factor in sweep.factors[:-1])} and {sweep.factors[-1]:g}"
@@ -164,8 +155,8 @@ _ALTS = {
 }
 
 
-def _picture(figure: Figure | None, name: str, caption: str) -> Picture | None:
-    return picture(
+def _picture(figure: Figure | None, name: str, caption: str) -> content.Picture | None:
+    return content.picture(
         figure, name, caption,
         _ALTS.get(name, "Lines of the log and markers of the simulation; the mean differences are in the table."),
     )  # fmt: skip
@@ -189,7 +180,7 @@ def row_names(logs: Sequence[Named]) -> list[tuple[str, ...]]:
     return [(log.load, name) if count[log.load] > 1 else (log.load,) for log, name in zip(logs, names, strict=True)]
 
 
-def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
+def campaign_section(logs: Sequence[Named], word: str) -> content.Section | None:
     """Lay the logs of a campaign beside their simulations, all loads in a figure; None where nothing was tried.
 
     Parameters
@@ -199,11 +190,11 @@ def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
     """
     given = [log._replace(account=replace(log.account, word=word)) for log in logs if not log.account.why]
     left_out = [log for log in logs if log.account.why]
-    blocks: list[Block | None] = [
-        *([Note(_reasons(left_out, alone=not given))] if left_out else []),
-        *([Note(_aim(word)), *_campaign_pictures(given), *_campaign_tables(given)] if given else []),
+    blocks: list[content.Block | None] = [
+        *([content.Note(_reasons(left_out, alone=not given))] if left_out else []),
+        *([content.Note(_aim(word)), *_campaign_pictures(given), *_campaign_tables(given)] if given else []),
     ]
-    return section("model", _words(word).heading, *blocks) if blocks else None
+    return content.section("model", _words(word).heading, *blocks) if blocks else None
 
 
 def _reasons(left_out: Sequence[Named], *, alone: bool) -> str:
@@ -215,7 +206,7 @@ def _reasons(left_out: Sequence[Named], *, alone: bool) -> str:
     return f"Not simulated: {named}{more}."
 
 
-def _campaign_pictures(given: Sequence[Named]) -> list[Block | None]:
+def _campaign_pictures(given: Sequence[Named]) -> list[content.Block | None]:
     accounts = [log.account for log in given]
     drawn, word = figures.styled_by_load([log.load for log in given], [a.curves for a in accounts]), accounts[0].word
     rated, gear = (
@@ -240,7 +231,7 @@ def _campaign_pictures(given: Sequence[Named]) -> list[Block | None]:
     return [*pictures, *([] if opened is None else _open_circuit(opened))]
 
 
-def _campaign_tables(given: Sequence[Named]) -> list[Block | None]:
+def _campaign_tables(given: Sequence[Named]) -> list[content.Block | None]:
     accounts = [log.account for log in given]
     differences = _differences_table(accounts, [(log.name, log.load) for log in given], ("Log", "Load"))
     booked = {k: a.budget for k, a in enumerate(accounts) if a.budget is not None}
@@ -332,7 +323,9 @@ def _speed_words(account: Account, bins: str = "") -> str:
     return f"Generator speed: that of the drum{gear}, from each onset to the start of braking{bins}."
 
 
-def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], accounts: Sequence[Account]) -> Picture | None:
+def _budget_picture(
+    names: Sequence[str], budgets: Sequence[LossBudget], accounts: Sequence[Account]
+) -> content.Picture | None:
     """Stacked bars of the loss budgets."""
     words = _words(accounts[0].word)
     reached = " and ".join(
@@ -356,7 +349,7 @@ def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], account
 # ---------------------------------------------------------------------------------------------------------- the tables
 def _differences_table(
     accounts: Sequence[Account], firsts: Sequence[tuple[str, ...]], head: tuple[str, ...]
-) -> Table | None:
+) -> content.Table | None:
     """Log minus simulation over the payouts, a row for each log; None where no channel can be compared.
 
     Parameters
@@ -372,7 +365,7 @@ def _differences_table(
         "In open circuit torque and Idc are not compared." if any(a.open_circuit for a in accounts) else "",
         "Of a long log the first complete cycles are compared." if any(a.cycles < a.total for a in accounts) else "",
     )
-    return make_table(
+    return content.make_table(
         "differences",
         f"{_words(accounts[0].word).table} − simulated over the payouts: mean (bias) and root mean square (rms).",
         [
@@ -411,10 +404,10 @@ def _joules(budget: LossBudget, groups: Sequence[str]) -> list[str]:
     return [number(x, 1 if budget.line < _FINE else 0) for x in (budget.line, *(budget.groups[g] for g in groups))]
 
 
-def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> Table:
+def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> content.Table:
     """Loss budget of several logs, a row for each, mean energies of their windows."""
     groups = _named(budgets)
-    return make_table(
+    return content.make_table(
         "loss-budget",
         "Simulated loss budget: energy of the line in the window and where it goes, means over the cycles.",
         [
@@ -426,11 +419,11 @@ def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> Table:
     )
 
 
-def _one_budget_table(budget: LossBudget) -> Table:
+def _one_budget_table(budget: LossBudget) -> content.Table:
     """Loss budget of one log, a row for each part, in joules and in percent of the line's energy."""
     groups = _named([budget])
     line, *joules = _joules(budget, groups)
-    return make_table(
+    return content.make_table(
         "loss-budget",
         "Simulated loss budget, from the line to the DC link: energies in the window, means over the cycles.",
         [

@@ -8,19 +8,9 @@ from urllib.parse import quote
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.report import content
 from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
-from winchcascade.report.content import (
-    Link,
-    Point,
-    Report,
-    Section,
-    Table,
-    data_point,
-    formatted_table,
-    number_column,
-    section,
-    text_column,
-)
+from winchcascade.report.content import number_column, text_column
 
 INDEX = "index.html"
 """Name of the page in a results folder."""
@@ -43,17 +33,17 @@ MEANINGS = {
 _PAGES = {"campaign.html": "Campaign", "diagnosis.html": "Diagnosis", INDEX: "All results"}
 
 
-def links_to(names: Sequence[str], *, above: bool = False) -> tuple[Link, ...]:
+def links_to(names: Sequence[str], *, above: bool = False) -> tuple[content.Link, ...]:
     """Links to those pages of a results folder that are among some files.
 
     Parameters
     ----------
     above : the folder is the one above that of the report
     """
-    return tuple(Link(text, f"../{name}" if above else name) for name, text in _PAGES.items() if name in names)
+    return tuple(content.Link(text, f"../{name}" if above else name) for name, text in _PAGES.items() if name in names)
 
 
-def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Sequence[str]) -> Report:
+def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Sequence[str]) -> content.Report:
     """Make the page that lists the files of a results folder.
 
     Parameters
@@ -63,14 +53,14 @@ def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Seque
     """
     listed = [name for name in MEANINGS if name in files]
     origins = [run.origin for run in campaign.reduced]
-    return Report(
+    return content.Report(
         kind="Results",
         title=campaign.title,
         subtitle=f"{len(campaign.reduced)} logs" + (f", {len(campaign.failed)} not reduced" * bool(campaign.failed)),
         tiles=(),
         points=(
-            *([data_point(origins)] if origins else []),
-            *(Point("Not reduced", named_fault(log), "warn") for log in campaign.failed),
+            *([content.data_point(origins)] if origins else []),
+            *(content.Point("Not reduced", named_fault(log), "warn") for log in campaign.failed),
         ),
         sections=tuple(s for s in (_files(listed), _logs(campaign.reduced, endings)) if s.blocks),
         banner=banner(origins),
@@ -78,25 +68,30 @@ def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Seque
     )
 
 
-def _files(names: Sequence[str]) -> Section:
+def _files(names: Sequence[str]) -> content.Section:
     rows = [(name, MEANINGS[name]) for name in names]
-    table = formatted_table(
+    table = content.formatted_table(
         "files",
         "Reports, workbook, dataset and records of all logs together.",
         (text_column("File"), text_column("What it holds")),
         rows,
     )
-    return section("files", "Files of the campaign", _linked(table, names))
+    return content.section("files", "Files of the campaign", _linked(table, names))
 
 
-def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> Section:
+def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> content.Section:
     kinds = ", ".join(ending.upper() for ending in endings)
     rows = [(run.name, run_load_text(run), f"{run.complete} of {run.cycles}", kinds) for run in runs]
-    columns = (text_column("Log"), number_column("Load", "Ω"), number_column("Complete cycles"), text_column("Files"))
+    columns = (
+        text_column("Log"),
+        number_column("Load", "Ω"),
+        number_column("Complete cycles"),
+        text_column("Files"),
+    )
     caption = "Report of each log, and its files: runs/LOG with the ending of each kind."
     addresses = [f"runs/{quote(run.name)}.{endings[0]}" for run in runs]
-    return section("logs", "Logs", _linked(formatted_table("logs", caption, columns, rows), addresses))
+    return content.section("logs", "Logs", _linked(content.formatted_table("logs", caption, columns, rows), addresses))
 
 
-def _linked(table: Table | None, addresses: Sequence[str]) -> Table | None:
+def _linked(table: content.Table | None, addresses: Sequence[str]) -> content.Table | None:
     return None if table is None else replace(table, links=tuple(addresses))

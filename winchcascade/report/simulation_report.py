@@ -12,18 +12,8 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.content import (
-    ItemTable,
-    Point,
-    Report,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    filled,
-    provenance_section,
-    section,
-)
+from winchcascade.report import content
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.document import histories_section
 from winchcascade.report.figures import powers_of
@@ -43,7 +33,7 @@ def simulation_report(
     source: str = "",
     effects: str = "",
     command: str = "",
-) -> Report:
+) -> content.Report:
     """Make the rows and figures of the report of a simulation; phases and windows are marked as `reduce` finds them.
 
     Parameters
@@ -59,22 +49,22 @@ def simulation_report(
     line = joule.get("line", 0.0)
     load = load_words(run.load, before="load ", unknown="load unknown")
     about = (load, f"with {effects}" if effects else "", f"rig {name}" if name else "", run.about)
-    return Report(
+    return content.Report(
         kind="Simulation of a rig",
         title=run.name,
         subtitle=" · ".join(part for part in about if part),
         tiles=tuple(_tile(part, joule[part], line) for part in ("line", "gas", "dc") if part in joule and line),
         points=(
-            data_point([run.origin]),
-            Point("Energies", f"They count {energy_span(simulation)}."),
-            Point("Effects", f"{upper(effects)}." if effects else "None beyond the model of the rig file."),
+            content.data_point([run.origin]),
+            content.Point("Energies", f"They count {energy_span(simulation)}."),
+            content.Point("Effects", f"{upper(effects)}." if effects else "None beyond the model of the rig file."),
         ),
-        sections=filled(
-            section("energies", "Energies", _ledger(joule, line)),
-            section("stages", "Stages", _stages(found)),
+        sections=content.filled(
+            content.section("energies", "Energies", _ledger(joule, line)),
+            content.section("stages", "Stages", _stages(found)),
             histories_section(found),
             symbols_section(found.rig.cascade, cycles=False),
-            provenance_section(
+            content.provenance_section(
                 [
                     ("Line motion from", source or run.path),
                     ("SHA-256 of that file", run.sha256),
@@ -99,12 +89,12 @@ def _as_simulated(simulation: Simulation, rig: Rig) -> Rig:
     return replace(rig, winch=replace(rig.winch, r_drum=radius))
 
 
-def _tile(name: str, joule: float, line: float) -> Tile:
-    return Tile(name, LEDGER_WORDS[name], f"{number(joule, 0)} J", f"{100.0 * joule / line:.1f} % of the line")
+def _tile(name: str, joule: float, line: float) -> content.Tile:
+    return content.Tile(name, LEDGER_WORDS[name], f"{number(joule, 0)} J", f"{100.0 * joule / line:.1f} % of the line")
 
 
-def _ledger(joule: dict[str, float], line: float) -> Table:
-    return ItemTable[tuple[str, float]](
+def _ledger(joule: dict[str, float], line: float) -> content.Table:
+    return content.ItemTable[tuple[str, float]](
         "ledger",
         "Where the energy of the line went." if joule else "No energy was moved.",
         [
@@ -116,10 +106,10 @@ def _ledger(joule: dict[str, float], line: float) -> Table:
     ).always(list(joule.items()))
 
 
-def _stages(found: Reduction) -> Table | None:
+def _stages(found: Reduction) -> content.Table | None:
     """Powers of each stage over the whole motion: largest, smallest, and the energies delivered and returned."""
     t = found.run.t
-    return ItemTable[tuple[str, Signal]](
+    return content.ItemTable[tuple[str, Signal]](
         "stages",
         "Powers of the stages over the whole motion.",
         [

@@ -18,17 +18,8 @@ from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, shares
-from winchcascade.report.content import (
-    ROW_UNIT,
-    ItemTable,
-    Limit,
-    Table,
-    TableColumn,
-    formatted_table,
-    make_table,
-    row_limit,
-    rows_of,
-)
+from winchcascade.report import content
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import (
     MINUS,
     interval_text,
@@ -53,7 +44,7 @@ from winchcascade.report.wording import (
     unit_of,
 )
 
-LISTED_CYCLES = Limit(60)
+LISTED_CYCLES = content.Limit(60)
 """Cycles that a table lists; of more the first and the last half of that."""
 
 MAX_FINDINGS = 40
@@ -103,7 +94,7 @@ def _given(reduction: Reduction, metrics: Sequence[str]) -> list[str]:
     return [m for m in metrics if any(getattr(c.metrics, m) is not None for c in reduction.cycles)]
 
 
-def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
+def cycles_table(reduction: Reduction, found: Uncertainty) -> content.Table:
     """Energies, mean powers and efficiencies of every cycle, their mean, its uncertainty and the largest deviation."""
     cascade = reduction.rig.cascade
     apart = len(cascade.stages) > TOGETHER
@@ -111,7 +102,7 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     n = len(reduction.complete)
     more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
-    return ItemTable[CycleResult](
+    return content.ItemTable[CycleResult](
         "cycles",
         f"Cycles: energies E over the integration window,{'' if apart else ' mean powers P in it,'} efficiencies η."
         + incomplete,
@@ -126,7 +117,7 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     ).always(reduction.cycles, _means(reduction, found, given, n))
 
 
-def powers_table(reduction: Reduction, found: Uncertainty) -> Table | None:
+def powers_table(reduction: Reduction, found: Uncertainty) -> content.Table | None:
     """Mean powers of every cycle where a cascade has too many stages for one table; None where it has not."""
     cascade = reduction.rig.cascade
     given = _given(reduction, [m for m in cascade.metrics if m.startswith("power")])
@@ -134,11 +125,11 @@ def powers_table(reduction: Reduction, found: Uncertainty) -> Table | None:
         return None
     below = [(row[0], *row[2:]) for row in _means(reduction, found, given, len(reduction.complete))]
     columns = [_CYCLE, *_metric_columns(reduction, found, given)]
-    table = ItemTable("mean-powers", "Mean powers P in the integration window.", columns, limit=LISTED_CYCLES)
+    table = content.ItemTable("mean-powers", "Mean powers P in the integration window.", columns, limit=LISTED_CYCLES)
     return table.always(reduction.cycles, below)
 
 
-def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
+def net_table(reduction: Reduction, found: Uncertainty) -> content.Table | None:
     """Energies of every whole cycle, from onset to next onset, and their means; None where no cycle has any."""
     given = _given(reduction, reduction.rig.cascade.net_metrics)
     if not given:
@@ -146,7 +137,7 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     reasons = net_reasons(reduction.cycles)
     missing = f"Without net energies: {'; '.join(reasons[:MAX_REASONS])}. " if reasons else ""
     ratio = "; η_net = E_gen, cycle / E_net" if "eta_net" in given else ""
-    return ItemTable[CycleResult](
+    return content.ItemTable[CycleResult](
         "net",
         "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset.",
@@ -187,7 +178,7 @@ def end_text(found: Uncertainty, metric: str, end: Literal["low", "high"]) -> st
 _CYCLE: TableColumn[CycleResult] = TableColumn("Cycle", text=True, of=label)
 
 
-def payouts_table(reduction: Reduction) -> Table:
+def payouts_table(reduction: Reduction) -> content.Table:
     """Payout of every cycle: instants, travel, and time means over its plateau."""
     zero = clock_zero(reduction.run)
     onset: TableColumn[CycleResult] = TableColumn("Onset", "s", 2, of=lambda c: c.phases.onset - zero)
@@ -212,7 +203,7 @@ def _since(zero: float) -> str:
     return f", counted from {zero:.2f} s on the log's clock" if zero else ""
 
 
-def holds_table(reduction: Reduction) -> Table:
+def holds_table(reduction: Reduction) -> content.Table:
     """Hold and haul-in of every cycle."""
     return _phases_table(
         "holds",
@@ -254,18 +245,22 @@ _HOLD_AND_HAUL_IN = (
 
 def _phases_table(
     name: str, caption: str, columns: Sequence[TableColumn[CycleResult]], reduction: Reduction, note: str
-) -> Table:
+) -> content.Table:
     """A row for each cycle, without the columns that hold nothing."""
-    rows = rows_of(columns, reduction.cycles, LISTED_CYCLES)
+    rows = content.rows_of(columns, reduction.cycles, LISTED_CYCLES)
     used = [k for k in range(len(columns)) if k == 0 or any(row[k] not in (None, "") for row in rows)]
-    return make_table(name, caption, [columns[k] for k in used], [[row[k] for k in used] for row in rows], note=note)
+    return content.make_table(
+        name, caption, [columns[k] for k in used], [[row[k] for k in used] for row in rows], note=note
+    )
 
 
-def bins_table(reduction: Reduction) -> Table | None:
+def bins_table(reduction: Reduction) -> content.Table | None:
     """Mean powers in bins of generator speed; None where that speed is unknown."""
     stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
-    shown = reduction.bins[:: max(1, -(-len(reduction.bins) // (row_limit(MAX_BINS) or len(reduction.bins) or 1)))]
-    return ItemTable[Bin](
+    shown = reduction.bins[
+        :: max(1, -(-len(reduction.bins) // (content.row_limit(MAX_BINS) or len(reduction.bins) or 1)))
+    ]
+    return content.ItemTable[Bin](
         "bins",
         f"Mean powers of the {span_word(reduction)}s in bins of generator speed, with the standard error of their samples.",
         [
@@ -292,7 +287,7 @@ def _power_columns(stage: str) -> list[TableColumn[Bin]]:
     ]
 
 
-def findings_table(reduction: Reduction) -> Table | None:
+def findings_table(reduction: Reduction) -> content.Table | None:
     """What was found wrong with the log and what was done; None for a clean log."""
     if not reduction.quality:
         return None
@@ -306,28 +301,28 @@ def findings_table(reduction: Reduction) -> Table | None:
         TableColumn("What was found", text=True, of=lambda f: f.message),
         TableColumn("What was done", text=True, of=lambda f: f.action),
     ]
-    rest = len(quality[row_limit(MAX_FINDINGS) or len(quality) :])
+    rest = len(quality[content.row_limit(MAX_FINDINGS) or len(quality) :])
     more = [(f"… {rest} more", *[""] * 6)] if rest else []
-    return make_table(
+    return content.make_table(
         "findings",
         "Findings: what is wrong with the log, and what was done about it.",
         columns,
-        [*rows_of(columns, quality[: row_limit(MAX_FINDINGS)]), *more],
+        [*content.rows_of(columns, quality[: content.row_limit(MAX_FINDINGS)]), *more],
         note=f"Times are{_since(zero).lstrip(',')}." if zero else "",
     )
 
 
 _METRIC: tuple[TableColumn[str], ...] = (
     TableColumn("Metric", text=True, of=SYMBOL.__getitem__),
-    TableColumn(ROW_UNIT, text=True, of=unit_of),
+    TableColumn(content.ROW_UNIT, text=True, of=unit_of),
 )
 
 
-def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | None:
+def repeatability_table(reduction: Reduction, found: Uncertainty) -> content.Table | None:
     """Scatter of the complete cycles: largest deviation, which cycle has it, and s/sqrt(N); None for fewer than two."""
     mean, scatter = reduction.mean, found.budget.repeatability
     values = {m: {c.cycle: x for c in reduction.complete if (x := getattr(c.metrics, m)) is not None} for m in mean}
-    return ItemTable[str](
+    return content.ItemTable[str](
         "repeatability",
         f"Repeatability of {len(reduction.complete)} complete cycles.",
         [
@@ -345,11 +340,11 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
     ).of([m for m in mean if scatter[m] is not None and len(values[m]) > 1])
 
 
-def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
+def uncertainty_table(reduction: Reduction, found: Uncertainty) -> content.Table | None:
     """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval; None without any."""
     mean, u, known, alone = reduction.mean, found.standard, found.budget, found.interval_95_sensors
     sensors, scatter, freedom = known.sensors, known.repeatability, known.freedom
-    return ItemTable[str](
+    return content.ItemTable[str](
         "uncertainty",
         "Standard uncertainty u of the means and 95 % intervals.",
         [
@@ -409,7 +404,7 @@ def budgeted(mean: Metrics) -> list[str]:
     return [*etas, *(m for m in mean if m.startswith("energy") and m not in NET_METRICS)]
 
 
-def budget_table(found: Uncertainty, rig: Rig) -> Table | None:
+def budget_table(found: Uncertainty, rig: Rig) -> content.Table | None:
     """Which error contributes which share of the variance of each mean; None where no accuracy is known."""
     known, channels = found.budget, rig.known_channels
     metrics = [m for m in budgeted(known.mean) if known.mean[m]]
@@ -421,7 +416,7 @@ def budget_table(found: Uncertainty, rig: Rig) -> Table | None:
         *(TableColumn(name, text=True) for name in ("Source", "Limit", "Distribution", "u", "From")),
         *(TableColumn(SYMBOL[m], "%") for m in metrics),
     ]
-    return formatted_table(
+    return content.formatted_table(
         "budget",
         "Uncertainty budget: share of the variance of each mean, in percent.",
         columns,
@@ -447,9 +442,9 @@ def _about(row: BudgetRow, channels: Mapping[str, Channel]) -> tuple[str, str, s
     return source_name(source), limit, source.shape, f"{significant(source.u * factor)} {unit}", source.origin or "–"
 
 
-def sensors_table(reduction: Reduction) -> Table | None:
+def sensors_table(reduction: Reduction) -> content.Table | None:
     """Sensors of the channels of the log, as the rig file states them."""
-    return ItemTable[tuple[str, Sensor]](
+    return content.ItemTable[tuple[str, Sensor]](
         "sensors",
         "Sensors, as the rig file states them; accuracies are limits.",
         [

@@ -21,21 +21,8 @@ from winchcascade.blind.score import (
     taken_as,
 )
 from winchcascade.core.campaign_file import Origin, banner
-from winchcascade.report.content import (
-    ItemTable,
-    Note,
-    Point,
-    Report,
-    TableColumn,
-    Tile,
-    filled,
-    formatted_table,
-    number_column,
-    picture,
-    provenance_section,
-    section,
-    text_column,
-)
+from winchcascade.report import content
+from winchcascade.report.content import TableColumn, number_column, text_column
 from winchcascade.report.digits import MINUS, number, places, significant
 from winchcascade.report.gap_words import display_of
 from winchcascade.report.style import COLOURS, Margins, house_style, legend_above, panel_figure
@@ -53,23 +40,23 @@ from winchcascade.report.trial_text import (
 
 
 @house_style()
-def make_trial_report(score: Score, *, command: str = "") -> Report:
+def make_trial_report(score: Score, *, command: str = "") -> content.Report:
     """Make the rows and figures of the report of a trial."""
-    return Report(
+    return content.Report(
         kind="Trial of the diagnosis",
         title=f"{len(score.cases)} cases with withheld answers",
         subtitle="Campaigns of an independent twin of the rig",
         tiles=_tiles(score),
         points=_points(score),
-        sections=filled(
-            section(
+        sections=content.filled(
+            content.section(
                 "totals", "Outcome",
                 _TOTALS.always([row for row in totals(score) if row[1].of]),
                 _STRENGTHS.of([(f"{strength:g}", count) for strength, count in score.strengths.items()]),
             ),
-            section(
+            content.section(
                 "taken", "What each effect is taken for",
-                picture(
+                content.picture(
                     taken_figure(score), "taken",
                     "How many cases of each injected effect (rows) were taken for what (columns): on the diagonal it was "
                     "named, in a frame it is wrong. Several: more than one effect was named. Pairs are in the table.",
@@ -77,26 +64,26 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
                 ),
                 _TAKEN.always(taken_rows(score)),
             ),
-            section(
+            content.section(
                 "parameters", "Numbers of the named effects",
-                picture(
+                content.picture(
                     coverage_figure(score), "coverage",
                     "What was found of each named effect less the truth, over the size of the true change, with 95 % "
                     "intervals: of twenty intervals nineteen should hold the truth, which lies at zero.",
                     "Points with bars about zero; the numbers are in the table below.",
                 ),
-                formatted_table(
+                content.formatted_table(
                     "parameters", "Numbers of the effects that were named, beside the truth.", _PARAMETERS,
                     [(case.case, *_parameter(p)) for case in score.cases for p in case.parameters],
                 ),
             ),
-            section(
+            content.section(
                 "closure", "Share of the gap that was closed",
                 _CLOSURES.of([c for c in score.cases if c.share_claimed is not None or c.closure.share is not None])
-                or Note("No diagnosis claims to have closed anything."),
+                or content.Note("No diagnosis claims to have closed anything."),
             ),
-            section("cases", "Cases", _CASES.always(score.cases)),
-            provenance_section(
+            content.section("cases", "Cases", _CASES.always(score.cases)),
+            content.provenance_section(
                 [("SHA-256 of the sealed answers", score.sealed_sha256), ("Seed", str(score.seed))], command
             ),
         ),
@@ -104,37 +91,37 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
     )  # fmt: skip
 
 
-def _tiles(score: Score) -> tuple[Tile, ...]:
+def _tiles(score: Score) -> tuple[content.Tile, ...]:
     shown = (
         ("named", "injected effects", score.count("named", *HIDDEN)),
         ("recognised", "causes outside the catalogue", score.count("recognised", "outsider")),
         ("covered", "true numbers in 95 % intervals", score.coverage),
     )
     return tuple(
-        Tile(symbol, name, f"{count.part} of {count.of}", count_cells(count)[2])
+        content.Tile(symbol, name, f"{count.part} of {count.of}", count_cells(count)[2])
         for symbol, name, count in shown
         if count.of
     )
 
 
-def _points(score: Score) -> tuple[Point, ...]:
+def _points(score: Score) -> tuple[content.Point, ...]:
     wrong, alarms, missing = score.count("misnamed", *HIDDEN), score.count("false_alarm", "none"), score.missing
     silent, abstained = score.count("silent", *HIDDEN), score.count("abstained", *HIDDEN)
     return (
-        Point(
+        content.Point(
             "Wrong names",
             f"{wrong.part} of {wrong.of} cases with an injected effect were given another name.",
             "warn" if wrong.part else "good",
         ),
-        Point("Not named", f"{silent.part} were taken for no gap, {abstained.part} were left unexplained."),
-        Point(
+        content.Point("Not named", f"{silent.part} were taken for no gap, {abstained.part} were left unexplained."),
+        content.Point(
             "False alarms",
             f"{alarms.part} of {alarms.of} cases that hide nothing were said to have a gap.",
             "warn" if alarms.part else "good",
         ),
-        Point("Gap closed", closure_sentence(score)),
+        content.Point("Gap closed", closure_sentence(score)),
         *(
-            [Point("Missing", f"{missing.part} of {missing.of} cases have no diagnosis.", "warn")]
+            [content.Point("Missing", f"{missing.part} of {missing.of} cases have no diagnosis.", "warn")]
             if missing.part
             else []
         ),
@@ -152,7 +139,7 @@ def _count_columns(name: str, unit: str, cases: str) -> list[TableColumn[tuple[s
     ]
 
 
-_TOTALS = ItemTable(
+_TOTALS = content.ItemTable(
     "totals",
     "What came of the cases.",
     _count_columns("Outcome", "", "Cases"),
@@ -160,14 +147,14 @@ _TOTALS = ItemTable(
     "Outsiders hide something that is not in the catalogue: they are recognised if their gap is not called explained.",
 )
 
-_STRENGTHS = ItemTable(
+_STRENGTHS = content.ItemTable(
     "strengths",
     "Single effects named, by the strength of the effect.",
     _count_columns("Strength", "of full", "Named"),
     note="Full strength is the size at which an effect was chosen to stand clearly out of what is not known of the rig.",
 )
 
-_TAKEN = ItemTable[tuple[str, ...]](
+_TAKEN = content.ItemTable[tuple[str, ...]](
     "taken",
     "What was injected, how often, how often it was named, and what it was taken for otherwise.",
     [
@@ -204,7 +191,7 @@ _CASE: tuple[TableColumn[CaseScore], ...] = (
     TableColumn("Injected", text=True, of=lambda case: hidden_words(case).replace(" x ", " × ")),
 )
 
-_CLOSURES = ItemTable[CaseScore](
+_CLOSURES = content.ItemTable[CaseScore](
     "closure",
     "Share of the explainable gap that was closed on withheld logs: as claimed, and from the predicted logs.",
     [
@@ -221,7 +208,7 @@ def _share(value: float | None) -> str:
     return "–" if value is None else share_text(value)
 
 
-_CASES = ItemTable[CaseScore](
+_CASES = content.ItemTable[CaseScore](
     "cases",
     "Every case: what was injected, the outcome, and the diagnosis.",
     [

@@ -14,17 +14,8 @@ from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import CampaignWavesRecord, LogWavesRecord, RunRecord
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
-from winchcascade.report.content import (
-    ItemTable,
-    Limit,
-    Note,
-    Picture,
-    Section,
-    Table,
-    TableColumn,
-    picture,
-    section,
-)
+from winchcascade.report import content
+from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import NumberText, interval_text, significant
 from winchcascade.report.text_table import wrapped
 from winchcascade.report.wave_text import (
@@ -45,15 +36,15 @@ DOTS = 1500
 """Waves that are drawn at most; of more, an even selection."""
 
 
-def wave_section(reduction: Reduction) -> Section:
+def wave_section(reduction: Reduction) -> content.Section:
     """Energies and efficiencies of waves over their payout, the whole record, and classes of payout and period."""
-    return section("waves", "Waves", *wave_blocks(wave_energies(reduction), reduction.rig.cascade))
+    return content.section("waves", "Waves", *wave_blocks(wave_energies(reduction), reduction.rig.cascade))
 
 
-def wave_blocks(found: WaveEnergies, cascade: Cascade) -> tuple[Picture | Table | None, ...]:
+def wave_blocks(found: WaveEnergies, cascade: Cascade) -> tuple[content.Picture | content.Table | None, ...]:
     """Figure and tables of waves, of one log or of several."""
     return (
-        picture(
+        content.picture(
             wave_figure(found, cascade), "wave-energies",
             "Energy and efficiency of each wave over its payout, the travel of its positive half. Lines are the ratios of sums "
             "of classes of payout. A single wave may take energy from the gas, or leave energy in it: its efficiency scatters."
@@ -101,7 +92,7 @@ def wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     return figure
 
 
-LISTED_LOGS = Limit(60, "logs")
+LISTED_LOGS = content.Limit(60, "logs")
 """Logs that the table lists; of more the first and the last half of that."""
 
 
@@ -163,18 +154,20 @@ def campaign_waves_lines(record: CampaignWavesRecord) -> list[str]:
     return [*wave_lines(waves_from_record(record)), *notes]
 
 
-def campaign_waves_section(found: CampaignWaves) -> Section:
+def campaign_waves_section(found: CampaignWaves) -> content.Section:
     """Waves of all logs together over their payout, by class, and each log beside the others."""
     first, *rest = wave_blocks(
         found.together,
         Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in found.together.record_energy), configured=True),
     )
-    return section("waves", "Waves", first, _logs_table(found), *rest, *(Note(text) for text in found.left_out))
+    return content.section(
+        "waves", "Waves", first, _logs_table(found), *rest, *(content.Note(text) for text in found.left_out)
+    )
 
 
-def _logs_table(found: CampaignWaves) -> Table | None:
+def _logs_table(found: CampaignWaves) -> content.Table | None:
     waves = found.together
-    return ItemTable[LogWaves](
+    return content.ItemTable[LogWaves](
         "wave-logs",
         "Mean powers of the whole record of each log, and ratios of the sums of its waves.",
         [
