@@ -138,10 +138,13 @@ def documented(command: str, table: str) -> list[str]:
         (COMMANDS["reduce"], "windows", 0),
         (COMMANDS["reduce"], "whole cycles", 1),
         (COMMANDS["reduce"], "phases", 2),
-        (("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"), "logs", 0),
-        (("calibrate", "fixtures/campaign/open_circuit.csv"), "numbers", 0),
-        (COMMANDS["simulate"], "energies", 0),
         (COMMANDS["compare"], "differences", 0),
+        pytest.param(
+            ("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"), "logs", 0,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(("calibrate", "fixtures/campaign/open_circuit.csv"), "numbers", 0, marks=pytest.mark.slow),
+        pytest.param(COMMANDS["simulate"], "energies", 0, marks=pytest.mark.slow),
     ],
 )
 def test_columns_are_omitted_in_the_order_of_the_page(
@@ -191,7 +194,7 @@ QUIET = {
 }
 
 
-@pytest.mark.parametrize("name", QUIET)
+@pytest.mark.parametrize("name", daily(QUIET, ("reduce", "audit", "rig")))
 def test_quiet_prints_only_what_fails_with_the_same_exit_code(place: Path, name: str) -> None:
     words, code, part = QUIET[name]
     loud, quiet = call(*words), call(*words, "--quiet")

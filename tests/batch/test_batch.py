@@ -314,6 +314,7 @@ def test_more_logs_redo_nothing_that_is_there(campaign: Path, out: Path) -> None
     assert list(summary(out)) == ["r9ohm.csv", "r36ohm.csv"]
 
 
+@pytest.mark.slow
 def test_more_reports_redo_the_logs_that_lack_them(campaign: Path, done: Path) -> None:
     log, out = campaign / "r9ohm.csv", done
     before = contents(out)
@@ -344,6 +345,7 @@ def test_a_damaged_result_is_made_again(campaign: Path, done: Path) -> None:
     assert contents(done) == before
 
 
+@pytest.mark.slow
 def test_what_a_call_in_between_did_not_ask_for_is_not_left_of_another_log(tmp_path: Path, out: Path) -> None:
     """With a report and a workbook, then changed and without, then with: what is there is of the log as it is now."""
     log = tmp_path / "log.csv"

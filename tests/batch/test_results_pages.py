@@ -55,6 +55,7 @@ def test_the_next_batch_links_all_pages_to_it_and_reports_no_changed_file(fixtur
     assert 'href="../diagnosis.html"' in (folder / "runs" / "r9ohm.csv.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_changed_page_and_another_folder_are_left_alone(folder: Path, tmp_path: Path) -> None:
     page = folder / "index.html"
     page.write_text(page.read_text(encoding="utf-8") + "<!-- mine -->", encoding="utf-8")

@@ -99,9 +99,10 @@ def test_nothing_is_written_outside_of_the_scratch_folder_and_nothing_stays(
             lambda: zipped(**{"a.csv": b"t,v\n" + bytes(150_000_000)}),
             "unpacks to more than 100 MB; less was expected of an archive of",
         ),
-        (
+        pytest.param(
             lambda: gzip.compress(b"t,v\n" + bytes(150_000_000)),
             "unpacks to more than 100 MB; less was expected of an archive of",
+            marks=pytest.mark.slow,
         ),
         (lambda: zipped(**{"a.zip": zipped(**{"b.csv": LOG})}), "a.zip: is an archive within an archive"),
         (lambda: zipped(), "holds no file that could be a log"),

@@ -226,7 +226,7 @@ def compared(log: str) -> Reduction:
 @pytest.mark.parametrize(
     "log",
     [
-        R36,
+        pytest.param(R36, marks=pytest.mark.slow),
         "many sources",
         *(pytest.param(f"campaign/{log}.csv", marks=pytest.mark.slow) for log in ("r18ohm", "r4p5ohm", "open_circuit")),
         *(pytest.param(f"damaged_logs/{log}.csv", marks=pytest.mark.slow) for log in ("dropouts", "aborted")),

@@ -169,6 +169,7 @@ NEAR = 1e-3
 """Between its simulated nodes a curve may be this far from a simulation. [1]"""
 
 
+@pytest.mark.slow
 def test_the_value_that_a_row_needs_brings_it_within_reach() -> None:
     simulator = TableSimulator(paper().rows, baseline(RIG), made_reduce)
     for mover in paper().explanation.suspects:
