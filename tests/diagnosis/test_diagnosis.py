@@ -19,6 +19,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_n
 from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.evidence import price
 from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_text import as_json
 from winchcascade.report.gap_words import about_text, where_sentence
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
@@ -53,6 +54,23 @@ def test_a_planted_effect_is_named_with_its_size(name: str) -> None:
     assert found.closure is not None
     assert found.closure.share > 0.9
     assert found.closure.low <= found.closure.share <= found.closure.high
+
+
+def test_the_closure_subtracts_the_noise_of_the_logs_whatever_the_model_may_deviate() -> None:
+    found = diagnosed("copper_heating")
+    assert found.closure is not None
+    judged = found.data.seen & np.isfinite(found.closure.residual)
+    for k, name in enumerate(CHANNELS):
+        own = found.data.logged_noise[judged[:, k], k]
+        assert found.closure.channels[name].noise == pytest.approx(np.sqrt(np.mean(own**2)))
+    rig = built_in()
+    loose = msgspec.structs.replace(
+        rig, model=msgspec.structs.replace(rig.model, discrepancy=10.0 * rig.model.discrepancy)
+    )
+    data = Fitted(found.runs, loose)
+    assert data.logged_noise.tolist() == found.data.logged_noise.tolist()
+    assert np.all(data.noise >= found.data.noise)
+    assert np.median(data.noise / found.data.noise) > 2.0
 
 
 @pytest.mark.slow

@@ -41,7 +41,7 @@ def coloured(data: Fitted, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
     kept = white.copy()
     for k in np.flatnonzero(data.blocks.joined).tolist():
         kept[k] = RHO * kept[k - 1] + math.sqrt(1.0 - RHO**2) * white[k]
-    own = np.concatenate([log.noise.own for log in data.logs])
+    own = np.concatenate([log.noise.alone for log in data.logs])
     drive = np.concatenate([log.noise.drive for log in data.logs])
     seen = np.concatenate([log.noise.seen for log in data.logs])
     residual = np.zeros_like(kept)
@@ -132,9 +132,11 @@ def test_the_discrepancy_of_the_model_is_a_share_of_the_plateau_of_its_log(data:
 def test_a_deviation_of_the_model_within_blocks_is_the_same_in_repeats() -> None:
     run = made_log(seed=1, cycles=3)
     once, twice = Fitted([run], RIG), Fitted([run, run], RIG)
-    alone, repeated, deviation = once.logs[0].noise, twice.logs[0].noise, once.logs[0].noise.model
+    single, repeated = once.logs[0].noise, twice.logs[0].noise
+    deviation = single.model
     assert deviation.any()
-    np.testing.assert_allclose(repeated.own**2 - alone.own**2, deviation**2, atol=1e-9 * float(np.max(alone.own**2)))
+    extra = repeated.alone**2 - single.alone**2
+    np.testing.assert_allclose(extra, deviation**2, atol=1e-9 * float(np.max(single.alone**2)))
 
 
 def test_only_the_cycles_that_count_are_fitted() -> None:

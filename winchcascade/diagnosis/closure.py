@@ -13,8 +13,8 @@ from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
+from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, unsteadiness_of
 from winchcascade.diagnosis.misfit import MIN_BLOCKS as MIN_BLOCKS
-from winchcascade.diagnosis.misfit import WITHIN, Fitted, Log, unsteadiness_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], 
             rows = np.ones_like(data.measured)
             rows[held] = 0.0
             fit = fit_set(RigProblem(data, suspects, best.names, rows.ravel(), REACH), best, quick=True)
-        nu = np.where([n.kind == "zero" for n in data.nuisances], 0.0, fit.nu)
+        nu = np.where([n.kind in LOCAL for n in data.nuisances], 0.0, fit.nu)
         predicted = data.predict(nu, fit.effects(suspects), here)
         own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
         counted = np.isin(own, held)
@@ -126,7 +126,8 @@ def by_cycles(data: Fitted, withheld: Sequence[int]) -> bool:
 def closure_between(
     data: Fitted, before: Signal, after: Signal, predictions: dict[int, Fit], seed: int
 ) -> ModelClosure:
-    """Compare the gaps of the withheld logs before and after.
+    """Compare the gaps of the withheld logs before and after, beyond noise alone: what the discrepancy of the model allows is
+    left, too.
 
     Parameters
     ----------
@@ -134,8 +135,8 @@ def closure_between(
     predictions : fits by number of the withheld log
     """
     withheld, known = sorted(predictions), np.isfinite(after)
-    noise = np.sqrt(data.noise**2 + np.sum(data.discrepancies() ** 2, axis=2))
-    squares = np.where((data.seen & known)[:, None], np.stack([before, after, noise, np.ones_like(after)], 1) ** 2, 0.0)
+    each = np.stack([before, after, data.logged_noise, np.ones_like(after)], 1)
+    squares = np.where((data.seen & known)[:, None], each**2, 0.0)
     by_log = np.array([squares[data.rows[k]].sum(axis=0) for k in withheld])
     by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
     share, rng = _share(by_log), np.random.default_rng(seed)

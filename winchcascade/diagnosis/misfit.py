@@ -76,7 +76,7 @@ class Noise(msgspec.Struct, frozen=True):
     `seen` (m, 5): the channel depends on the model there. `own` (m, 5) is the standard deviation of the mean of a block that
     belongs to the channel alone, `bare` (m, 5) its part from white noise of the sensor, `drive` (m, 5) the standard deviation
     that all channels share through the noise of the velocity, `model` (m, 5) that by which the model may deviate in a single
-    block. SI units, columns of `predict.CHANNELS`.
+    block; it is the same in all `repeats` of the log. SI units, columns of `predict.CHANNELS`.
     """
 
     seen: NDArray[np.bool_]
@@ -84,11 +84,25 @@ class Noise(msgspec.Struct, frozen=True):
     bare: Signal
     drive: Signal
     model: Signal
+    repeats: float = 1.0
+
+    @property
+    def logged(self) -> Signal:
+        """Standard deviation of each block's mean in the log, whatever the model may lack, (m, 5)."""
+        return np.asarray(np.hypot(self.own, self.drive))
+
+    @property
+    def alone(self) -> Signal:
+        """Standard deviation of each block's residual that belongs to the channel alone, (m, 5).
+
+        What the model may deviate counts as often as the log is repeated: all repeats together tell no more of it than one.
+        """
+        return np.asarray(np.sqrt(self.own**2 + self.repeats * self.model**2))
 
     @property
     def total(self) -> Signal:
-        """Standard deviation of each block's mean, (m, 5)."""
-        return np.asarray(np.hypot(self.own, self.drive))
+        """Standard deviation of each block's residual, (m, 5)."""
+        return np.asarray(np.hypot(self.alone, self.drive))
 
 
 class Log(msgspec.Struct, frozen=True):
@@ -154,6 +168,7 @@ class Fitted:
         self.measured = np.concatenate([log.measured for log in self.logs])
         self.seen = np.concatenate([log.noise.seen for log in self.logs])
         self.noise = np.concatenate([log.noise.total for log in self.logs])
+        self.logged_noise = np.concatenate([log.noise.logged for log in self.logs])
         self.whitener = np.concatenate([log.whitener * (k not in withheld) for k, log in enumerate(self.logs)])
         self.simulated = sum(n.kind not in LOCAL for n in self.nuisances)
         self._of_kind: dict[str, list[tuple[int, Nuisance]]] = {}
@@ -424,8 +439,7 @@ def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> 
     noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
     level = _levels(blocks, fine)
     deviation = rig.model.discrepancy * _in_a_block(blocks, at_stamps, level[blocks.phase])
-    own = np.sqrt(noise.own**2 + repeats * deviation**2)
-    noise = msgspec.structs.replace(noise, own=own, model=deviation)
+    noise = msgspec.structs.replace(noise, model=deviation, repeats=repeats)
     return Log(
         run=run,
         course=course,
@@ -456,7 +470,7 @@ def _in_a_block(blocks: Blocks, at_stamps: Signal, level: Signal) -> Signal:
 
 def _whitener(noise: Noise) -> Signal:
     """Inverse Cholesky factor of each block's covariance: own variances and the velocity's, which all channels share."""
-    own = np.where(noise.seen, noise.own, 1.0)
+    own = np.where(noise.seen, noise.alone, 1.0)
     drive = np.where(noise.seen, noise.drive, 0.0)
     covariance = drive[:, :, None] * drive[:, None, :]
     k = np.arange(len(CHANNELS))

@@ -197,15 +197,24 @@ def beside_own_simulation(
         own_simulation=own,
         contributions=split,
     )
-    return _without_gap(result, own) if _agrees(result, own) else result
+    return _without_gap(result, own) if _agrees(result, own, gap) else result
 
 
-def _agrees(result: ModelDiagnosis, own: OwnSimulation) -> bool:
-    """Whether a simulation contains all causes with the same numbers, and differs from the logs by no more than noise."""
+def _agrees(result: ModelDiagnosis, own: OwnSimulation, gap: Signal) -> bool:
+    """Whether a simulation contains all causes with the same numbers, and differs from the logs by no more than noise and the
+    discrepancy of a model.
+
+    Parameters
+    ----------
+    gap : (M, 5) blocks of the log minus those of the simulation, zeros taken off
+    """
     if result.verdict != "explained" or result.closure is None:
         return False
-    shrunk = result.closure.channels.values()
-    return all(one.before <= math.sqrt(1.0 + MIN_EXCESS) * one.noise for one in shrunk) and all(
+    data = result.data
+    judged = data.seen & np.isfinite(result.closure.residual)
+    allowed = (1.0 + MIN_EXCESS) * (data.noise**2 + np.sum(data.discrepancies() ** 2, axis=2))
+    small = np.sum(gap**2, axis=0, where=judged) <= np.sum(allowed, axis=0, where=judged)
+    return bool(small.all()) and all(
         cause.effect in own.numbers
         and all(
             number.low <= own.numbers[cause.effect][name].high and own.numbers[cause.effect][name].low <= number.high
