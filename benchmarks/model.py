@@ -29,10 +29,10 @@ RPM, LOAD = 2000.0, 18.0
 
 FIRST_CALL = """
 import sys, time
+from winchcascade.core.rig_toml import built_in
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.model import baseline
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate
-from winchcascade.rigtoml import built_in
 run, model = read_run(sys.argv[1], load=18.0), baseline(built_in())
 start = time.perf_counter()
 simulate(run, model)

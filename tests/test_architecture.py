@@ -1,6 +1,8 @@
 """The layers of the package: which package may import which, and which module prints."""
 
 import ast
+import importlib.util
+import re
 import runpy
 from collections import Counter
 from functools import cache
@@ -135,3 +137,19 @@ def test_no_report_reads_the_package_s_own_sentences_by_a_pattern() -> None:
         if path.stem not in PATTERNS:
             names = {alias.name for node in nodes_of(path) if isinstance(node, ast.Import) for alias in node.names}
             assert "re" not in names, f"{path.name}: read a field of the result in place of its sentence"
+
+
+IMPORT = re.compile(r"^[ >.]*from (winchcascade[\w.]*) import ([\w, ]+)", re.MULTILINE)
+"""An import in a page, or in a text that a script gives another process: neither mypy nor ruff reads those."""
+
+
+def test_what_pages_and_scripts_import_exists() -> None:
+    root = PACKAGE.parent
+    files = [*(root / "benchmarks").glob("*.py"), *(root / "docs").glob("*.md"), *root.glob("*.md"), root / ".ci/run"]
+    for path in sorted(files):
+        for module, names in IMPORT.findall(path.read_text(encoding="utf-8")):
+            found = importlib.import_module(module)
+            for name in (words.split()[0] for words in names.split(",")):
+                assert hasattr(found, name) or importlib.util.find_spec(f"{module}.{name}"), (
+                    f"{path.name}: {module}.{name}"
+                )
