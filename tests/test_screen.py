@@ -140,7 +140,9 @@ def documented(command: str, table: str) -> list[str]:
         (COMMANDS["reduce"], "phases", 2),
         (COMMANDS["compare"], "differences", 0),
         pytest.param(
-            ("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"), "logs", 0,
+            ("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"),
+            "logs",
+            0,
             marks=pytest.mark.slow,
         ),
         pytest.param(("calibrate", "fixtures/campaign/open_circuit.csv"), "numbers", 0, marks=pytest.mark.slow),

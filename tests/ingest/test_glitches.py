@@ -11,6 +11,7 @@ from shipped_log import WINDOW, Signal, clean, column, row_after_onset, table, w
 from synthetic import SCENARIOS, SENSORS, Scenario, make_log
 
 from winchcascade import Finding, Run, load_rig, reduce
+from winchcascade.ingest.checks.glitches import travelled
 from winchcascade.ingest.checks.quality import check
 
 RIG = load_rig("hsu2026")
@@ -248,3 +249,12 @@ def test_a_saturated_sensor_is_reported_and_kept(seed: int) -> None:
     k = in_payout(t, channels)
     channels["torque"] = np.minimum(1.5 * channels["torque"], 1.4 * channels["torque"][k])
     assert findings(t, channels) == []
+
+
+def test_travel_between_two_samples_is_told_by_displacement_velocity_and_a_straight_line() -> None:
+    t = np.array([0.0, 0.1, 0.2, 0.4, 0.5])
+    channels = {
+        "displacement": np.array([5.0, 5.1, 5.3, 9.0, 5.9]),
+        "velocity": np.array([7.0, 1.0, np.nan, 2.0, 3.0]),
+    }
+    assert travelled(t, channels, 1, 4) == pytest.approx((0.8, 1.5 * 0.3 + 2.5 * 0.1, 2.0 * 0.4))
