@@ -32,6 +32,7 @@ def test_a_score_counts_the_results_and_lists_the_cases_that_missed(tmp_path: Pa
     assert "explained: rotor_windage" in table
 
 
+@pytest.mark.slow
 def test_a_wrong_load_counts_only_in_its_own_run(tmp_path: Path) -> None:
     entry = {"effect": "load_entry", "factor": 1.5, "log": "r27ohm"}
     part = {"effect": "load_entry", "kind": "entry", "value": 0.01, "low": 0.0, "high": 0.02}

@@ -85,6 +85,7 @@ def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too(verdi
     assert "comes from a wrong entry" not in text
 
 
+@pytest.mark.slow
 def test_the_wrong_load_of_one_run_is_named_with_its_run() -> None:
     record = as_json(misstated())["causes"][0]
     assert (record["effect"], record["run"], record["load_ohm"]) == ("load_entry", "r9ohm.csv", 6.0)

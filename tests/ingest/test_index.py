@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from campaign_log import HEAD, NOON, ROWS, SAME, T, clean, efficiencies, kinds, read, stamps, text
+from daily import daily
 from read_here import readers_here
 
 from winchcascade import Rig, read_run
@@ -53,7 +54,9 @@ WRITERS = [(as_csv, name) for name in NAMES_OF_NONE]
 WRITERS += [(as_excel, ""), (as_excel, "Unnamed: 0"), (as_parquet, "index"), (as_parquet, "__index_level_0__")]
 """Every name in a text file; of the files that a process of their own reads, names that data frames give there."""
 
-BY_WRITER = pytest.mark.parametrize(("write", "name"), WRITERS)
+BY_WRITER = pytest.mark.parametrize(
+    ("write", "name"), daily(WRITERS, [*WRITERS[: 1 + len(NAMES_OF_NONE)], (as_parquet, "index")], spread=True)
+)
 
 
 @BY_WRITER

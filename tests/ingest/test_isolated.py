@@ -34,9 +34,7 @@ OVERSHOOT = 200
 LATE = 40.0
 """A busy machine may be so late. [s]"""
 
-QUICK = (
-    "xlsx, a cell in the last corner", "parquet, zeros", "mat, a claimed length", "zip, a line",
-)  # fmt: skip
+QUICK = ("xlsx, a cell in the last corner", "mat, a claimed length", "zip, a line")
 """Bombs of every day, that are made and rejected in a second; slow tests do the others."""
 
 

@@ -10,7 +10,11 @@ ripples. Measured: 0.0002, 0.0008 and 0.0006."""
 
 @pytest.mark.skipif(NGSPICE is None, reason="needs ngspice on the path")
 @pytest.mark.parametrize(
-    ("rpm", "load"), [(1250.0, 15.0), (1750.0, 33.0), (2300.0, 6.0), (2750.0, 12.0), (2900.0, 100.0), (3300.0, 5.0)]
+    ("rpm", "load"),
+    [
+        *[(1250.0, 15.0), (1750.0, 33.0), (2300.0, 6.0), (2750.0, 12.0), (3300.0, 5.0)],
+        pytest.param(2900.0, 100.0, marks=pytest.mark.slow),  # takes longer than the others together
+    ],
 )
 def test_a_steady_state_is_that_of_ngspice(rpm: float, load: float) -> None:
     reference, found = solved_by_ngspice(rpm, load), solved(rpm, load)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 import pytest
+from daily import daily
 
 from winchcascade import read_run
 from winchcascade.core.rig_toml import built_in
@@ -81,7 +82,7 @@ LOADED = [("r4p5ohm.csv", 4.5), ("r36ohm.csv", 36.0)]
 CASES = [(model, *log) for model in (NOMINAL, WORN, EASY) for log in (*LOADED, ("open_circuit.csv", math.inf))]
 
 
-@pytest.mark.parametrize(("model", "name", "load"), CASES)
+@pytest.mark.parametrize(("model", "name", "load"), daily(CASES, CASES[:6], spread=True))
 def test_derivatives_are_the_limit_of_differences(model: Model, name: str, load: float) -> None:
     course = motion(name, load)
     numbers = constants(model, load)
