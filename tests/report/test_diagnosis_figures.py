@@ -43,7 +43,7 @@ from winchcascade.report.diagnosis_figures import (
     stator_current,
 )
 from winchcascade.report.gap_words import signed
-from winchcascade.report.style import house_style
+from winchcascade.report.style import WIDTH, Format, figure_format, house_style
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.open_rig import load_rig
 
@@ -188,6 +188,16 @@ def test_the_history_draws_logged_minus_simulated() -> None:
     before, after = ax.lines
     assert np.allclose(before.get_ydata(), one.logged - one.before, equal_nan=True)
     assert np.allclose(after.get_ydata(), one.logged - one.after, equal_nan=True)
+
+
+@pytest.mark.parametrize("width", [WIDTH, 190.0 / 25.4])
+def test_the_labels_of_the_history_stay_on_the_figure(width: float) -> None:
+    found = diagnosed("copper")
+    with house_style(), figure_format(Format(width)):
+        figure = history(found, sides(found), 1, "log")
+    assert figure is not None
+    figure.draw_without_rendering()
+    assert all(ax.yaxis.label.get_window_extent().x0 > 0.0 for ax in figure.axes)
 
 
 def test_errors_are_drawn_over_current_and_over_what_the_gap_depends_on() -> None:

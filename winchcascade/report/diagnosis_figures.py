@@ -369,6 +369,9 @@ SMALL = 2.4
 BAND = 2.0
 """Half width of the band of noise, in standard deviations."""
 
+EDGE = 0.007
+"""Distance of level labels from the left edge of the figure, as a share of its width."""
+
 
 def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure | None:
     """Draw logged minus simulated of every channel of one log, block by block, before and after, with the band of its noise."""
@@ -378,6 +381,7 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
     height = 0.75 + 0.9 * len(own)
     margins = Margins(left=0.17, head=0.33, foot=0.4)
     figure, axes = panel_figure(height, len(own), margins=margins, gaps={"hspace": 0.16}, share="x")
+    left, right = margins.edges
     for ax, channel in zip(axes, own, strict=True):
         one = series(found, both, log, channel)
         shown = one.t <= one.t[0] + LONGEST
@@ -394,7 +398,7 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
             ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})")
         else:
             ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
-            ax.yaxis.set_label_coords(-0.2, 0.5)
+            ax.yaxis.set_label_coords((EDGE - left) / (right - left), 0.5)
     axes[-1].set_xlabel("Time (s)")
     entries = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
     entries += [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]
