@@ -41,7 +41,7 @@ def coloured(data: Fitted, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
     kept = white.copy()
     for k in np.flatnonzero(data.blocks.joined).tolist():
         kept[k] = RHO * kept[k - 1] + math.sqrt(1.0 - RHO**2) * white[k]
-    own = np.concatenate([log.noise.alone for log in data.logs])
+    own = np.concatenate([log.noise.own_total for log in data.logs])
     drive = np.concatenate([log.noise.drive for log in data.logs])
     seen = np.concatenate([log.noise.seen for log in data.logs])
     residual = np.zeros_like(kept)
@@ -135,8 +135,8 @@ def test_a_deviation_of_the_model_within_blocks_is_the_same_in_repeats() -> None
     single, repeated = once.logs[0].noise, twice.logs[0].noise
     deviation = single.model
     assert deviation.any()
-    extra = repeated.alone**2 - single.alone**2
-    np.testing.assert_allclose(extra, deviation**2, atol=1e-9 * float(np.max(single.alone**2)))
+    extra = repeated.own_total**2 - single.own_total**2
+    np.testing.assert_allclose(extra, deviation**2, atol=1e-9 * float(np.max(single.own_total**2)))
 
 
 def test_only_the_cycles_that_count_are_fitted() -> None:

@@ -126,8 +126,8 @@ def by_cycles(data: Fitted, withheld: Sequence[int]) -> bool:
 def closure_between(
     data: Fitted, before: Signal, after: Signal, predictions: dict[int, Fit], seed: int
 ) -> ModelClosure:
-    """Compare the gaps of the withheld logs before and after, beyond noise alone: what the discrepancy of the model allows is
-    left, too.
+    """Compare the gaps of the withheld logs before and after. Only the noise of the logs is subtracted, not the discrepancy of
+    the model.
 
     Parameters
     ----------

@@ -88,21 +88,21 @@ class Noise(msgspec.Struct, frozen=True):
 
     @property
     def logged(self) -> Signal:
-        """Standard deviation of each block's mean in the log, whatever the model may lack, (m, 5)."""
+        """Standard deviation of each block's mean in the log, without the deviation of the model, (m, 5)."""
         return np.asarray(np.hypot(self.own, self.drive))
 
     @property
-    def alone(self) -> Signal:
-        """Standard deviation of each block's residual that belongs to the channel alone, (m, 5).
+    def own_total(self) -> Signal:
+        """Part of `total` that belongs to the channel alone, (m, 5).
 
-        What the model may deviate counts as often as the log is repeated: all repeats together tell no more of it than one.
+        The deviation of the model counts as often as the log is repeated: all repeats together tell no more of it than one log.
         """
         return np.asarray(np.sqrt(self.own**2 + self.repeats * self.model**2))
 
     @property
     def total(self) -> Signal:
-        """Standard deviation of each block's residual, (m, 5)."""
-        return np.asarray(np.hypot(self.alone, self.drive))
+        """Standard deviation of each block's residual, log minus model, (m, 5)."""
+        return np.asarray(np.hypot(self.own_total, self.drive))
 
 
 class Log(msgspec.Struct, frozen=True):
@@ -470,7 +470,7 @@ def _in_a_block(blocks: Blocks, at_stamps: Signal, level: Signal) -> Signal:
 
 def _whitener(noise: Noise) -> Signal:
     """Inverse Cholesky factor of each block's covariance: own variances and the velocity's, which all channels share."""
-    own = np.where(noise.seen, noise.alone, 1.0)
+    own = np.where(noise.seen, noise.own_total, 1.0)
     drive = np.where(noise.seen, noise.drive, 0.0)
     covariance = drive[:, :, None] * drive[:, None, :]
     k = np.arange(len(CHANNELS))
