@@ -107,7 +107,6 @@ def write_whole(path: Path, write: Callable[[Path], object], *, force: bool = Fa
     try:
         with scratch_file(path.parent) as part:
             write(part)
-            os.chmod(part, _usual_mode())
             os.replace(part, path)
     except OSError as fault:
         raise _not_written(path, fault) from None
@@ -132,7 +131,6 @@ def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -
             for path, content in contents.items():
                 parts[path] = stack.enter_context(scratch_file(path.parent))
                 parts[path].write_bytes(content)
-                os.chmod(parts[path], _usual_mode())
             put_in_place({part: path for path, part in parts.items()}, without=without)
     except OSError as fault:
         raise _not_written(path, fault) from None
@@ -185,10 +183,3 @@ def check_replaceable(path: Path, *, force: bool) -> None:
             )
     except OSError as fault:
         raise OutputError(f"{path}: exists and cannot be read ({fault.strerror}); choose another name.") from None
-
-
-def _usual_mode() -> int:
-    """Permissions that a plainly created file would get."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask

@@ -7,11 +7,10 @@ import re
 import shutil
 import stat
 import sys
-import threading
 import time
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
@@ -29,36 +28,26 @@ _live: dict[str, str] = {}
 _cleared: set[str] = set()
 """Folders from which this process has removed what killed processes left."""
 
-_guard = threading.Lock()
-"""No thread looks for scratch between the making of one and its entry in `_live`."""
 
-
-@contextmanager
-def scratch_file(folder: Path) -> Iterator[Path]:
+def scratch_file(folder: Path) -> AbstractContextManager[Path]:
     """An empty file in a folder, removed at the end unless it was renamed; clears the folder of left scratch before."""
-    import tempfile
-
-    clear_once(folder)
-    with _guard:
-        handle, name = tempfile.mkstemp(dir=folder, prefix=_prefix(), suffix=SUFFIX)
-        _live[os.path.basename(name)] = name
-    os.close(handle)
-    with removed_at_end(Path(name)):
-        yield Path(name)
+    return _scratch(folder, lambda path: path.touch(exist_ok=False))
 
 
-@contextmanager
-def scratch_folder(folder: Path | None = None) -> Iterator[Path]:
+def scratch_folder(folder: Path | None = None) -> AbstractContextManager[Path]:
     """A folder within another one, by default within that of the system; removed at the end unless it was renamed."""
     import tempfile
 
-    folder = folder or Path(tempfile.gettempdir())
+    return _scratch(folder or Path(tempfile.gettempdir()), lambda path: path.mkdir(0o700))
+
+
+@contextmanager
+def _scratch(folder: Path, make: Callable[[Path], object]) -> Iterator[Path]:
     clear_once(folder)
-    with _guard:
-        name = tempfile.mkdtemp(dir=folder, prefix=_prefix(), suffix=SUFFIX)
-        _live[os.path.basename(name)] = name
-    with removed_at_end(Path(name)):
-        yield Path(name)
+    path = folder / f".winchcascade-{_machine()}-{os.getpid()}-{os.urandom(4).hex()}{SUFFIX}"
+    with removed_at_end(path):  # which notes its name before it exists, so that nobody takes it for left behind
+        make(path)
+        yield path
 
 
 @contextmanager
@@ -74,7 +63,7 @@ def removed_at_end(path: Path) -> Iterator[None]:
 
 def clear_once(folder: Path) -> None:
     """Remove what killed processes left in a folder, where this process has not done so before."""
-    place = os.path.realpath(folder)
+    place = os.path.abspath(folder)
     if place not in _cleared:
         clear(folder)
         _cleared.add(place)
@@ -82,7 +71,7 @@ def clear_once(folder: Path) -> None:
 
 def clear(folder: Path) -> None:
     """Remove the scratch that killed processes left in a folder; that of processes at work and all other files stay."""
-    with suppress(OSError), _guard, os.scandir(folder) as entries:
+    with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             named = _NAME.fullmatch(entry.name)
             if named is not None and _is_left(entry, named[1], int(named[2])):
@@ -102,10 +91,6 @@ def clear_own() -> None:
     """Remove the scratch that this process uses now; for a process that ends by a signal."""
     for path in tuple(_live.values()):
         _remove(path)
-
-
-def _prefix() -> str:
-    return f".winchcascade-{_machine()}-{os.getpid()}-"
 
 
 @cache

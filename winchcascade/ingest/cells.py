@@ -25,6 +25,7 @@ _NUMBER = re.compile(
     (?:[eEdD][-+]?\d+)?["']?\s*$""",
     re.VERBOSE,
 )
+_PLAIN_NUMBERS = re.compile(r"(?:[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?\0)+")
 _PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
 _GROUPED = {
     ".": re.compile(r"([-+]?[1-9]\d{0,2}(?:[,'’ \xa0\u202f]\d{3})+)(\.\d*)?$"),
@@ -57,6 +58,14 @@ def split_row(line: str, delimiter: str) -> list[str]:
 def looks_like_a_number(cell: str) -> bool:
     """Whether a cell is a number in any way of writing one."""
     return len(cell) <= LONGEST and _NUMBER.match(cell) is not None
+
+
+def count_numbers(cells: Sequence[str]) -> int:
+    """How many cells are numbers in any way of writing one."""
+    text = "\0".join([*cells, ""])
+    if len(text) <= LONGEST and _PLAIN_NUMBERS.fullmatch(text) is not None:
+        return len(cells)  # found at once, as in most logs
+    return sum(map(looks_like_a_number, cells))
 
 
 def is_value(cell: str) -> bool:

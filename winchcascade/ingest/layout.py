@@ -12,7 +12,7 @@ import msgspec
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
-from winchcascade.ingest.cells import is_value, looks_like_a_number, split_row
+from winchcascade.ingest.cells import count_numbers, is_value, looks_like_a_number, split_row
 from winchcascade.ingest.dialects import Header, recognise
 
 _ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251", "cp1250", "euc_jp", "koi8-r", "cp850")
@@ -154,7 +154,7 @@ def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[st
     def data(k: int) -> bool:
         """Whether a row holds a number or a stamp in most cells that are not empty, and in more than one."""
         full = [cell for cell in row(k) if cell]
-        count = sum(map(looks_like_a_number, full))
+        count = count_numbers(full)
         return (
             count > 0 and len(full) >= 2 and (count >= 0.6 * len(full) or sum(map(is_value, full)) >= 0.6 * len(full))
         )

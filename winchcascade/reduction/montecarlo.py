@@ -139,7 +139,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
         scatter = known.repeatability[metric] or 0.0
-        middle = float(x.mean())
+        middle = float(x.sum()) / x.size
         about = x - middle
         sensors = math.sqrt(float(about @ about) / x.size)
         drawn[metric] = math.hypot(sensors, scatter)
@@ -336,10 +336,13 @@ _kept_weights = lru_cache(maxsize=4)(_weights)
 
 def _ratio(out: _Drawn, into: _Drawn, rows: Index, mean: float) -> Signal:
     """Mean of the ratios of the cycles for each draw, about their reduced mean."""
-    chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MAX_CYCLES)).round().astype(int)]
+    if len(rows) > MAX_CYCLES:
+        rows = rows[np.linspace(0, len(rows) - 1, MAX_CYCLES).round().astype(int)]
     total = np.zeros(out.weights.shape[1])
-    for k in chosen.tolist():
-        total += (out.parts[k] @ out.weights) / (into.parts[k] @ into.weights)
-    nominal = float(np.mean(out.stage.energy[chosen] / into.stage.energy[chosen]))
-    drawn: Signal = total / len(chosen) * (out.factor / into.factor) + (mean - nominal)
-    return drawn
+    for k in rows.tolist():
+        part = out.parts[k] @ out.weights
+        part /= into.parts[k] @ into.weights
+        total += part
+    nominal = float((out.stage.energy[rows] / into.stage.energy[rows]).sum()) / len(rows)
+    total *= out.factor / into.factor
+    return total / len(rows) + (mean - nominal)

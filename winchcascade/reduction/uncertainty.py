@@ -189,12 +189,12 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
             BudgetRow(source, Metrics({m: float(u[k]) for m, u in of.items()})) for k, source in enumerate(sources)
         ]
         for m, x in changed.items():
-            square[m] += np.sum(x**2, axis=0)
-            mean_square[m] += float(np.sum(of[m] ** 2)) if m in of else 0.0
+            square[m] += (x * x).sum(axis=0)
+            mean_square[m] += float(of[m] @ of[m]) if m in of else 0.0
     sensors = {m: math.sqrt(mean_square[m]) for m in stated if m in given}
-    columns = {m: [reduction.cycles[k].metrics[m] for k in rows_of[m].tolist()] for m in given}
+    columns = {m: [reduction.cycles[k].metrics.value(m) for k in rows_of[m].tolist()] for m in given}
     repeats = reduction.rig.phases.repeats
-    scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in columns.items() if repeats and len(x) > 1}
+    scatter = {m: _error_of_mean(x) for m, x in columns.items() if repeats and len(x) > 1}
     mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
     return Budget(
         rows=tuple(rows),
@@ -280,9 +280,15 @@ def _channels(stages: Mapping[str, StageEnergy]) -> set[str]:
 
 def _of_mean(changed: Signal, *, shared: bool) -> Signal:
     """Changes of a mean by those of its cycles, (n,) from (n, k): what all share moves them together, the rest averages out."""
-    return np.asarray(
-        np.abs(np.mean(changed, axis=1)) if shared else np.sqrt(np.sum(changed**2, axis=1)) / changed.shape[1]
-    )
+    whole = np.abs(changed.sum(axis=1)) if shared else np.sqrt((changed * changed).sum(axis=1))
+    return np.asarray(whole / changed.shape[1])
+
+
+def _error_of_mean(values: Sequence[float]) -> float:
+    """Standard deviation of the mean of two or more values, s / sqrt(N)."""
+    x = np.asarray(values)
+    about = x - x.sum() / x.size
+    return math.sqrt(float(about @ about) / (x.size - 1) / x.size)
 
 
 def energy_errors(model: ErrorModel) -> list[tuple[ErrorSource | None, dict[str, Signal]]]:

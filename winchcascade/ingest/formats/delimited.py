@@ -94,6 +94,9 @@ def text_blocks(path: Path, encoding: str, skip: int) -> Iterator[Bytes]:
 
 
 _HEAD = 1 << 18
+_FIRST_LINES = 1000
+"""Lines of a file that are cut apart to find its layout; the rest is one text."""
+
 _MINUS_SIGN = "\u2212".encode()
 _D_EXPONENT = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
 """As Fortran writes it."""
@@ -124,7 +127,7 @@ def open_delimited(path: Path, *, numbered: bool = False) -> LogSource:
             f"{path.name}: is a binary file of no known format; expected CSV, TDMS, MATLAB, Parquet or Excel. Check that "
             f"this is a log."
         )
-    lines = text.split("\n") if "\n" in text else text.split("\r")  # as text_blocks counts them
+    lines = text.split("\n" if "\n" in text else "\r", _FIRST_LINES)  # as text_blocks counts them
     if len(head) == _HEAD and len(lines) < 4:
         raise LogError(
             f"{path.name}: lines of more than {_HEAD // 4 >> 10} kB; expected a log with a few dozen columns. Check that "

@@ -136,10 +136,10 @@ def _shaft(phased: PhasedRun, k: int) -> _Pair | None:
     omega = phased.v_smooth[rows] * ((rig.rpm_per_velocity or 0.0) * math.pi / 30.0)
     needed = v_dc * i_dc + losses(rig, i_dc, omega)
     capacity, inertia = rig.dc_link.c_dc, rig.drivetrain.inertia_rotor
-    if capacity is not None:
-        needed = needed + capacity.value * v_dc * np.gradient(v_dc, t)
-    if inertia is not None:
-        needed = needed + inertia.value * omega * np.gradient(omega, t)
+    slopes = np.gradient(np.array([v_dc, omega]), t, axis=1)
+    for part, x, slope in zip((capacity, inertia), (v_dc, omega), slopes, strict=True):
+        if part is not None:
+            needed += part.value * x * slope
     return _Pair(t, mech(rows), needed, ())
 
 
