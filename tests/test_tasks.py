@@ -4,6 +4,8 @@ import inspect
 import os
 import signal
 import struct
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -113,6 +115,21 @@ def test_a_job_whose_process_died_once_is_tried_again(tmp_path: Path) -> None:
     tasks = [Task("once" if k == 3 else "good", k, tmp_path) for k in range(6)]
     found = by_place(run_here(work, tasks, workers=2), 6)
     assert [outcome.value for outcome in found] == [2 * k for k in range(6)]
+
+
+def test_a_script_without_a_guard_is_told_what_to_do(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os\nfrom winchcascade.core.errors import OptionError\nfrom winchcascade.core.jobs import run_here\n"
+        "try:\n    print(len(list(run_here(os.path.basename, ['a'] * 4, workers=2))), 'outcomes')\n"
+        "except OptionError as fault:\n    print(fault)\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert "no further process can be started; work with one (jobs=1)." in done.stdout
+    guarded = script.read_text().replace("try:", "if __name__ == '__main__':\n  try:").replace("\nexcept", "\n  except")
+    script.write_text(guarded)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("4 outcomes\n", "")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="looks for a process by its id as POSIX does")

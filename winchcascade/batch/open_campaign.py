@@ -67,6 +67,10 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         Parameters
         ----------
         jobs : processes; a script that uses several must guard its start by `if __name__ == "__main__"`
+
+        Raises
+        ------
+        OptionError : no further process can be started
         """
         from winchcascade.batch.run_batch import run_batch
 

@@ -198,6 +198,10 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
     Parameters
     ----------
     work : a function of a module, so that another process can find it
+
+    Raises
+    ------
+    OptionError : no process can be started
     """
     workers = min(workers, len(jobs), MAX_WORKERS)
     if workers <= 1:
@@ -208,11 +212,29 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
     chunks = _chunks(len(jobs), workers)
     while chunks:
         chunks, broken = yield from _pooled(work, jobs, chunks, workers)
+        if broken and not lost:
+            _require_processes()
         lost += broken
     for place in lost:
         left, killed = yield from _pooled(work, jobs, [range(place, place + 1)], 1)
         if left or killed:
             yield Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
+
+
+def _require_processes() -> None:
+    """Require that a process can be started: OptionError where each ends at once, as those of a script without a guard do."""
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import get_context
+
+    try:
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+            pool.submit(os.getpid).result()
+    except BrokenProcessPool:
+        raise OptionError(
+            "no further process can be started; work with one (jobs=1). A script that uses several is a file, and guards "
+            'its start by if __name__ == "__main__".'
+        ) from None
 
 
 def _chunks(jobs: int, workers: int) -> list[range]:
