@@ -170,11 +170,14 @@ def _named(work: Sequence[Work]) -> list[Work]:
     A name contains no more than distinguishes it, the steadiest part first, so that it stays as it is while rig or options
     change: the file's name, the place of the file, the sheet, the cycles, the load and window, then anything.
     """
-    once = {_same(item): item for item in reversed(work)}  # of the same log with the same options the first one counts
-    work = [replace(item, key=_key(item)) for item in reversed(once.values())]
+    once: dict[str, tuple[Work, str]] = {}  # of the same log with the same options the first one counts
+    for item in work:
+        place = _place(item)
+        once.setdefault(place + _key(replace(item, address="")), (replace(item, key=_key(item)), place))
+    work, places = [item for item, _ in once.values()], [place for _, place in once.values()]
     names, settings = [_safe(item.name) for item in work], [item.settings for item in work]
     for marks in (
-        [_digest(_place(item)) for item in work],
+        [_digest(place) for place in places],
         ["" if one.sheet is None else f"sheet-{_safe(one.sheet)[:_LONG_SHEET]}" for one in settings],
         ["" if one.cycles is None else f"cycles-{_cycles_mark(*one.cycles)}" for one in settings],
         [_digest(repr((one.load, one.window))) for one in settings],
@@ -206,11 +209,6 @@ def _cycles_mark(first: int, last: int) -> str:
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()[:8]
-
-
-def _same(work: Work) -> str:
-    """What two entries share that are one log with the same options, however its path is spelled."""
-    return _place(work) + _key(replace(work, address=""))
 
 
 def _place(work: Work) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -250,8 +251,9 @@ def run_batch(
 
 def _check_own(out: Path, todo: Sequence[Work], *, force: bool) -> None:
     """Reject, before any work, links, and files that this tool did not write."""
-    names = [*CAMPAIGN_FILES, *DATASET, *(f"runs/{work.name}.{ending}" for work in todo for ending in ENDINGS)]
-    for path in [inside(out, name) for name in names]:
+    there = {name.casefold() for name in os.listdir(out / "runs")}
+    results = [name for work in todo for ending in ENDINGS if (name := f"{work.name}.{ending}").casefold() in there]
+    for path in [inside(out, name) for name in (*CAMPAIGN_FILES, *DATASET, *(f"runs/{name}" for name in results))]:
         if path.exists():
             check_replaceable(path, force=force)
 

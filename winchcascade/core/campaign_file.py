@@ -165,13 +165,11 @@ def load_campaign(path: Path) -> Campaign:
         rig = str(path.parent / rig)
     origin = _origin(raw, str(path), Origin())
     listed = tuple(_run(run, k, path, origin) for k, run in enumerate(runs, 1))
-    check_held_out(
-        [run.file.name for run in listed],
-        [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed],
-        [run.cycles for run in listed],
-        [k for k, run in enumerate(listed) if run.withheld],
-        str(path),
-    )
+    withheld = [k for k, run in enumerate(listed) if run.withheld]
+    if withheld:
+        names = [run.file.name for run in listed]
+        logs = [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed]
+        check_held_out(names, logs, [run.cycles for run in listed], withheld, str(path))
     return Campaign(path, title, rig, listed)
 
 
