@@ -45,7 +45,9 @@ def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
     for share in shares:
         place = share * (x.size - 1)
         low = int(place)
-        x[done:].partition(low - done)  # for one place at a time, and the next by a minimum: several at once take far longer
+        x[done:].partition(
+            low - done
+        )  # for one place at a time, and the next by a minimum: several at once take far longer
         value, done = x[low], low
         if place > low:
             value += (place - low) * (x[low + 1 :].min() - value)
