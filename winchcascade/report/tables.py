@@ -331,13 +331,20 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> content.Tab
             TableColumn("Minimum", of=lambda m: stated(min(values[m].values()), scatter[m], decimals_of(m))),
             TableColumn("Maximum", of=lambda m: stated(max(values[m].values()), scatter[m], decimals_of(m))),
             TableColumn("Largest deviation", "%", 2, of=reduction.max_deviation_percent.get),
-            TableColumn("in cycle", of=lambda m: f"{max(values[m], key=lambda k: abs(values[m][k] - mean.value(m)))}"),
+            TableColumn("in cycle", of=lambda m: _farthest(values[m], mean.value(m))),
             TableColumn("s", of=lambda m: uncertain(scatter.value(m) * math.sqrt(len(values[m])))),
             TableColumn("s/√N", of=lambda m: uncertain(scatter[m])),
         ],
         note="The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
         "s/√N: of the mean of the N cycles; of net energies, of those that are whole.",
     ).of([m for m in mean if scatter[m] is not None and len(values[m]) > 1])
+
+
+def _farthest(values: Mapping[int, float], mean: float) -> str:
+    """Cycles whose value deviates most from the mean: two cycles deviate alike."""
+    deviation = {k: abs(value - mean) for k, value in values.items()}
+    maximum = max(deviation.values()) * (1.0 - 1e-9)
+    return ", ".join(str(k) for k, deviates in deviation.items() if deviates >= maximum)
 
 
 def uncertainty_table(reduction: Reduction, found: Uncertainty) -> content.Table | None:
