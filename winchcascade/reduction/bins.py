@@ -115,19 +115,21 @@ def bin_powers(
             x = stream(part)[rows]
             total[0] += np.bincount(number, weights=x, minlength=count.size)
             total[1] += np.bincount(number, weights=x * x, minlength=count.size)
-    found = {name: _mean_and_error(total[0], total[1], count) for name, (_, total) in sums.items()}
+    none = [None] * count.size
+    columns = {name: _mean_and_error(sums[name][1], count) if name in sums else (none, none) for name in powers}
     bins = []
-    for k in np.flatnonzero(count).tolist():
-        mean = {name: float(found[name][0][k]) if name in found else None for name in powers}
-        error = {name: float(found[name][1][k]) if name in found and count[k] > 1 else None for name in powers}
-        torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
-        bins.append(Bin((low + k) * width, (low + k + 1) * width, int(count[k]), mean, error, torque, torque_error))
+    for k, samples in enumerate(count.tolist()):
+        if samples:
+            mean = {name: means[k] for name, (means, _) in columns.items()}
+            error = {name: errors[k] if samples > 1 else None for name, (_, errors) in columns.items()}
+            torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
+            bins.append(Bin((low + k) * width, (low + k + 1) * width, samples, mean, error, torque, torque_error))
     return tuple(bins)
 
 
-def _mean_and_error(total: Signal, square: Signal, count: Index) -> tuple[Signal, Signal]:
+def _mean_and_error(sums: Signal, count: Index) -> tuple[list[float], list[float]]:
     """Mean and standard error of a power in each bin, from the sums of its samples and of their squares."""
     n = np.maximum(count, 1)
-    mean = total / n
-    error: Signal = np.sqrt(np.maximum(square / n - mean * mean, 0.0) / np.maximum(n - 1, 1))
-    return mean, error
+    mean, square = sums / n
+    error = np.sqrt(np.maximum(square - mean * mean, 0.0) / np.maximum(n - 1, 1))
+    return mean.tolist(), error.tolist()

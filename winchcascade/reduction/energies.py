@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import ELECTRICAL
-from winchcascade.core.integrate import Stream, integrals
+from winchcascade.core.integrate import Stream, integrals, integrals_of
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.efficiency import is_efficiency, ratio
@@ -145,14 +145,17 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
         onset, cutoff = spans["window"].T
         instants = onset if isinstance(phased.rule, float) else cutoff - limits.settle
         moved["window"] = instant_error(run, phased.v_smooth, instants)
-    for stage in cascade.stages:
-        watts, product = stage.stream(run.channels, r_drum), stage.power(run.channels, r_drum)
-        if watts is None or product is None:
-            continue
-        parts = {name: span for name, (source, span) in cascade.parts.items() if source == stage.name}
-        joule = integrals(run.t, watts, np.concatenate([spans[span] for span in parts.values()]))
-        gaps = gaps_of(run, product.channels)
-        for (name, span), part in zip(parts.items(), np.split(joule, len(parts)), strict=True):
+    measured = [
+        (stage, watts, product.channels)
+        for stage in cascade.stages
+        if (watts := stage.stream(run.channels, r_drum)) and (product := stage.power(run.channels, r_drum))
+    ]
+    whole = integrals_of(run.t, [watts for _, watts, _ in measured], np.concatenate(list(spans.values())))
+    whole = whole.reshape(len(measured), len(spans), len(windows))
+    for (stage, watts, channels), of_spans in zip(measured, whole, strict=True):
+        gaps, joule = gaps_of(run, channels), dict(zip(spans, of_spans, strict=True))
+        for name, span in [(name, span) for name, (source, span) in cascade.parts.items() if source == stage.name]:
+            part = joule[span]
             joules[name] = (SIGN.get(name, 1.0) * part).tolist()
             idle = stage.name in ELECTRICAL and run.open_circuit  # no current flows: any of it is a large share
             if len(gaps) and not idle:

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 
 _KGCM2 = KGF * 1e4
 
-_BIN_ENDS = ("", "_standard_error")
-
 
 def read_results(results: Mapping[str, Path]) -> Iterator[tuple[str, RunRecord]]:
     """Results of logs, JSON files, one after the other, with the names of the logs."""
@@ -200,14 +198,22 @@ def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cas
 
 def bin_record(item: Bin, cascade: Cascade = PAPER) -> BinRecord:
     """One bin of generator speed."""
-    errors = {f"power_{stage}_w_standard_error": error for stage, error in item.standard_error.items()}
-    stages = {f"power_{stage}_w": watts for stage, watts in item.power.items()} | errors
+    power, error = item.power, item.standard_error
+    stages: dict[str, float | None] | UnsetType = UNSET
+    if cascade.configured:
+        stages = {f"power_{stage}_w": watts for stage, watts in power.items()}
+        stages |= {f"power_{stage}_w_standard_error": watts for stage, watts in error.items()}
     return BinRecord(
         rpm_low=item.rpm_low,
         rpm_high=item.rpm_high,
         count=item.count,
-        **{f"power_{stage}_w{end}": stages.get(f"power_{stage}_w{end}") for stage in PAPER.names for end in _BIN_ENDS},
+        power_line_w=power.get("line"),
+        power_line_w_standard_error=error.get("line"),
+        power_mech_w=power.get("mech"),
+        power_mech_w_standard_error=error.get("mech"),
+        power_gen_w=power.get("gen"),
+        power_gen_w_standard_error=error.get("gen"),
         torque_nm=item.torque,
         torque_nm_standard_error=item.torque_standard_error,
-        stages=stages if cascade.configured else UNSET,
+        stages=stages,
     )

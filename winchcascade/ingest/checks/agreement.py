@@ -262,7 +262,7 @@ def correct_signs(channels: dict[str, Signal]) -> list[Finding]:
     """
     flipped: dict[str, str] = {}
     some = {name: x[:: max(1, x.size // ENOUGH)] for name, x in channels.items()}
-    v = np.nan_to_num(some["velocity"])
+    v = _or_nothing(some["velocity"])
     if "pressure" in some and _median(some["pressure"]) < VACUUM:
         some["pressure"] = -some["pressure"]
         flipped["pressure"] = "it lies below the vacuum"
@@ -307,7 +307,7 @@ def _paid_out_negative(some: Mapping[str, Signal], v: Signal) -> bool:
 
 def _follows(x: Signal, v: Signal) -> int:
     """Sign of how a channel changes with the velocity, 0 if that could be noise."""
-    change = np.nan_to_num(np.diff(x))
+    change = _or_nothing(np.diff(x))
     together = float(np.dot(change, v[1:]))
     by_chance = float(np.linalg.norm(change) * np.linalg.norm(v)) / np.sqrt(v.size)
     return int(np.sign(together)) if abs(together) > CERTAIN * by_chance else 0
@@ -315,5 +315,11 @@ def _follows(x: Signal, v: Signal) -> int:
 
 def _median(x: Signal) -> float:
     """Median of what is finite; 0 where nothing is, as when the line never moves that way."""
-    x = x[np.isfinite(x)]
+    if not np.isfinite(x.sum()):
+        x = x[np.isfinite(x)]
     return median(x) if x.size else 0.0
+
+
+def _or_nothing(x: Signal) -> Signal:
+    """Values, 0 where there is none."""
+    return x if np.isfinite(x.sum()) else np.nan_to_num(x)

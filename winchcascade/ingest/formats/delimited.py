@@ -122,7 +122,7 @@ def open_delimited(path: Path, *, numbered: bool = False) -> LogSource:
         head = file.read(_HEAD)
     encoding = find_encoding(head)
     text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(head).rstrip("\0")
-    if not text or text.count("\0") > len(text) // 20:
+    if not text or ("\0" in text and text.count("\0") > len(text) // 20):
         raise LogError(
             f"{path.name}: is a binary file of no known format; expected CSV, TDMS, MATLAB, Parquet or Excel. Check that "
             f"this is a log."

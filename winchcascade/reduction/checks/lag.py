@@ -208,14 +208,17 @@ def _regress(pair: _Pair, applied: float) -> _Lag | None:
         return None
     rows /= size[:, None]
     product = np.einsum("ij,kj->ik", rows, rows).tolist()  # not by BLAS, whose first call takes longer than all of this
-    others = range(2, len(product) - 1)
-    by_x, by_slope = _without(product, [1, *others]), _without(product, [0, *others])
-    if min(by_x[0][0], by_slope[1][1]) < SINGULAR or by_x[0][-1] <= 0.0:
+    (xx, xs, *_, xy), (_, ss, *_, sy), *_, (*_, yy) = _without(product, range(2, len(product) - 1))
+    if min(xx, ss) < SINGULAR:
         return None
-    weight = by_slope[1][-1] / by_slope[1][1]
-    residual = max(by_slope[-1][-1] - weight * by_slope[1][-1], 0.0)
-    per = float(size[0] / size[1]) * by_x[0][0] / by_x[0][-1]
-    return _Lag(applied - per * weight, residual, per * math.sqrt(residual / by_slope[1][1]), by_slope[-1][-1], rows)
+    by_x, by_xy = xx - xs * xs / ss, xy - xs * sy / ss  # what remains without the slope
+    by_slope, by_sy, by_y = ss - xs * xs / xx, sy - xs * xy / xx, yy - xy * xy / xx  # and without the signal
+    if min(by_x, by_slope) < SINGULAR or by_xy <= 0.0:
+        return None
+    weight = by_sy / by_slope
+    residual = max(by_y - weight * by_sy, 0.0)
+    per = float(size[0] / size[1]) * by_x / by_xy
+    return _Lag(applied - per * weight, residual, per * math.sqrt(residual / by_slope), by_y, rows)
 
 
 def _aligned(pair: _Pair, applied: float) -> Signal | None:
