@@ -256,22 +256,31 @@ def _spread(
             spread[metric] = _ratio(out, into, rows, reduction.mean.value(metric))
         else:
             kind, name = metric.split("_", 1)
-            per = model.stages[name].t[rows, None] if kind == "power" else 1.0
-            spread[metric] = (drawn[name].parts[rows] / per).mean(axis=0) @ drawn[name].weights * drawn[name].factor
+            spread[metric] = drawn[name].mean(rows, model.stages[name].t[rows] if kind == "power" else 1.0)
     return spread
 
 
 class _Drawn(msgspec.Struct, frozen=True):
-    """Energies of a stage for drawn errors: `parts`, (k, 5), times `weights`, (5, draws), times `factor`. [J]
+    """Energies of a stage for drawn errors: those as reduced and `parts`, (k, m), times `weights`, (m, draws), all times
+    `factor`. [J]
 
-    The parts are the integrals of the stage, and what a relative error of the sampling changes of its energy. The weights are
-    made of the zeros, the factor of the gains and of the gaps.
+    The parts are those integrals of the stage that an error acts on, and what a relative error of the sampling changes of its
+    energy. The weights are made of the zeros, the factor of the gains and of the gaps.
     """
 
-    stage: StageEnergy
+    energy: Signal
     parts: Signal
     weights: Signal
     factor: Signal
+
+    def mean(self, rows: Index, per: Signal | float = 1.0) -> Signal:
+        """Mean over some cycles, each divided by something of its own, (draws,)."""
+        energy, parts = self.energy[rows] / per, self.parts[rows] / np.reshape(per, (-1, 1))
+        return self.factor * (float(energy.sum()) / rows.size + np.dot(parts.sum(axis=0) / rows.size, self.weights))
+
+    def without_factor(self, cycle: int) -> Signal:
+        """Energy of one cycle, (draws,), to be multiplied by the factor. [J]"""
+        return np.asarray(self.energy[cycle] + np.dot(self.parts[cycle], self.weights))  # quicker than @ for few parts
 
 
 def _draw(model: ErrorModel, strata: Sequence[Index], seed: int, draws: int) -> dict[str, _Drawn]:
@@ -288,13 +297,13 @@ def _draw(model: ErrorModel, strata: Sequence[Index], seed: int, draws: int) -> 
     drawn = {}
     for (name, stage), power in zip(model.stages.items(), powers, strict=True):
         rows = model.rows[f"energy_{name}"]
-        energy = abs(float(np.sum(stage.energy[rows])))
-        share = float(np.sqrt(np.sum(stage.bridged[rows] ** 2) / 3.0)) / energy if energy > 0 else 0.0
-        parts = np.column_stack((stage.xy, stage.x, stage.y, stage.t, stage.sampled / limit))
-        weight, factor = weights[power]
+        energy, bridged = abs(float(stage.energy[rows].sum())), stage.bridged[rows]
+        share = math.sqrt(float(bridged @ bridged) / 3.0) / energy if energy > 0 else 0.0
+        parts = np.column_stack((stage.x, stage.y, stage.t, stage.sampled / limit))
+        used, weight, factor = weights[power]
         if share > 0.0:  # by what bridged gaps may have changed
             factor = factor * (1.0 + share * _student(draws)[next(of_gaps)])
-        drawn[name] = _Drawn(stage, parts, weight, factor)
+        drawn[name] = _Drawn(stage.energy, parts[:, used], weight, factor)
     return drawn
 
 
@@ -309,8 +318,8 @@ class _Power(NamedTuple):
 
 def _weights(
     sources: tuple[ErrorSource, ...], powers: tuple[_Power, ...], seed: int, draws: int
-) -> dict[_Power, tuple[Signal, Signal]]:
-    """Weights and factor of each power for drawn errors, as `_Drawn` holds them."""
+) -> dict[_Power, tuple[Index, Signal, Signal]]:
+    """Weights and factor of each power for drawn errors, as `_Drawn` holds them, after the parts that have a weight."""
     errors: dict[tuple[str, str], Signal] = {}
     rectangular = _rectangular(draws)
     for s, stratum in zip(sources, _strata_of(seed, draws, 1 + len(sources))[1:], strict=True):
@@ -322,11 +331,12 @@ def _weights(
         for channel in (power.first, power.second or "", R_DRUM if power.by_radius else ""):
             factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
         zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (power.first, power.second))
-        weights = np.empty((5, draws))
-        for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
+        weights = np.empty((4, draws))
+        for row, weight in enumerate((-zero_y, -zero_x, zero_x * zero_y)):
             weights[row] = power.scale * weight
-        weights[4] = errors.get((SAMPLING, "gain"), 0.0)
-        found[power] = weights, factor
+        weights[3] = errors.get((SAMPLING, "gain"), 0.0)
+        used = np.flatnonzero(weights.any(axis=1))
+        found[power] = used, weights[used], factor
     return found
 
 
@@ -340,9 +350,7 @@ def _ratio(out: _Drawn, into: _Drawn, rows: Index, mean: float) -> Signal:
         rows = rows[np.linspace(0, len(rows) - 1, MAX_CYCLES).round().astype(int)]
     total = np.zeros(out.weights.shape[1])
     for k in rows.tolist():
-        part = out.parts[k] @ out.weights
-        part /= into.parts[k] @ into.weights
-        total += part
-    nominal = float((out.stage.energy[rows] / into.stage.energy[rows]).sum()) / len(rows)
+        total += out.without_factor(k) / into.without_factor(k)
+    nominal = float((out.energy[rows] / into.energy[rows]).sum()) / len(rows)
     total *= out.factor / into.factor
     return total / len(rows) + (mean - nominal)
