@@ -27,7 +27,6 @@ from winchcascade.reduction.uncertainty import (
     SAMPLING,
     Budget,
     ErrorModel,
-    StageEnergy,
     budget,
     error_model,
     sampling_limit,
@@ -276,7 +275,8 @@ class _Drawn(msgspec.Struct, frozen=True):
     def mean(self, rows: Index, per: Signal | float = 1.0) -> Signal:
         """Mean over some cycles, each divided by something of its own, (draws,)."""
         energy, parts = self.energy[rows] / per, self.parts[rows] / np.reshape(per, (-1, 1))
-        return self.factor * (float(energy.sum()) / rows.size + np.dot(parts.sum(axis=0) / rows.size, self.weights))
+        found: Signal = np.dot(parts.sum(axis=0) / rows.size, self.weights) + float(energy.sum()) / rows.size
+        return found * self.factor
 
     def without_factor(self, cycle: int) -> Signal:
         """Energy of one cycle, (draws,), to be multiplied by the factor. [J]"""

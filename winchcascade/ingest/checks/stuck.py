@@ -151,6 +151,8 @@ def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
     for more in (1, 2, 1):  # alike over 2, 4 and then 5 steps: six samples of one value
         alike = alike[:-more] & alike[more:]
         span += more
+    if not alike.any():
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], alike, [False])).astype(np.int8)))
     first, last = edges[::2], edges[1::2] + span
     long = t[last - 1] - t[first] >= HELD

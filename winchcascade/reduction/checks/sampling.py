@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -123,6 +124,11 @@ def _held_channels(phased: PhasedRun, energies: Energies) -> tuple[Finding, ...]
     end = int(np.searchsorted(run.t, energies.windows[k].cutoff))
     found: dict[str, Finding] = {}
     r_drum = phased.rig.r_drum
+
+    @cache
+    def recorded_late(name: str) -> tuple[float, str]:
+        return _recorded_late(run.channels[name][rows], name, run.fs, plateau.begin - cycle.onset)
+
     for stage in phased.rig.cascade.stages:
         product, watts = stage.power(run.channels, r_drum), stage.stream(run.channels, r_drum)
         joules = energies.joules[stage.name]
@@ -132,10 +138,10 @@ def _held_channels(phased: PhasedRun, energies: Energies) -> tuple[Finding, ...]
             continue
         power = float(watts(slice(max(end - 1, 0), end + 1)).mean())
         for name in product.channels:
-            late, how = _recorded_late(run.channels[name][rows], name, run.fs, plateau.begin - cycle.onset)
-            message = f"{name} is {how}; energies of {name} may err by {late * power / joules[k]:.1%}"
-            action = "reported and kept; log it with every sample"
+            late, how = recorded_late(name)
             if late * power / joules[k] >= REPORTED:
+                message = f"{name} is {how}; energies of {name} may err by {late * power / joules[k]:.1%}"
+                action = "reported and kept; log it with every sample"
                 found.setdefault(name, Finding("coarse_sampling", message, action, name, cycle.onset, cycle.payout_end))
     return tuple(found.values())
 
@@ -325,11 +331,11 @@ OF_ONSET = 0.5
 
 def _coarse(phased: PhasedRun, name: str, level: float) -> Finding | None:
     """The finding of one channel, None where its step is fine."""
-    step = recorded_step(phased, name)
+    by_onset = OF_ONSET * phased.rig.thresholds.v_onset if name == "velocity" else math.inf
+    step = recorded_step(phased, name, min(2.0 * REPORTED * level, by_onset))
     if step == 0.0 or level <= ROUNDED * step:
         return None
-    error = 0.5 * step / level
-    of_onset = name == "velocity" and step >= OF_ONSET * phased.rig.thresholds.v_onset
+    error, of_onset = 0.5 * step / level, step >= by_onset
     channel = phased.rig.known_channels[name]
     message = (
         f"{name} is recorded in steps of {text_of(channel, step, 3)} {channel.unit}, {step / level:.1%} of its mean in the "
@@ -374,28 +380,28 @@ STRAIGHT = 0.85
 """Share of the changes that follow an equal one, above which they are the slope of a straight ramp without noise. [1]"""
 
 
-def recorded_step(phased: PhasedRun, name: str) -> float:
-    """Step in which a channel is recorded during the payouts, 0 where it has none. [SI unit of the channel]
+def recorded_step(phased: PhasedRun, name: str, minimum: float) -> float:
+    """Step in which a channel is recorded during the payouts, 0 where it has none of some size. [SI unit of the channel]
 
     `smallest_step` of the ingest takes the smallest change of all. Here the step must explain nearly all changes, so that a
     bridged or repaired value does not pass for a fine resolution.
     """
-    run = phased.run
-    gaps = all_gaps(run, (name,))
-    courses, levels = [], []
-    for k in phased.chosen():  # the changes in each payout that were logged, not bridged
-        rows = phased.rows(phased.cycles[k].onset, phased.cycles[k].payout_end)
-        t, change = run.t[rows], np.diff(run.channels[name][rows])
-        logged = np.ones(change.size, dtype=bool)
-        for begin, end in gaps:
-            logged &= (t[1:] <= begin) | (t[:-1] >= end)
-        courses.append(change[logged])
-        levels.append(run.channels[name][rows])
+    t, x, gaps = phased.run.t, phased.run.channels[name], all_gaps(phased.run, (name,))
+    payouts = [phased.rows(phased.cycles[k].onset, phased.cycles[k].payout_end) for k in phased.chosen()]
+    courses = [np.diff(x[rows]) for rows in payouts]
+    for begin, end in gaps:  # the changes that were logged, not bridged
+        outside = [(t[rows][1:] <= begin) | (t[rows][:-1] >= end) for rows in payouts]
+        courses = [np.where(logged, change, np.nan) for logged, change in zip(outside, courses, strict=True)]
+    courses = [change[np.isfinite(change)] for change in courses] if len(gaps) else courses
     changes = np.abs(np.concatenate(courses))
-    changes = np.sort(changes[changes > ROUNDED * largest(phased.run.channels[name])])
+    changes = changes[changes > ROUNDED * largest(x)]
     if changes.size < MIN_CHANGES:
         return 0.0
-    step = changes[int(SMALL * changes.size)]
+    small = int(SMALL * changes.size)
+    changes.partition(small)
+    step = float(changes[small])
+    if 1.4 * step < minimum:  # as of most channels
+        return 0.0
     step = float(np.mean(changes[(changes > 0.7 * step) & (changes < 1.4 * step)]))
     few = changes[changes < SEVERAL * step] / step
     multiple = (np.abs(few - np.round(few)) < MULTIPLE) & (few > 0.5)
@@ -404,4 +410,4 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
     alike = sum(
         np.count_nonzero((np.abs(np.diff(d)) < MULTIPLE * step) & (np.abs(d[1:]) > 0.5 * step)) for d in courses
     )
-    return 0.0 if alike > STRAIGHT * few.size or switches(np.concatenate(levels)) else step
+    return 0.0 if alike > STRAIGHT * few.size or switches(np.concatenate([x[rows] for rows in payouts])) else step
