@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import msgspec
@@ -205,27 +206,26 @@ def _largest_change(
     energies : of the cycles, out of the stages and into them, (k, 2) [J]
     metrics : number of efficiencies that are tested
     """
-    eta = np.array([c.metrics[metric] for c in cycles])
-    mean, n = float(np.mean(eta)), len(cycles)
+    eta, n = np.array([c.metrics.value(metric) for c in cycles]), len(cycles)
+    mean = float(eta.sum()) / n
     if mean <= 0.0:
         return None
+    eta = eta / mean
     energies = np.maximum(energies, NOTHING)
     lengths = np.array([[c.window.cutoff - c.window.onset] for c in cycles])
-    size = np.hstack([np.log(energies), np.log(energies / lengths)])
-    first = np.concatenate([np.arange(1, n), np.ones(max(n - 2, 0), dtype=np.int64)])
-    drift = _drift_weights(n)
-    one, other = _means(np.column_stack([eta / mean, known.gaps, size]), first)
-    change = np.concatenate([other[:, 0] - one[:, 0], drift @ (eta / mean)])
+    size = np.log(np.hstack([energies, energies / lengths]))
+    first, drift, spread = _comparisons(n)
+    one, other = _means(np.column_stack([eta, known.gaps, size]), first)
+    change = np.concatenate([other[:, 0] - one[:, 0], drift @ eta])
     bridged = np.concatenate([other[:, 1] + one[:, 1], np.abs(drift) @ known.gaps])
     differs = np.abs(np.concatenate([other[:, 2:] - one[:, 2:], drift @ size]))
     differs = np.maximum(differs[:, :2].min(axis=1), differs[:, 2:].min(axis=1))  # of energies and of powers
     allowed = known.power_share * (1.0 - mean + known.zeros) * differs + bridged
-    spread = np.concatenate([1.0 / first + 1.0 / (n - first), np.sum(drift**2, axis=1)])
-    within = np.maximum(n * float(np.var(eta / mean)) - change**2 / spread, 0.0)
+    within = np.maximum(float((eta - 1.0) @ (eta - 1.0)) - change**2 / spread, 0.0)
     freedom = PRIOR + n - 2
     scatter = np.sqrt((PRIOR * known.repeats**2 + within) / freedom * spread)
     t = np.maximum(np.abs(change) - allowed, 0.0) / scatter
-    best = int(np.argmax(t))
+    best = int(t.argmax())
     of_mean = min(first[best], n - first[best]) / n if best < first.size else 0.5
     return CycleComparison(
         metric=metric,
@@ -255,13 +255,18 @@ def _cycles_apart(n: int, row: int) -> Mask | None:
     return np.arange(n) <= row if row < n - 1 else np.arange(n) == row - n + 2
 
 
-def _drift_weights(n: int) -> Signal:
-    """Weights that give the change from the first to the last cycle along a fitted straight line, (1, n).
+@lru_cache(maxsize=16)
+def _comparisons(n: int) -> tuple[Index, Signal, Signal]:
+    """Comparisons of n cycles: how many are set against the others in each of the first 2 n - 3, the weights of the drift, and
+    the variance of each change over that of a cycle.
 
-    Of two cycles that is their difference, which is compared anyway: then (0, 2), and so of more than `MAX_ALONG`.
+    The weights, (1, n), give the change from the first to the last cycle along a fitted straight line. Of two cycles that is
+    their difference, which is compared anyway: then (0, 2), and so of more than `MAX_ALONG`.
     """
+    first = np.concatenate([np.arange(1, n), np.ones(max(n - 2, 0), dtype=np.int64)])
     along = np.linspace(-0.5, 0.5, n)
-    return (along / (along @ along))[None][: 0 if n > MAX_ALONG else n - 2]
+    drift = (along / (along @ along))[None][: 0 if n > MAX_ALONG else n - 2]
+    return first, drift, np.concatenate([1.0 / first + 1.0 / (n - first), np.sum(drift**2, axis=1)])
 
 
 def probability(t: float, freedom: float) -> float:

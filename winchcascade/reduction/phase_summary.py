@@ -93,24 +93,28 @@ class PhaseSummary(msgspec.Struct, frozen=True):
     both_ways: Mapping[str, BothWays] | msgspec.UnsetType = msgspec.UNSET
 
 
+_MEANS = ("velocity", "force", "torque", "power_line", "power_mech", "power_gen")
+"""What is averaged over a plateau, in the order of the fields of its summary."""
+
+
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     """Summarise the phases of every cycle."""
     run, cycles = phased.run, phased.cycles
     flat = _windows(cycles, [None if p is None else (p.begin, max(p.braking, p.begin)) for p in phased.plateaus])
-    on_plateau = _means(phased, ("velocity", "force", "torque", "power_line", "power_mech", "power_gen"), flat)
+    holds, hauls = _windows(cycles, [c.hold for c in cycles]), _windows(cycles, [c.haul_in for c in cycles])
+    means = _means(phased, (*_MEANS, "pressure"), np.concatenate((flat, holds, hauls)))
+    on_plateau, held, hauled_in = (means[k * len(cycles) : (k + 1) * len(cycles)] for k in range(3))
     known = "velocity" in run.channels
     plateaus = [
         None if p is None else PlateauSummary(begin, braking, p.speed if speed is None and known else speed, *rest)
-        for p, (begin, braking), (speed, *rest) in zip(phased.plateaus, flat.tolist(), on_plateau, strict=True)
+        for p, (begin, braking), (speed, *rest, _) in zip(phased.plateaus, flat.tolist(), on_plateau, strict=True)
     ]
-    held = _means(phased, ("force", "torque", "pressure"), _windows(cycles, [c.hold for c in cycles]))
-    hauls = _windows(cycles, [c.haul_in for c in cycles])
     top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
     force, line = run.channels.get("force"), BUILT_IN["line"].stream(run.channels, None)
     nothing: list[float | None] = [None] * len(cycles)
     minimum = nothing if force is None else extremes(run.t, force, hauls)[0].tolist()
     energy = nothing if line is None else integrals(run.t, line, hauls).tolist()
-    hauled = zip(top, _means(phased, ("force",), hauls), minimum, energy, strict=True)
+    hauled = zip(top, [force for _, force, *_ in hauled_in], minimum, energy, strict=True)
     points, flows = _points(phased), _both_ways(phased)
     return [
         PhaseSummary(
@@ -120,14 +124,14 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
                 speed_max if known else None,
                 plateau,
             ),
-            None if c.hold is None else HoldSummary(_seconds(c.hold[1] - c.hold[0]), *hold),
+            None if c.hold is None else HoldSummary(_seconds(c.hold[1] - c.hold[0]), hold[1], hold[2], hold[-1]),
             None
             if c.haul_in is None
             else HaulInSummary(_seconds(c.haul_in[1] - c.haul_in[0]), v if known else None, mean, low, joule),
             point,
             flow,
         )
-        for c, travel, speed_max, plateau, hold, (v, (mean,), low, joule), point, flow in zip(
+        for c, travel, speed_max, plateau, hold, (v, mean, low, joule), point, flow in zip(
             cycles, phased.travel, phased.speed_max, plateaus, held, hauled, points, flows, strict=True
         )
     ]
