@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Literal
 
 import msgspec
@@ -33,6 +34,10 @@ ACQUISITION = "acquisition system"
 """Origin of the errors that the acquisition system adds to those of a sensor."""
 
 
+_SENSORS = 200
+"""Number of sensors whose errors are kept: a campaign has one rig or a few."""
+
+
 class ErrorSource(msgspec.Struct, frozen=True):
     """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read.
 
@@ -51,6 +56,7 @@ class ErrorSource(msgspec.Struct, frozen=True):
         return "normal" if self.limit is None else "rectangular"
 
 
+@lru_cache(_SENSORS)
 def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     """Errors that the stated accuracies of a sensor and of its acquisition system allow, in SI units; empty without any.
 

@@ -90,6 +90,11 @@ DIMENSION = {"time": "time"} | {name: channel.dimension for name, channel in CHA
 _MEASURED = frozenset(DIMENSION.values())
 
 
+_HEADERS = 500
+"""Number of headers whose reading is kept: a log needs each several times, and the logs of a campaign have the same ones."""
+
+
+@lru_cache(_HEADERS)
 def letters_of(text: str) -> str:
     """Letters and digits of a name without case and accents, by which names are compared."""
     if text.isascii():
@@ -132,9 +137,6 @@ class _Read(msgspec.Struct, frozen=True):
 _BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*(?:\([^()]*\))?[^()\[\]{}<>]*)[)\]}>]")
 _LONGEST_NAME = 120
 """Length up to which a name is read; a longer text is no name. [characters]"""
-
-_HEADERS = 500
-"""Number of headers whose reading is kept: a log needs each several times, and the logs of a campaign have the same ones."""
 
 _BEFORE_UNIT = re.compile(r"(?<=\S)(?:\s+in\s+|\s*[/,;:_.\s]\s*)(?=\S)")
 

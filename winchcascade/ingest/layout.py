@@ -6,7 +6,7 @@ import codecs
 import re
 from collections.abc import Sequence
 from functools import cache
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import msgspec
 
@@ -271,7 +271,7 @@ def decimal_sign(rows: Sequence[Sequence[str]]) -> str:
     def numbers_with(sign: str) -> int:
         return sum(sign in cell and looks_like_a_number(cell) for row in rows for cell in row)
 
-    commas = numbers_with(",")
+    commas = numbers_with(",") if "," in "".join(chain.from_iterable(rows)) else 0
     return "," if commas and commas > numbers_with(".") else "."
 
 

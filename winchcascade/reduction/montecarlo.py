@@ -255,7 +255,7 @@ def _spread(
             spread[metric] = _ratio(out, into, rows, reduction.mean.value(metric))
         else:
             kind, name = metric.split("_", 1)
-            spread[metric] = drawn[name].mean(rows, model.stages[name].t[rows] if kind == "power" else 1.0)
+            spread[metric] = drawn[name].mean(rows, model.stages[name].t[rows] if kind == "power" else None)
     return spread
 
 
@@ -272,9 +272,11 @@ class _Drawn(msgspec.Struct, frozen=True):
     weights: Signal
     factor: Signal
 
-    def mean(self, rows: Index, per: Signal | float = 1.0) -> Signal:
-        """Mean over some cycles, each divided by something of its own, (draws,)."""
-        energy, parts = self.energy[rows] / per, self.parts[rows] / np.reshape(per, (-1, 1))
+    def mean(self, rows: Index, per: Signal | None = None) -> Signal:
+        """Mean over some cycles, (draws,), each divided by something of its own."""
+        energy, parts = self.energy[rows], self.parts[rows]
+        if per is not None:
+            energy, parts = energy / per, parts / per[:, None]
         found: Signal = np.dot(parts.sum(axis=0) / rows.size, self.weights) + float(energy.sum()) / rows.size
         return found * self.factor
 

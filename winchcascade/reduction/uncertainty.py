@@ -116,10 +116,10 @@ class ErrorModel(msgspec.Struct, frozen=True):
 def error_model(reduction: Reduction) -> ErrorModel:
     """Integrate the stages of a reduction, and list its sources of uncertainty."""
     stages = _stage_integrals(reduction)
-    rows = {
-        m: np.flatnonzero([c.complete and c.metrics[m] is not None for c in reduction.cycles])
-        for m in reduction.rig.cascade.all_metrics
-    }
+    complete = [(k, c.metrics) for k, c in enumerate(reduction.cycles) if c.complete]
+    of_metrics = {m: tuple(k for k, of in complete if of[m] is not None) for m in reduction.rig.cascade.all_metrics}
+    indices = {own: np.array(own, dtype=np.intp) for own in set(of_metrics.values())}
+    rows = {m: indices[own] for m, own in of_metrics.items()}
     return ErrorModel(reduction.rig.cascade, stages, tuple(_sources(reduction.rig, stages)), rows)
 
 
@@ -222,8 +222,8 @@ def _reach(
     reach, gains = {}, {}
     for name, stage in model.stages.items():
         energy = np.maximum(np.abs(stage.energy), NOTHING)
-        share = np.max((np.abs(slopes[name]) / energy)[:, complete & (stage.t > 0)], axis=1, initial=0.0)
-        reach[name], gains[name] = float(maximum @ share), float(np.sum(maximum[is_gain & (share > 0.0)]))
+        share = (np.abs(slopes[name]) / energy)[:, complete & (stage.t > 0)].max(axis=1, initial=0.0)
+        reach[name], gains[name] = float(maximum @ share), float(maximum[is_gain & (share > 0.0)].sum())
     return reach, gains
 
 
