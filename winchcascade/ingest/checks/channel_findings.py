@@ -72,7 +72,7 @@ def out_of_range(
         logged = sign * wild[1]
         x[wild[0]] = logged
         spikes = int(np.count_nonzero((logged < low) | (logged > high)))
-    top, bottom = float(np.nanmax(x)), float(np.nanmin(x))
+    bottom, top = _ends(x)
     if bottom >= low and top <= high:
         return []
     limit, worst = (high, top) if top > high else (low, bottom)
@@ -85,6 +85,12 @@ def out_of_range(
     return [msgspec.structs.replace(found, action=action)]
 
 
+def _ends(x: Signal) -> tuple[float, float]:
+    """Smallest and largest value, without holes."""
+    low, high = float(x.min()), float(x.max())
+    return (low, high) if low <= high else (float(np.nanmin(x)), float(np.nanmax(x)))
+
+
 def saturated(t: Signal, channel: Channel, x: Signal) -> list[Finding]:
     """Report a channel that holds its largest value in stretches while it scatters elsewhere: its sensor or input is saturated.
 
@@ -92,7 +98,7 @@ def saturated(t: Signal, channel: Channel, x: Signal) -> list[Finding]:
     ----------
     x : (n,) values, NaN where it has holes, SI
     """
-    low, high = float(np.nanmin(x)), float(np.nanmax(x))
+    low, high = _ends(x)
     top = high if high >= -low else low
     held = x == top
     again = int(np.count_nonzero(held[1:] & held[:-1]))
