@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import means
+from winchcascade.core.integrate import integrals_of
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.causes import COVERED, LAW, joint_covariance
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionKind, ContributionPart, NamedCause, Names
@@ -58,11 +58,11 @@ def quantities_of(run: Run, rig: Rig, windows: Signal) -> Signal:
     if not windows.size:
         return np.full(len(QUANTITIES), math.nan)
     cycles = [list(one.values()) for one in metrics_within(run, rig, windows)]
-    channels = [
-        np.mean(means(run.t, run.channels[name].__getitem__, windows)) if name in run.channels else math.nan
-        for name in CHANNELS
-    ]
-    return np.array([*np.mean(np.array(cycles, dtype=np.float64), axis=0), *channels], dtype=np.float64)
+    known = [k for k, name in enumerate(CHANNELS) if name in run.channels]
+    channels, length = np.full(len(CHANNELS), math.nan), windows[:, 1] - windows[:, 0]
+    whole = integrals_of(run.t, [run.channels[CHANNELS[k]].__getitem__ for k in known], windows)
+    channels[known] = (whole / np.where(length > 0, length, np.nan)).mean(axis=1)
+    return np.concatenate([np.mean(np.array(cycles, dtype=np.float64), axis=0), channels])
 
 
 def windows_of(run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None) -> Signal:

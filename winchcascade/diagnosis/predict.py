@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_array
 
-    from winchcascade.core.run import Run, Signal
+    from winchcascade.core.run import Index, Run, Signal
     from winchcascade.diagnosis.block_means import Blocks
     from winchcascade.rig.parts import Model
 
@@ -58,6 +58,7 @@ class Course:
         self.v, self.displacement = motion.v, np.interp(run.t, motion.t, motion.x)
         self.coarse = _thinned(motion, self.every)
         self._path = path_of(self.coarse)
+        self._places = _places(run.t, self.coarse.t)
         self.matrix = _averaging(run, blocks, self.coarse.t)
         self._averages = Averages(
             self.matrix.indptr.astype(np.intp), self.matrix.indices.astype(np.intp), self.matrix.data
@@ -188,7 +189,9 @@ class Course:
 
     def at_stamps(self, on_grid: Signal) -> Signal:
         """Signals on the grid, (n, k), at the stamps of the log."""
-        return np.column_stack([np.interp(self.run.t, self.coarse.t, x) for x in on_grid.T])
+        before, share = self._places
+        x = on_grid.T.take(before, axis=1)
+        return np.asarray((x + share * (on_grid.T.take(before + 1, axis=1) - x)).T)
 
     def block_mean(self, on_grid: Signal) -> Signal:
         """Mean over the blocks of something on the grid, (m, ...)."""
@@ -222,15 +225,20 @@ def _thinned(motion: LineMotion, every: int) -> LineMotion:
     return LineMotion(t, x, v, a, motion.step * every)
 
 
+def _places(t: Signal, grid: Signal) -> tuple[Index, Signal]:
+    """Places of stamps on an even grid: the grid point before each, (n,), and the share of the way to the next, (n,)."""
+    place = np.clip((t - grid[0]) / (grid[1] - grid[0]), 0.0, grid.size - 1.0)
+    before = np.minimum(place.astype(np.intp), grid.size - 2)
+    return before, place - before
+
+
 def _averaging(run: Run, blocks: Blocks, grid: Signal) -> csr_array:
     """Matrix that takes a signal from the grid to the stamps, by straight lines, and averages it over blocks, (m, n)."""
     from scipy.sparse import csr_array
 
     samples = np.concatenate([np.arange(a, b) for a, b in zip(blocks.start, blocks.stop, strict=True)])
     row = np.repeat(np.arange(blocks.size), blocks.stop - blocks.start)
-    place = np.clip((run.t[samples] - grid[0]) / (grid[1] - grid[0]), 0.0, grid.size - 1.0)
-    before = np.minimum(place.astype(np.intp), grid.size - 2)
-    share = place - before
+    before, share = _places(run.t[samples], grid)
     weight = 1.0 / blocks.count[row]
     data = np.concatenate((weight * (1.0 - share), weight * share))
     return csr_array(

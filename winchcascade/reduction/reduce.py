@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.cascade import Stage
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.core.integrate import integrals, largest
+from winchcascade.core.integrate import integrals_of, largest
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import built_in
@@ -146,10 +146,10 @@ def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
 
     A ratio above 1 is given as it is, as the error of a model with effects is to be known.
     """
-    energy: dict[str, list[float] | None] = {}
-    for stage in rig.cascade.stages:
-        watts = stage.stream(run.channels, rig.r_drum)
-        energy[f"energy_{stage.name}"] = None if watts is None else integrals(run.t, watts, windows).tolist()
+    streams = {f"energy_{stage.name}": stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
+    known = {name: watts for name, watts in streams.items() if watts is not None}
+    columns = integrals_of(run.t, list(known.values()), windows).tolist()
+    energy = dict.fromkeys(streams) | dict(zip(known, columns, strict=True))
     found = []
     for k, (begin, end) in enumerate(windows.tolist()):
         joules = {name: None if column is None else column[k] for name, column in energy.items()}

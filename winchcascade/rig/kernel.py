@@ -40,9 +40,16 @@ REST = 0.01
 TURN = 0.5
 """Friction of the fast shaft changes its sign within this speed. [rad/s]"""
 
+SURE = 20.0
+"""Multiple of `TURN` from which friction has its sign to the last digit."""
+
 MAX_RETURNED = 0.5
 """Share of the damping of the fast shaft that a negative friction, a deviation of the model within its tolerance, may return:
 the shaft still comes to rest. [1]"""
+
+NOTHING = 1e-30
+"""Speeds and voltages that have faded to less are zero [rad/s, V]: with the smallest numbers there are, which a shaft at rest
+would reach, a processor takes ten times as long."""
 
 MIN_VOLUME = 0.01
 """Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
@@ -238,7 +245,7 @@ def _turned(
     losses = 0.5 * (c.b_rotor + c.windage * abs(half_way) + brakes)
     driven = mass * omega - em + brakes * half_way
     if c.friction != 0.0:
-        sign = math.tanh(half_way / TURN)
+        sign = math.tanh(half_way / TURN) if half_way < SURE * TURN else 1.0
         dry, steep = c.friction * sign, c.friction * (1.0 - sign * sign) / TURN
         minimum = -MAX_RETURNED * (c.b_rotor + c.windage * half_way) * half_way
         if dry < minimum:
@@ -313,6 +320,10 @@ def run_shaft(driven: DrivenShaft, every: int, out: Signal, state: Signal) -> No
             state[n, 0], state[n, 1], state[n, 2] = omega, twist, v_dc
         twist = wound
         middle_before, omega_before, omega, v_dc = middle, omega, after, v_dc + change
+        if omega < NOTHING:
+            omega = 0.0
+        if v_dc < NOTHING:
+            v_dc = 0.0
 
 
 _VOLTS = 1e-6

@@ -14,6 +14,7 @@ from winchcascade.core.run import Signal
 from winchcascade.rig.bridge import FASTMATH, bridge_slopes
 from winchcascade.rig.kernel import (
     MAX_RETURNED,
+    SURE,
     TURN,
     Constants,
     DrivenShaft,
@@ -175,7 +176,7 @@ def run_tangent(driven: DrivenShaft, state: Signal, every: int, bent: Signal, ke
         w[_EM + _V_DIODE], w[_EM + _R_S] = 2.0 * i_b * per, 3.0 * i_s * i_s * per
         # fast shaft
         sign, edge = 1.0, 0.0
-        if half_way < 20.0 * TURN:
+        if half_way < SURE * TURN:
             sign = math.tanh(half_way / TURN)
             edge = (1.0 - sign * sign) / TURN
         viscous = 1.0  # share of the damping that acts
@@ -218,7 +219,7 @@ def run_tangent(driven: DrivenShaft, state: Signal, every: int, bent: Signal, ke
             w[_D_LAST + k] = d_torque
             w[_D_OMEGA + k] = d_after
             w[_D_SEEN + k] = d_v
-            w[_D_V + k] = 2.0 * (d_given + v_h * d_half) - d_v
+            w[_D_V + k] = 2.0 * (d_given + v_h * d_half) - d_v if v_after > 0.0 else 0.0
         if n % every == 0:
             kept[0, :, n // every], kept[1, :, n // every] = w[_D_MEAN:][:size], w[_D_SEEN:][:size]
     if (v.size - 1) % every == 0:
