@@ -39,6 +39,9 @@ WIDE = 24
 MAX_WAYS = WIDE - len(NUMBERS)
 """Maximum number of directions of the roll-off among them."""
 
+FADED = 1e-200
+"""A derivative of the DC voltage that has faded to less is zero, as the voltage itself below `kernel.NOTHING`."""
+
 _ROWS = 13
 _D_OMEGA, _D_TWIST, _D_V, _D_LAST, _D_MEAN, _D_SEEN = (WIDE * row for row in range(6))
 """Offsets of the derivatives of the state in the working array: speed of the fast shaft, twist, DC voltage, torque of the
@@ -219,7 +222,8 @@ def run_tangent(driven: DrivenShaft, state: Signal, every: int, bent: Signal, ke
             w[_D_LAST + k] = d_torque
             w[_D_OMEGA + k] = d_after
             w[_D_SEEN + k] = d_v
-            w[_D_V + k] = 2.0 * (d_given + v_h * d_half) - d_v if v_after > 0.0 else 0.0
+            d_v = 2.0 * (d_given + v_h * d_half) - d_v
+            w[_D_V + k] = d_v if abs(d_v) > FADED else 0.0
         if n % every == 0:
             kept[0, :, n // every], kept[1, :, n // every] = w[_D_MEAN:][:size], w[_D_SEEN:][:size]
     if (v.size - 1) % every == 0:
