@@ -128,6 +128,17 @@ def test_nothing_changes_where_no_number_does() -> None:
     assert not change(tangent, numbers).any()
 
 
+def test_no_number_fades_so_far_that_a_processor_slows_down() -> None:
+    numbers = constants(WORN, 4.5)
+    v = np.concatenate([motion("r4p5ohm.csv", 4.5).v, np.zeros(round(60.0 / STEP))])  # and a rest of a minute
+    state = np.empty((v.size, len(STATE)))
+    out = solve_shaft(v, STEP, numbers, EVERY, state)
+    slopes = tangent_of(v, STEP, numbers, state, EVERY, [direction(constants(NOMINAL, 4.5), numbers)]).slopes
+    for found in (out, state, slopes):
+        assert np.abs(found[found != 0.0]).min() > 1e-250
+    assert not state[-1, [STATE.index("omega_gen"), STATE.index("vdc")]].any()
+
+
 def test_a_direction_that_was_not_carried_is_rejected() -> None:
     course = motion("r36ohm.csv", 36.0)
     numbers = constants(NOMINAL, 36.0)
