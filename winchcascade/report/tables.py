@@ -331,7 +331,7 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> content.Tab
             TableColumn("Minimum", of=lambda m: stated(min(values[m].values()), scatter[m], decimals_of(m))),
             TableColumn("Maximum", of=lambda m: stated(max(values[m].values()), scatter[m], decimals_of(m))),
             TableColumn("Largest deviation", "%", 2, of=reduction.max_deviation_percent.get),
-            TableColumn("in cycle", of=lambda m: _farthest(values[m], mean.value(m))),
+            TableColumn("in cycle", text=True, of=lambda m: _farthest(values[m], mean.value(m))),
             TableColumn("s", of=lambda m: uncertain(scatter.value(m) * math.sqrt(len(values[m])))),
             TableColumn("s/√N", of=lambda m: uncertain(scatter[m])),
         ],
