@@ -36,7 +36,7 @@ def quantile(x: Signal, q: float) -> float:
     >>> quantile(np.array([4.0, 1.0, 3.0, 2.0]), 0.5)
     2.5
     """
-    return quantiles_in_place(x.copy(), [q])[0]
+    return _in_order(x.copy(), q * (x.size - 1))
 
 
 def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
