@@ -301,7 +301,9 @@ def run_shaft(driven: DrivenShaft, every: int, out: Signal, state: Signal) -> No
             em += em_v * fills
             brakes = max(em_h + em_v * b_h / holds, 0.0)
         drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_motion
-        torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
+        torque = wound = after = 0.0
+        if omega > 0.0 or twist > 0.0 or drum_half > 0.0:  # else the shaft rests
+            torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
         # DC link
         faster = 0.5 * (omega + after) - half_way
         change = max(2.0 * (fills + b_h * faster / holds), -v_dc)
