@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from winchcascade.report.style import COLOURS
 
 if TYPE_CHECKING:
     import jinja2
+    import typst
 
 FEW = 4
 """A table of numbers with no more columns than this is not stretched over the page."""
@@ -100,6 +101,14 @@ def themed(svg: str) -> str:
     return svg
 
 
+@lru_cache(maxsize=4)
+def _fonts(folders: tuple[Path, ...]) -> typst.Fonts:
+    """The fonts in some folders, which the PDFs of a batch share."""
+    import typst
+
+    return typst.Fonts(include_system_fonts=False, font_paths=list(folders))
+
+
 def pdf_bytes(report: Report) -> bytes:
     """Typeset a report with Typst. Texts reach Typst as data and never as markup, so nothing in them can be a command."""
     import matplotlib
@@ -114,9 +123,7 @@ def pdf_bytes(report: Report) -> bytes:
         text = text.replace(c, f"⟨U+{ord(c):04X}⟩")
     content = typst.Compiler(
         (template_folder() / "report.typ").read_bytes(),
-        font_paths=typst.Fonts(
-            include_system_fonts=False, font_paths=[fonts, *(Path(file).parent for file, _ in fallback)]
-        ),
+        font_paths=_fonts((fonts, *(Path(file).parent for file, _ in fallback))),
         sys_inputs={"report": text},
     ).compile(timestamp=int(made_at().timestamp()))
     assert isinstance(content, bytes)
