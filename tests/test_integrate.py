@@ -4,7 +4,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from winchcascade.core import integrate
-from winchcascade.core.integrate import extremes, integrals, means, running
+from winchcascade.core.integrate import (
+    extremes,
+    integrals,
+    means,
+    positive_median,
+    quantile,
+    quantiles_in_place,
+    running,
+)
 
 EXACT = 1e-9
 
@@ -55,3 +63,18 @@ def test_extremes_are_those_of_the_samples_inside() -> None:
     minimum, largest = extremes(t, x, np.array([[0.5, 2.1], [2.2, 2.4], [4.0, 5.0]]))
     assert minimum.tolist() == [1.0, 2.0, -4.0]
     assert largest.tolist() == [5.0, 2.0, 8.0]
+
+
+@given(
+    st.lists(st.one_of(st.integers(-5, 5).map(float), st.floats(-1e3, 1e3)), min_size=1, max_size=60),
+    st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4),
+)
+def test_order_statistics_are_those_of_numpy(values: list[float], shares: list[float]) -> None:
+    x, shares = np.array(values), sorted(shares)
+    expected = np.quantile(x, shares)
+    assert quantiles_in_place(x.copy(), shares) == pytest.approx(expected.tolist(), rel=1e-9, abs=1e-9)
+    assert [quantile(x, share) for share in shares] == pytest.approx(expected.tolist(), rel=1e-9, abs=1e-9)
+    with_holes = np.concatenate((x, np.full(3, np.nan)))
+    middle = float(np.median(x[x > 0])) if np.any(x > 0) else 0.0
+    assert positive_median(x) == pytest.approx(middle)
+    assert positive_median(with_holes) == pytest.approx(middle)

@@ -17,7 +17,7 @@ from loops import failures
 
 from winchcascade import read_run
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.cells import is_cut, looks_like_a_number, numbers
+from winchcascade.ingest.cells import is_cut, looks_like_a_number, numbers, split_row
 
 SIX_DIGITS = 1e-5
 """Numbers are written with six digits behind the point, or seven in all."""
@@ -260,3 +260,8 @@ def test_a_spoilt_file_gives_a_run_or_one_sentence(first: int, tmp_path: Path) -
 def test_a_cell_of_thousands_of_digits_is_no_number() -> None:
     assert looks_like_a_number("9" * 309)
     assert not looks_like_a_number("9" * 5000)
+
+
+@given(st.lists(st.sampled_from(["1", " 2", "3.5 ", "", "\t4", "a b", "\xa0", "5"]), min_size=1, max_size=6))
+def test_a_row_is_cut_alike_with_and_without_blanks(cells: list[str]) -> None:
+    assert split_row(",".join(cells) + "\r\n", ",") == [cell.strip() for cell in cells]

@@ -50,11 +50,14 @@ def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
 
 
 def _in_order(x: Signal, place: float) -> float:
-    """Value at a place in the order of values, between two places by linear interpolation; x is put into another order."""
+    """Value at a place in the order of values, between two places by linear interpolation; NaN comes last.
+
+    The values are put into another order.
+    """
     low = int(place)
     x.partition(low)  # at one place, and the next by a minimum: two at once take far longer
     value = float(x[low])
-    return value + (place - low) * (float(x[low + 1 :].min()) - value) if place > low else value
+    return value + (place - low) * (float(np.fmin.reduce(x[low + 1 :])) - value) if place > low else value
 
 
 def median(x: Signal) -> float:

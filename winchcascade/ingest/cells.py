@@ -43,7 +43,7 @@ _BLANKS = re.compile(r"[ \t]+")
 def split_row(line: str, delimiter: str) -> list[str]:
     """Cells of one row, quotes taken off; a blank as delimiter stands for any run of blanks."""
     line = line.rstrip("\r\n")
-    if '"' not in line and len(line.split()) == 1:  # without blanks, as most rows are
+    if '"' not in line and line.split() == [line]:  # without blanks, as most rows are
         return line.split(delimiter)
     if '"' in line and line.count('"') % 2 == 0:
         import csv
