@@ -125,7 +125,7 @@ def test_a_script_without_a_guard_is_told_what_to_do(tmp_path: Path) -> None:
         "except OptionError as fault:\n    print(fault)\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
-    assert "no further process can be started; work with one (jobs=1)." in done.stdout
+    assert "no further process can be started; work with one (jobs=1, or --jobs 1)." in done.stdout
     guarded = script.read_text().replace("try:", "if __name__ == '__main__':\n  try:").replace("\nexcept", "\n  except")
     script.write_text(guarded)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)

@@ -128,7 +128,7 @@ def test_nothing_changes_where_no_number_does() -> None:
     assert not change(tangent, numbers).any()
 
 
-def test_no_number_fades_so_far_that_a_processor_slows_down() -> None:
+def test_no_number_becomes_subnormal_at_rest() -> None:
     numbers = constants(WORN, 4.5)
     v = np.concatenate([motion("r4p5ohm.csv", 4.5).v, np.zeros(round(60.0 / STEP))])  # and a rest of a minute
     state = np.empty((v.size, len(STATE)))

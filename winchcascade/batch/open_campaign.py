@@ -151,7 +151,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
 
         Raises
         ------
-        OptionError : another ending of a file
+        OptionError : another ending of a file, or no further process can be started
         OutputError : the files cannot be written, or are not this tool's own and `force` does not allow to replace them
         """
         from winchcascade.batch.run_batch import DATASET, REPORTS, Products, run_batch

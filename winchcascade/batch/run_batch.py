@@ -211,7 +211,7 @@ def run_batch(
     Raises
     ------
     OutputError : the folder cannot be made or locked, holds something else, or holds a link
-    OptionError : the scheduler cannot be reached
+    OptionError : the scheduler cannot be reached, or no further process can be started
     """
     products, workers, watch = products or Products(), workers or Workers(), watch or Nobody()
     make_folder(out, ours=(out / "runs").is_dir(), what="a batch", force=force)

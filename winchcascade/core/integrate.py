@@ -70,6 +70,12 @@ def largest(x: Signal) -> float:
     return max(float(x.max()), -float(x.min()))
 
 
+def ends_of(x: Signal) -> tuple[float, float]:
+    """Smallest and largest value, without holes; x must hold a number."""
+    low, high = float(x.min()), float(x.max())
+    return (low, high) if low <= high else (float(np.nanmin(x)), float(np.nanmax(x)))
+
+
 def median_and_error(x: Signal) -> tuple[float, float]:
     """Median and its standard uncertainty by the median deviation, as of values that scatter normally; 0 for a single value.
 
@@ -173,8 +179,14 @@ def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:
 
 def means(t: Signal, stream: Stream, windows: Signal) -> Signal:
     """Time mean of a signal over each window, (k,) in the unit of the signal; NaN for a window without length."""
+    whole: Signal = means_of(t, [stream], windows)[0]
+    return whole
+
+
+def means_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
+    """Time means of several signals over the same windows, (m, k): as `means`."""
     length = windows[:, 1] - windows[:, 0]
-    return integrals(t, stream, windows) / np.where(length > 0, length, np.nan)
+    return integrals_of(t, streams, windows) / np.where(length > 0, length, np.nan)
 
 
 def extremes(t: Signal, x: Signal, windows: Signal) -> tuple[Signal, Signal]:

@@ -122,11 +122,9 @@ def run_behind(job: Callable[[], A], *, processes: int) -> Iterator[Callable[[],
     if processes < 2:
         yield job
         return
-    from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import get_context
 
-    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_quietly)
+    pool = _spawned(1)
     with interrupts_blocked():
         behind = pool.submit(job)
 
@@ -223,17 +221,15 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
 
 def _require_processes() -> None:
     """Require that a process can be started: OptionError where each ends at once, as those of a script without a guard do."""
-    from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import get_context
 
     try:
-        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        with _spawned(1) as pool:
             pool.submit(os.getpid).result()
     except BrokenProcessPool:
         raise OptionError(
-            "no further process can be started; work with one (jobs=1). A script that uses several is a file, and guards "
-            'its start by if __name__ == "__main__".'
+            "no further process can be started; work with one (jobs=1, or --jobs 1). A script that uses several is a file, "
+            'and guards its start by if __name__ == "__main__".'
         ) from None
 
 
@@ -259,6 +255,14 @@ def _several(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[
     return [_tried(work, place, job) for place, job in zip(places, jobs, strict=True)]
 
 
+def _spawned(workers: int) -> ProcessPoolExecutor:
+    """A pool of processes that are spawned, never forked, and end with this one."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
+
+
 def _quietly() -> None:
     """Leave an interrupt to the process that gave the jobs, and end with it, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -280,15 +284,14 @@ def _pooled(
     work: Callable[[Job], Done], jobs: Sequence[Job], chunks: list[range], workers: int
 ) -> Generator[Outcome[Done], None, tuple[list[range], list[int]]]:
     """Run chunks on a pool; returns the chunks that were never begun and the jobs that a dying process took along."""
-    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+    from concurrent.futures import FIRST_COMPLETED, wait
     from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import get_context
 
     waiting = list(reversed(chunks))
     running: dict[Future[list[Outcome[Done]]], range] = {}
     ended = False
     with signals_held() as ending:  # an exception that is raised within a lock of the pool breaks it
-        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
+        pool = _spawned(workers)
         try:
             while waiting or running:
                 while waiting and len(running) < 2 * workers:

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import integrals_of
+from winchcascade.core.integrate import means_of
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.causes import COVERED, LAW, joint_covariance
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionKind, ContributionPart, NamedCause, Names
@@ -59,9 +59,8 @@ def quantities_of(run: Run, rig: Rig, windows: Signal) -> Signal:
         return np.full(len(QUANTITIES), math.nan)
     cycles = [list(one.values()) for one in metrics_within(run, rig, windows)]
     known = [k for k, name in enumerate(CHANNELS) if name in run.channels]
-    channels, length = np.full(len(CHANNELS), math.nan), windows[:, 1] - windows[:, 0]
-    whole = integrals_of(run.t, [run.channels[CHANNELS[k]].__getitem__ for k in known], windows)
-    channels[known] = (whole / np.where(length > 0, length, np.nan)).mean(axis=1)
+    channels = np.full(len(CHANNELS), math.nan)
+    channels[known] = means_of(run.t, [run.channels[CHANNELS[k]].__getitem__ for k in known], windows).mean(axis=1)
     return np.concatenate([np.mean(np.array(cycles, dtype=np.float64), axis=0), channels])
 
 

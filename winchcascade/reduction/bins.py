@@ -118,12 +118,12 @@ def bin_powers(
     none = [None] * count.size
     columns = {name: _mean_and_error(sums[name][1], count) if name in sums else (none, none) for name in powers}
     bins = []
-    for k, samples in enumerate(count.tolist()):
-        if samples:
-            mean = {name: means[k] for name, (means, _) in columns.items()}
-            error = {name: errors[k] if samples > 1 else None for name, (_, errors) in columns.items()}
-            torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
-            bins.append(Bin((low + k) * width, (low + k + 1) * width, samples, mean, error, torque, torque_error))
+    samples = count.tolist()
+    for k in np.flatnonzero(count).tolist():
+        mean = {name: means[k] for name, (means, _) in columns.items()}
+        error = {name: errors[k] if samples[k] > 1 else None for name, (_, errors) in columns.items()}
+        torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
+        bins.append(Bin((low + k) * width, (low + k + 1) * width, samples[k], mean, error, torque, torque_error))
     return tuple(bins)
 
 

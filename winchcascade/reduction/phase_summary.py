@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN
-from winchcascade.core.integrate import Stream, extremes, integrals, integrals_of
+from winchcascade.core.integrate import Stream, extremes, integrals, means_of
 from winchcascade.core.run import Signal
 from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.phases import Cycle
@@ -104,6 +104,7 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     holds, hauls = _windows(cycles, [c.hold for c in cycles]), _windows(cycles, [c.haul_in for c in cycles])
     means = _means(phased, (*_MEANS, "pressure"), np.concatenate((flat, holds, hauls)))
     on_plateau, held, hauled_in = (means[k * len(cycles) : (k + 1) * len(cycles)] for k in range(3))
+    held = [[force, torque, pressure] for _, force, torque, *_, pressure in held]
     known = "velocity" in run.channels
     plateaus = [
         None if p is None else PlateauSummary(begin, braking, p.speed if speed is None and known else speed, *rest)
@@ -124,7 +125,7 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
                 speed_max if known else None,
                 plateau,
             ),
-            None if c.hold is None else HoldSummary(_seconds(c.hold[1] - c.hold[0]), hold[1], hold[2], hold[-1]),
+            None if c.hold is None else HoldSummary(_seconds(c.hold[1] - c.hold[0]), *hold),
             None
             if c.haul_in is None
             else HaulInSummary(_seconds(c.haul_in[1] - c.haul_in[0]), v if known else None, mean, low, joule),
@@ -187,9 +188,6 @@ def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[lis
         f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum) for stage in phased.rig.cascade.stages
     }
     known = {k: x for k, name in enumerate(names) if (x := signals.get(name)) is not None}
-    length = windows[:, 1] - windows[:, 0]
     columns = np.full((len(windows), len(names)), np.nan)
-    columns[:, list(known)] = (
-        integrals_of(run.t, list(known.values()), windows) / np.where(length > 0, length, np.nan)
-    ).T
+    columns[:, list(known)] = means_of(run.t, list(known.values()), windows).T
     return [[value if math.isfinite(value) else None for value in row] for row in columns.tolist()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -101,7 +101,7 @@ def themed(svg: str) -> str:
     return svg
 
 
-@lru_cache(maxsize=4)
+@cache
 def _fonts(folders: tuple[Path, ...]) -> typst.Fonts:
     """The fonts in some folders, which the PDFs of a batch share."""
     import typst

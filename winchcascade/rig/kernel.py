@@ -40,16 +40,16 @@ REST = 0.01
 TURN = 0.5
 """Friction of the fast shaft changes its sign within this speed. [rad/s]"""
 
-SURE = 20.0
-"""Multiple of `TURN` from which friction has its sign to the last digit."""
+SATURATED = 20.0
+"""Speed in multiples of `TURN` from which friction has its full size to the last digit. [1]"""
 
 MAX_RETURNED = 0.5
 """Share of the damping of the fast shaft that a negative friction, a deviation of the model within its tolerance, may return:
 the shaft still comes to rest. [1]"""
 
-NOTHING = 1e-30
-"""Speeds and voltages that have faded to less are zero [rad/s, V]: with the smallest numbers there are, which a shaft at rest
-would reach, a processor takes ten times as long."""
+FADED = 1e-30
+"""A speed or voltage that has decayed to less is zero [rad/s, V]. At rest both would become subnormal numbers, with which a
+processor takes many times as long."""
 
 MIN_VOLUME = 0.01
 """Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
@@ -245,7 +245,7 @@ def _turned(
     losses = 0.5 * (c.b_rotor + c.windage * abs(half_way) + brakes)
     driven = mass * omega - em + brakes * half_way
     if c.friction != 0.0:
-        sign = math.tanh(half_way / TURN) if half_way < SURE * TURN else 1.0
+        sign = math.tanh(half_way / TURN) if half_way < SATURATED * TURN else 1.0
         dry, steep = c.friction * sign, c.friction * (1.0 - sign * sign) / TURN
         minimum = -MAX_RETURNED * (c.b_rotor + c.windage * half_way) * half_way
         if dry < minimum:
@@ -301,8 +301,8 @@ def run_shaft(driven: DrivenShaft, every: int, out: Signal, state: Signal) -> No
             em += em_v * fills
             brakes = max(em_h + em_v * b_h / holds, 0.0)
         drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_motion
-        torque = wound = after = 0.0
-        if omega > 0.0 or twist > 0.0 or drum_half > 0.0:  # else the shaft rests
+        torque = wound = after = 0.0  # of a shaft at rest
+        if omega > 0.0 or twist > 0.0 or drum_half > 0.0:
             torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
         # DC link
         faster = 0.5 * (omega + after) - half_way
@@ -321,11 +321,9 @@ def run_shaft(driven: DrivenShaft, every: int, out: Signal, state: Signal) -> No
         if state.size:
             state[n, 0], state[n, 1], state[n, 2] = omega, twist, v_dc
         twist = wound
-        middle_before, omega_before, omega, v_dc = middle, omega, after, v_dc + change
-        if omega < NOTHING:
-            omega = 0.0
-        if v_dc < NOTHING:
-            v_dc = 0.0
+        middle_before, omega_before = middle, omega
+        omega = 0.0 if after < FADED else after
+        v_dc = 0.0 if v_dc + change < FADED else v_dc + change
 
 
 _VOLTS = 1e-6

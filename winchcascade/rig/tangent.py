@@ -14,7 +14,7 @@ from winchcascade.core.run import Signal
 from winchcascade.rig.bridge import FASTMATH, bridge_slopes
 from winchcascade.rig.kernel import (
     MAX_RETURNED,
-    SURE,
+    SATURATED,
     TURN,
     Constants,
     DrivenShaft,
@@ -39,8 +39,9 @@ WIDE = 24
 MAX_WAYS = WIDE - len(NUMBERS)
 """Maximum number of directions of the roll-off among them."""
 
-FADED = 1e-200
-"""A derivative of the DC voltage that has faded to less is zero, as the voltage itself below `kernel.NOTHING`."""
+FADED_SLOPE = 1e-200
+"""A derivative of the DC voltage that has decayed to less is zero, as the voltage is below `kernel.FADED`. [V over the unit of
+the number]"""
 
 _ROWS = 13
 _D_OMEGA, _D_TWIST, _D_V, _D_LAST, _D_MEAN, _D_SEEN = (WIDE * row for row in range(6))
@@ -179,7 +180,7 @@ def run_tangent(driven: DrivenShaft, state: Signal, every: int, bent: Signal, ke
         w[_EM + _V_DIODE], w[_EM + _R_S] = 2.0 * i_b * per, 3.0 * i_s * i_s * per
         # fast shaft
         sign, edge = 1.0, 0.0
-        if half_way < SURE * TURN:
+        if half_way < SATURATED * TURN:
             sign = math.tanh(half_way / TURN)
             edge = (1.0 - sign * sign) / TURN
         viscous = 1.0  # share of the damping that acts
@@ -223,7 +224,7 @@ def run_tangent(driven: DrivenShaft, state: Signal, every: int, bent: Signal, ke
             w[_D_OMEGA + k] = d_after
             w[_D_SEEN + k] = d_v
             d_v = 2.0 * (d_given + v_h * d_half) - d_v
-            w[_D_V + k] = d_v if abs(d_v) > FADED else 0.0
+            w[_D_V + k] = d_v if abs(d_v) > FADED_SLOPE else 0.0
         if n % every == 0:
             kept[0, :, n // every], kept[1, :, n // every] = w[_D_MEAN:][:size], w[_D_SEEN:][:size]
     if (v.size - 1) % every == 0:

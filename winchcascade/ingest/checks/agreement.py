@@ -13,7 +13,16 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import ENOUGH, GAUSS, median, median_and_error, quantile, running, smallest_step
+from winchcascade.core.integrate import (
+    ENOUGH,
+    GAUSS,
+    ends_of,
+    median,
+    median_and_error,
+    quantile,
+    running,
+    smallest_step,
+)
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Mask, Signal
 
@@ -236,7 +245,7 @@ def speed_disagrees(channels: Mapping[str, Signal], rig: Rig) -> list[Finding]:
 
 def without_sign(t: Signal, v: Signal, displacement: Signal, v_onset: float, stroke_min: float) -> bool:
     """Whether the velocity is a speed: of one sign, however the displacement goes, and as fast both ways."""
-    low, high = float(np.nanmin(v)), float(np.nanmax(v))
+    low, high = ends_of(v)
     if low < 0.0 < high and min(-low, high) > ONE_SIDED * max(-low, high):
         return False
     blocks = mean_speeds(t, v, displacement, v_onset)

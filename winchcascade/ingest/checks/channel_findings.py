@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from winchcascade.core.integrate import ends_of
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.rig_file import Sensor
 from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
@@ -72,7 +73,7 @@ def out_of_range(
         logged = sign * wild[1]
         x[wild[0]] = logged
         spikes = int(np.count_nonzero((logged < low) | (logged > high)))
-    bottom, top = _ends(x)
+    bottom, top = ends_of(x)
     if bottom >= low and top <= high:
         return []
     limit, worst = (high, top) if top > high else (low, bottom)
@@ -85,12 +86,6 @@ def out_of_range(
     return [msgspec.structs.replace(found, action=action)]
 
 
-def _ends(x: Signal) -> tuple[float, float]:
-    """Smallest and largest value, without holes."""
-    low, high = float(x.min()), float(x.max())
-    return (low, high) if low <= high else (float(np.nanmin(x)), float(np.nanmax(x)))
-
-
 def saturated(t: Signal, channel: Channel, x: Signal) -> list[Finding]:
     """Report a channel that holds its largest value in stretches while it scatters elsewhere: its sensor or input is saturated.
 
@@ -98,7 +93,7 @@ def saturated(t: Signal, channel: Channel, x: Signal) -> list[Finding]:
     ----------
     x : (n,) values, NaN where it has holes, SI
     """
-    low, high = _ends(x)
+    low, high = ends_of(x)
     top = high if high >= -low else low
     held = x == top
     again = int(np.count_nonzero(held[1:] & held[:-1]))

@@ -12,7 +12,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import ENOUGH, median, smallest_step
+from winchcascade.core.integrate import ENOUGH, ends_of, median, smallest_step
 from winchcascade.core.run import Finding, Index, Mask, Signal
 
 HELD = 0.3
@@ -244,7 +244,8 @@ def _unchanged(name: str, first: Index, last: Index, x: Signal, line: ObservedMo
 
 
 def _range(x: Signal) -> float:
-    return float(np.nanmax(x) - np.nanmin(x))
+    low, high = ends_of(x)
+    return high - low
 
 
 def _too_still(name: str, x: Signal, line: ObservedMotion, first: Index, last: Index) -> Mask:

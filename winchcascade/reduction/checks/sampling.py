@@ -381,7 +381,7 @@ STRAIGHT = 0.85
 
 
 def recorded_step(phased: PhasedRun, name: str, minimum: float) -> float:
-    """Step in which a channel is recorded during the payouts, 0 where it has none of some size. [SI unit of the channel]
+    """Step in which a channel is recorded in payouts, 0 where it has none or one below `minimum`. [SI unit of the channel]
 
     `smallest_step` of the ingest takes the smallest change of all. Here the step must explain nearly all changes, so that a
     bridged or repaired value does not pass for a fine resolution.
