@@ -53,15 +53,17 @@ def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | Plat
     braking begins. Bridged samples are left out.
     """
     driven = np.zeros(run.t.size, dtype=bool)
-    torque = run.channels.get("torque")
-    for cycle, plateau in zip(cycles, plateaus, strict=True):
-        clutch = rig.drivetrain.one_way_clutch
-        end = plateau.braking if clutch and torque is None and plateau is not None else cycle.payout_end
-        first, last = np.searchsorted(run.t, cycle.onset, side="left"), np.searchsorted(run.t, end, side="right")
+    clutch, torque = rig.drivetrain.one_way_clutch, run.channels.get("torque")
+    ends = [
+        plateau.braking if clutch and torque is None and plateau is not None else cycle.payout_end
+        for cycle, plateau in zip(cycles, plateaus, strict=True)
+    ]
+    begins, stops = run.t.searchsorted([cycle.onset for cycle in cycles]), run.t.searchsorted(ends, side="right")
+    for first, last in zip(begins.tolist(), stops.tolist(), strict=True):
         driven[first:last] = True
-        if clutch and torque is not None:
+        if clutch and torque is not None and first < last:
             pulls = torque[first:last] >= rig.thresholds.tau_engaged
-            rising = int(np.argmax(pulls)) if pulls.any() else 0
+            rising = int(pulls.argmax())  # 0 where nothing pulls
             driven[first + rising : last] = pulls[rising:]
     for before, after in all_gaps(run, rig.cascade.channels):
         driven[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = False

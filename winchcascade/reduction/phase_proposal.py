@@ -98,7 +98,7 @@ def _reciprocating(phased: PhasedRun) -> str:
     period = median(ends[:, 1] - ends[:, 0])
     first, last = np.searchsorted(run.t, (ends[0, 0], ends[-1, 1]))
     between = v_smooth[first:last]
-    resting = float(np.mean((between < v_onset) & (between > -v_onset)))
+    resting = np.count_nonzero((between < v_onset) & (between > -v_onset)) / between.size
     if period > SEA_PERIOD or resting > RESTS:
         return ""
     return (

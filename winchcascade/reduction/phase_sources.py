@@ -18,7 +18,7 @@ from winchcascade.core.rig_file import PhaseSource, Rig, Thresholds
 from winchcascade.core.run import Index, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps, gap_limits
-from winchcascade.reduction.phases import Cycle, detect, smoothed_velocity
+from winchcascade.reduction.phases import Cycle, detect, sides, smoothed_velocity
 
 TURN = 2.0 * np.pi
 """Radians in one revolution."""
@@ -261,7 +261,7 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
     >>> [(round(w.onset, 6), round(w.payout_end, 6)) for w in find_waves(t, np.sin(np.pi * (t - 0.5)), 0.1)]
     [(0.5, 1.5), (2.5, 3.5), (4.5, 5.5), (6.5, 7.5)]
     """
-    side = (v_smooth > v_onset).astype(np.int8) - (v_smooth < -v_onset).astype(np.int8)
+    side = sides(v_smooth, v_onset)
     edges = np.concatenate(([0], np.flatnonzero(side[1:] != side[:-1]) + 1, [side.size]))
     start, stop = edges[:-1], edges[1:]
     fast = side[start] != 0
@@ -271,10 +271,10 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
     turns = np.flatnonzero(np.diff(side[start])) + 1
     first, last = start[np.append(0, turns)], stop[np.append(turns - 1, start.size - 1)] - 1
     half = np.flatnonzero(side[first[:-1]] > 0)
-    before, after = v_smooth[:-1], v_smooth[1:]
-    rises = np.flatnonzero((before <= 0.0) & (after > 0.0)) + 1
-    falls = np.flatnonzero((before >= 0.0) & (after < 0.0)) + 1
-    ends = np.flatnonzero((before < 0.0) & (after >= 0.0)) + 1
+    above, below = v_smooth > 0.0, v_smooth < 0.0
+    rises = np.flatnonzero(above[1:] & ~above[:-1]) + 1
+    falls = np.flatnonzero(below[1:] & ~below[:-1]) + 1
+    ends = np.flatnonzero(below[:-1] & ~below[1:]) + 1
     begin = rises.searchsorted(first[half], side="right") - 1
     turn = falls.searchsorted(first[half + 1], side="right") - 1
     end = ends.searchsorted(last[half + 1] + 1)

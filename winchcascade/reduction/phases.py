@@ -12,6 +12,7 @@ from itertools import accumulate, pairwise
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median, quantile, running
@@ -107,9 +108,15 @@ def long_gaps(run: Run, longest: float) -> Signal:
     return gaps[gaps[:, 1] - gaps[:, 0] > longest]
 
 
+def sides(v: Signal, v_onset: float) -> NDArray[np.int8]:
+    """On which side of the threshold a velocity is, (n,): 1 above it, -1 below its negative, 0 between."""
+    side: NDArray[np.int8] = (v > v_onset).view(np.int8) - (v < -v_onset).view(np.int8)
+    return side
+
+
 def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
     """Cut the velocity into runs; a long gap is a run of its own, whose travel the displacement gives."""
-    side = (v > v_onset).astype(np.int8) - (v < -v_onset).astype(np.int8)
+    side = sides(v, v_onset)
     first = np.searchsorted(run.t, gaps[:, 0], side="right")
     last = np.searchsorted(run.t, gaps[:, 1], side="left")
     for a, b in zip(first, last, strict=True):
@@ -248,8 +255,7 @@ def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Threshol
     The plateau's speed is the median of the velocities above 90 % of their 99th percentile. It begins with the first
     0.2 s throughout which the velocity is at or above 98 % of that; braking begins after the last sample that is.
     """
-    first = int(np.searchsorted(t, cycle.onset, side="left"))
-    last = int(np.searchsorted(t, cycle.payout_end, side="right"))
+    first, last = int(t.searchsorted(cycle.onset)), int(t.searchsorted(cycle.payout_end, side="right"))
     v = v_smooth[first:last]
     if v.size < 3:
         return None
