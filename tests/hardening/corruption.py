@@ -39,7 +39,7 @@ CLASSES = {
     )),
     2: Kind("zeros and codes", (
         signals.zeros, signals.codes, signals.slow_channel, signals.zeros, signals.codes, signals.small_codes,
-        signals.last_value, signals.unplugged, signals.clipped, signals.other_range, signals.scattered,
+        signals.last_value, signals.unplugged, signals.clipped, signals.other_range, signals.scattered, signals.filled_in,
     ), (5, 10, 25, 100, 200)),
     3: Kind("coarse sampling", (
         signals.picked, signals.averaged, signals.picked, signals.held, signals.coarse_steps,

@@ -230,6 +230,16 @@ def unplugged(log: Log, rng: Rng) -> Damage:
     )  # fmt: skip
 
 
+def filled_in(log: Log, rng: Rng) -> Damage:
+    """Rows lost for 0.3 to 6 s at one or two places, then filled in by straight lines, in one, some or all channels."""
+    places = [spot(rng, log, log_uniform(rng, 0.3, 6.0)) for _ in range(rng.integers(1, 3))]
+    names = ("displacement", "velocity", "pressure", *POWERS) if rng.random() < 0.5 else _some(rng)
+    return _changed(
+        log, rng, names, places, "filled in by straight lines",
+        lambda name, x, a, b: rounded(name, np.interp(np.arange(a, b), (a - 1, b), x[[max(a - 1, 0), min(b, len(x) - 1)]])),
+    )  # fmt: skip
+
+
 def slow_channel(log: Log, rng: Rng) -> Damage:
     """A channel that is updated every 2 samples to 1 s, and written as zero or empty in between."""
     size = max(2, round(log_uniform(rng, 2.0 * log.step, 1.0) * log.rate))

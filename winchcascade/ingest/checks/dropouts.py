@@ -154,7 +154,7 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, Usual], name: str) -> l
     values = _values(x, at)
     usual = _level(x, values)
     level[name] = usual
-    samples = Bends(x, bends.places, usual, bends.found)
+    samples = Bends(x, bends.places, usual, bends.found, bends.calm)
     steps, step = np.abs(np.diff(x)), smallest_step(x)
     found = []
     for value in values.tolist():

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
-from winchcascade.core.smooth import local_quadratic
+from winchcascade.core.smooth import evenly_stamped, local_quadratic
 from winchcascade.ingest.assign import gives_result
 from winchcascade.ingest.checks.agreement import (
     correct_signs,
@@ -29,6 +29,7 @@ from winchcascade.ingest.checks.channel_findings import (
 )
 from winchcascade.ingest.checks.dropouts import ROUNDS, Dropout, find_dropouts, find_filled
 from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses
+from winchcascade.ingest.checks.interpolated import find_interpolated
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.checks.stuck import find_still, find_stuck, motion, repeated_rows
 from winchcascade.ingest.checks.timing import check_clock
@@ -38,6 +39,10 @@ FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_m
 
 _FEW = 1000
 """Number of samples that are compared first to show whether a channel changes at all."""
+
+
+MOSTLY_EVEN = 0.9
+"""Smallest share of evenly stamped samples of a log in which gaps that were filled in are sought. [1]"""
 
 
 class Checked(msgspec.Struct, frozen=True):
@@ -115,7 +120,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     for name in list(channels):
         _take_out_holes(log, name)
     _report_missing(log)
-    _take_out_spikes(log, open_circuit=open_circuit)
+    sharp = _take_out_spikes(log, open_circuit=open_circuit)
     v, displacement = channels.get("velocity"), channels.get("displacement")
     if not (simulated or v is None or displacement is None) and _constant(v) and not _constant(displacement):
         log.leave_out("velocity", "derived from the displacement")
@@ -140,6 +145,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
                 findings += out_of_range(t, rig.known_channels[name], x, wild, sign, rig.sensors[name])
             if name in SATURATES:
                 findings += saturated(t, rig.known_channels[name], x)
+        _take_out_interpolated(log, sharp)
         if "velocity" in channels:
             _take_out_stuck(log, open_circuit)
         else:
@@ -245,8 +251,8 @@ def _whole(t: Signal, x: Signal) -> Signal:
     return x if good.all() else np.interp(t, t[good], x[good])
 
 
-def _take_out_spikes(log: _Log, *, open_circuit: bool) -> None:
-    """Take dropouts, single spikes and short glitches out of the channels."""
+def _take_out_spikes(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
+    """Take dropouts, single spikes and short glitches out of the channels; where these bend sharply."""
     longest = int(LONGEST * (log.t.size - 1) / float(log.t[-1] - log.t[0]) + 1e-6)
     sharp = _take_out_dropouts(log, open_circuit=open_circuit)
     pulses: dict[str, Pulses] = {}
@@ -262,6 +268,7 @@ def _take_out_spikes(log: _Log, *, open_circuit: bool) -> None:
         what = f"samples jump away from their neighbours and back, in {_places(len(glitches))}"
         findings[name] += log.take_out_spikes(name, samples, what)
     log.findings += [finding for found in findings.values() for finding in found]
+    return sharp
 
 
 def _take_out_dropouts(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
@@ -298,6 +305,30 @@ def _values(channel: Channel, stretches: Sequence[Dropout]) -> str:
 
 def _places(count: int) -> str:
     return f"{count} place{'s' if count > 1 else ''}"
+
+
+def _take_out_interpolated(log: _Log, bends: Mapping[str, Bends]) -> None:
+    """Take out the samples with which gaps were filled in before; uneven stamps bend a channel without noise, too."""
+    v = log.channels.get("velocity")
+    moving = np.ones(log.t.size, dtype=bool) if v is None else np.abs(_whole(log.t, v)) > log.rig.thresholds.v_onset
+    filled = find_interpolated({name: bends[name] for name in bends if name in log.channels}, moving)
+    if not filled or np.count_nonzero(evenly_stamped(log.t, 1)) < MOSTLY_EVEN * log.t.size:
+        return
+    whole = np.zeros(log.t.size, dtype=bool)
+    for name, samples in filled.items():
+        bad = np.zeros(log.t.size, dtype=bool)
+        bad[samples] = True
+        whole |= bad
+        log.take_out(name, bad, "dropped_samples", "")
+    places = int(np.count_nonzero(np.diff(whole.view(np.int8), prepend=0) > 0))
+    what = f"run between their neighbours without noise, in {_places(places)}, as if a gap had been filled in"
+    *others, last = filled
+    found = at(log.t, whole, "dropped_samples", last, f"samples {what}", removed=True)
+    if others:
+        alike = all(np.array_equal(samples, filled[last]) for samples in filled.values())
+        said = f"{found.count} samples of {', '.join(others)} {'and' if alike else 'or'} {last} {what}"
+        found = msgspec.structs.replace(found, message=said, channel=None)
+    log.findings.append(found)
 
 
 def _take_out_stuck(log: _Log, open_circuit: bool) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import ENOUGH, positive_median, quantiles_in_place
+from winchcascade.core.integrate import ENOUGH, positive_median, quantiles_in_place, smallest_step
 from winchcascade.core.run import Index, Mask, Signal
 
 MIN_SHARE = 0.019
@@ -29,6 +29,15 @@ AROUND = 12
 ALONG = 5
 """Number of samples on either side whose usual change is the slope of the line."""
 
+CALM = 0.05
+"""Largest curvature of a line that was filled in, in usual curvatures of the whole log. [1]"""
+
+ROUNDED = 2.0 * (1.0 + 1e-6)
+"""And in steps of the resolution, if that is more: each sample of the line is rounded by up to half a step. [1]"""
+
+MIN_CALM = 6
+"""Minimum number of samples of such a line. `find_bends` is written for six."""
+
 NEAR = 6
 """Maximum distance of its two neighbours where the channel has holes, in samples."""
 
@@ -38,11 +47,13 @@ _ROWS = _BLOCK // 8
 
 
 class Usual(msgspec.Struct, frozen=True):
-    """What a channel usually does: ends of the range in which it moves, and its curvature."""
+    """What a channel usually does: ends of the range in which it moves, its curvature, and the largest curvature of a line that
+    was filled in."""
 
     low: float
     high: float
     noise: float
+    calm: float = 0.0
 
     @property
     def span(self) -> float:
@@ -55,13 +66,18 @@ class Usual(msgspec.Struct, frozen=True):
 
 
 class Bends(msgspec.Struct, frozen=True):
-    """Where a channel bends sharply: its finite samples, their places in the log (None: all), what it usually does, and the
-    samples that deviate from the middle of their neighbours by more than the minimum of a spike."""
+    """Where a channel bends sharply, and where it is calm.
+
+    Its finite samples, their places in the log (None: all), what it usually does, the samples that deviate from the middle of
+    their neighbours by more than the minimum of a spike, and first and last sample, (k, 2), of the stretches of `MIN_CALM`
+    samples or more that bend by no more than a line that was filled in.
+    """
 
     x: Signal
     place: Index | None
     usual: Usual
     found: Index
+    calm: Index
 
     @property
     def minimum(self) -> float:
@@ -93,16 +109,24 @@ def find_bends(x: Signal) -> Bends:
         place = np.flatnonzero(np.isfinite(x))
         x = x[place]
     if x.size < 4 * AROUND:
-        return Bends(x, place, Usual(0.0, 0.0, 0.0), np.empty(0, dtype=np.intp))
+        nowhere = np.empty(0, dtype=np.intp)
+        return Bends(x, place, Usual(0.0, 0.0, 0.0), nowhere, nowhere.reshape(0, 2))
     some = x[:: max(1, x.size // 20_000)]  # without a few wild values
     noise = positive_median(np.abs(np.diff(x[:ENOUGH], 2)))
     low, high = quantiles_in_place(some.copy(), [0.005, 0.995])
-    usual = Usual(low, high, noise)
-    found = []
+    usual = Usual(low, high, noise, max(CALM * noise, ROUNDED * smallest_step(x)))
+    found, calm = [], np.zeros(x.size, dtype=bool)  # whether a sample begins a line of `MIN_CALM`
     for start in range(0, x.size - 2, _BLOCK):
-        step = np.diff(x[start : start + _BLOCK + 2])
-        found.append(np.flatnonzero(np.abs(step[1:] - step[:-1]) > 2 * usual.minimum(MIN_SHARE, NOISE)) + start + 1)
-    return Bends(x, place, usual, np.concatenate(found))
+        step = np.diff(x[start : start + _BLOCK + MIN_CALM + 1])
+        bend = np.abs(step[1:] - step[:-1])
+        found.append(np.flatnonzero(bend[:_BLOCK] > 2 * usual.minimum(MIN_SHARE, NOISE)) + start + 1)
+        if usual.calm < noise:
+            line = bend <= usual.calm
+            line = line[2:] & line[1:-1] & line[:-2]
+            line = line[3:] & line[:-3]
+            calm[start + 1 : start + 1 + line.size] = line
+    first, after = np.flatnonzero(calm[1:] != calm[:-1]).reshape(-1, 2).T + 1
+    return Bends(x, place, usual, np.concatenate(found), np.column_stack((first, after + MIN_CALM - 2)))
 
 
 def single_spikes(bends: Bends) -> Index:

@@ -1,0 +1,116 @@
+"""A gap that was filled in before the log was read shows by the noise that its samples lack."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shipped_log import HEADERS, NAMES, Signal, channels, clean, column, row_after_onset, table
+from synthetic import SCENARIOS, SENSORS, make_log
+
+from winchcascade import Finding, load_rig, read_run, reduce
+from winchcascade.ingest.checks.quality import check
+
+RIG = load_rig("hsu2026")
+ELECTRICAL = ("vdc", "idc")
+
+
+def filled(
+    places: Sequence[tuple[float, float]], names: Sequence[str] = NAMES, *, rounded: bool = False
+) -> tuple[Signal, list[int]]:
+    """The shipped log with straight lines at some times after the second onset, of some length [s], and the rows of these."""
+    rows = table().copy()
+    lost: list[int] = []
+    for begin, seconds in places:
+        first = row_after_onset(begin)
+        lost += range(first, first + round(25 * seconds))
+    kept = np.setdiff1d(np.arange(len(rows)), lost)
+    for name in names:
+        x = rows[:, column(name)]
+        line = np.interp(lost, kept, x[kept])
+        x[lost] = np.round(line, SENSORS[name].decimals) if rounded else line
+    return rows, lost
+
+
+def findings(rows: Signal) -> list[Finding]:
+    found = check(rows[:, 0].copy(), channels(rows), RIG, simulated=False, open_circuit=False)
+    return [f for f in found.findings if f.kind == "dropped_samples"]
+
+
+@pytest.mark.parametrize("rounded", [False, True])
+@pytest.mark.parametrize("begin", [-0.5, 0.6, 3.0, 12.5])
+def test_a_gap_that_was_filled_in_all_channels_is_one_finding(begin: float, rounded: bool) -> None:
+    rows, lost = filled([(begin, 1.6)], rounded=rounded)
+    (finding,) = findings(rows)
+    assert finding.channel is None
+    assert finding.message.endswith(
+        "run between their neighbours without noise, in 1 place, as if a gap had been filled in"
+    )
+    assert {"force", "vdc"} <= {name for name in NAMES if name in finding.message}
+    assert finding.start == pytest.approx(rows[lost[0], 0], abs=0.13)
+    assert finding.end == pytest.approx(rows[lost[-1], 0], abs=0.13)
+
+
+@pytest.mark.parametrize("name", ["force", "vdc", "idc"])
+def test_a_gap_that_was_filled_in_one_channel_is_a_finding_of_that_channel(name: str) -> None:
+    rows, lost = filled([(0.8, 1.6)], [name])
+    (finding,) = findings(rows)
+    assert finding.channel == name
+    assert finding.removed == pytest.approx(len(lost), abs=3)
+
+
+def test_gaps_of_several_channels_are_one_finding() -> None:
+    both, alone = filled([(0.8, 1.6), (3.0, 1.0)], ELECTRICAL), filled([(6.0, 1.6)], ["force"])
+    rows = both[0].copy()
+    (same,) = findings(rows)
+    assert same.message.startswith(
+        f"{same.count} samples of vdc and idc run between their neighbours without noise, in 2 places"
+    )
+    rows[:, column("force")] = alone[0][:, column("force")]
+    (any_of_them,) = findings(rows)
+    assert any_of_them.message.startswith(f"{any_of_them.count} samples of force, vdc or idc run")
+    assert any_of_them.count == pytest.approx(len(both[1]) + len(alone[1]), abs=6)
+
+
+def test_two_gaps_with_two_samples_between_them_are_found() -> None:
+    rows, lost = filled([(0.8, 1.6), (0.8 + 1.6 + 0.08, 1.6)])
+    assert sum(f.count for f in findings(rows)) == pytest.approx(len(lost), abs=6)
+
+
+def test_a_cycle_whose_filled_gap_moves_an_energy_does_not_count(tmp_path: Path) -> None:
+    rows, _ = filled([(0.6, 2.0)])
+    path = tmp_path / "filled.csv"
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    path.write_text("\n".join([",".join(HEADERS), *lines, ""]), encoding="utf-8")
+    found, true = reduce(read_run(path), window=5.48), clean()
+    assert [cycle.complete for cycle in found.cycles] == [True, False, True]
+    second = found.cycles[1].metrics.value("energy_line"), true.cycles[1].metrics.value("energy_line")
+    assert abs(second[0] / second[1] - 1.0) > 0.01
+    assert found.cycles[0].metrics.value("energy_line") == true.cycles[0].metrics.value("energy_line")
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.1, 1.0, 3.0])
+@pytest.mark.parametrize("name", list(SCENARIOS))
+def test_a_log_whose_channels_are_calm_by_nature_has_no_finding(name: str, noise: float) -> None:
+    made = make_log(replace(SCENARIOS[name], noise=noise), np.random.default_rng(1))
+    assert findings(np.column_stack((made.t, *made.columns.values()))) == []
+
+
+def test_a_channel_that_is_quiet_at_rest_and_noisy_in_motion_has_no_finding() -> None:
+    rows = table().copy()
+    rest = np.abs(rows[:, column("velocity")]) < 0.02
+    for name in ELECTRICAL:
+        rows[rest, column(name)] = 0.0
+    assert findings(rows) == []
+
+
+def test_the_course_of_a_wave_is_straight_where_it_turns_and_no_line() -> None:
+    t = np.arange(3000) / 25.0
+    rng = np.random.default_rng(4)
+    x = np.round(0.4 * np.sin(2.0 * math.pi * t / 6.0) + 3e-5 * rng.standard_normal(t.size), 5)
+    v = np.gradient(0.4 * np.sin(2.0 * math.pi * t / 6.0), t) + 0.003 * rng.standard_normal(t.size)
+    force = 800.0 + 300.0 * np.tanh(v / 0.05) + 5.0 * rng.standard_normal(t.size)
+    found = check(t, {"displacement": x, "velocity": v, "force": force}, RIG, simulated=False, open_circuit=False)
+    assert [f for f in found.findings if f.kind == "dropped_samples"] == []
