@@ -61,6 +61,15 @@ def test_a_gap_that_was_filled_in_one_channel_is_a_finding_of_that_channel(name:
     assert finding.removed == pytest.approx(len(lost), abs=3)
 
 
+def test_a_filled_gap_is_found_beside_spikes_and_empty_cells() -> None:
+    rows, lost = filled([(0.8, 1.6)], ["force", "idc"])
+    rows[[lost[0] - 100, lost[-1] + 150], column("force")] = 5000.0
+    rows[lost[-1] + 200 : lost[-1] + 205, column("idc")] = np.nan
+    (finding,) = [f for f in findings(rows) if "noise" in f.message]
+    assert "samples of force and idc run" in finding.message
+    assert finding.count == pytest.approx(len(lost), abs=3)
+
+
 def test_gaps_of_several_channels_are_one_finding() -> None:
     both, alone = filled([(0.8, 1.6), (3.0, 1.0)], ELECTRICAL), filled([(6.0, 1.6)], ["force"])
     rows = both[0].copy()

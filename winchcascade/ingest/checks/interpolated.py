@@ -100,7 +100,7 @@ def _certain(bends: Bends, moving: Mask, stretches: Index) -> Index:
     chance = FOLLOWS * max(np.count_nonzero(curvature <= bends.usual.calm) / shown.size, RARELY)
     stretches = stretches[_count(moving, stretches) * math.log(min(chance, 1.0)) < UNLIKELY]
     rows = stretches if place is None else np.searchsorted(place, stretches)
-    idle = IDLE * largest(x)
+    idle = IDLE * max(abs(bends.usual.low), abs(bends.usual.high))
     sure = [_is_line(x[a : b + 1], idle) and _has_noise_beside(bends, a, b) for a, b in rows.tolist()]
     found: Index = stretches[np.array(sure, dtype=bool)]
     return found

@@ -71,10 +71,14 @@ class _Log(msgspec.Struct):
     spikes: dict[str, tuple[Index, Signal]] = msgspec.field(default_factory=dict)
     findings: list[Finding] = msgspec.field(default_factory=list)
 
-    def take_out(self, name: str, bad: Mask, kind: FindingKind, what: str) -> Finding:
-        """Mark samples of a channel as lost; the finding about them."""
+    def lose(self, name: str, bad: Mask) -> None:
+        """Mark samples of a channel as lost."""
         self.channels[name][bad] = np.nan
         self.lost[name] |= bad
+
+    def take_out(self, name: str, bad: Mask, kind: FindingKind, what: str) -> Finding:
+        """Mark samples of a channel as lost; the finding about them."""
+        self.lose(name, bad)
         return at(self.t, bad, kind, name, what, removed=True)
 
     def take_out_spikes(self, name: str, samples: Index, what: str) -> list[Finding]:
@@ -319,7 +323,7 @@ def _take_out_interpolated(log: _Log, bends: Mapping[str, Bends]) -> None:
         bad = np.zeros(log.t.size, dtype=bool)
         bad[samples] = True
         whole |= bad
-        log.take_out(name, bad, "dropped_samples", "")
+        log.lose(name, bad)
     places = int(np.count_nonzero(np.diff(whole.view(np.int8), prepend=0) > 0))
     what = f"run between their neighbours without noise, in {_places(places)}, as if a gap had been filled in"
     *others, last = filled
