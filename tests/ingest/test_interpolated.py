@@ -11,7 +11,9 @@ from shipped_log import HEADERS, NAMES, Signal, channels, clean, column, row_aft
 from synthetic import SCENARIOS, SENSORS, make_log
 
 from winchcascade import Finding, load_rig, read_run, reduce
+from winchcascade.ingest.checks.interpolated import find_interpolated
 from winchcascade.ingest.checks.quality import check
+from winchcascade.ingest.checks.spikes import find_bends
 
 RIG = load_rig("hsu2026")
 ELECTRICAL = ("vdc", "idc")
@@ -113,6 +115,32 @@ def test_a_channel_that_is_quiet_at_rest_and_noisy_in_motion_has_no_finding() ->
     for name in ELECTRICAL:
         rows[rest, column(name)] = 0.0
     assert findings(rows) == []
+
+
+def rows_of(x: Signal) -> list[int]:
+    """Rows of a channel that were filled in, of a log that moves all the time."""
+    found = find_interpolated({"force": find_bends(x)}, np.ones(x.size, dtype=bool))
+    return found["force"].tolist() if found else []
+
+
+def test_a_gap_is_found_whole_where_two_blocks_of_the_search_meet() -> None:
+    x = 100.0 + np.random.default_rng(1).standard_normal(70_000)
+    lost = np.arange(65_530, 65_550)
+    x[lost] = np.interp(lost, (lost[0] - 1, lost[-1] + 1), (98.0, 101.0))
+    x[[lost[0] - 1, lost[-1] + 1]] = 98.0, 101.0
+    assert {*lost.tolist()} <= {*rows_of(x)} <= {*range(lost[0] - 2, lost[-1] + 3)}
+
+
+def test_a_noise_that_fades_and_comes_back_is_no_gap() -> None:
+    k = np.arange(2000)
+    loud = np.clip(np.abs(k - 1000) / 400.0, 0.001, 1.0)
+    assert rows_of(100.0 + loud * np.random.default_rng(2).standard_normal(k.size)) == []
+
+
+def test_an_output_that_switches_to_zero_and_back_is_no_gap() -> None:
+    x = 100.0 + np.random.default_rng(3).standard_normal(2000)
+    x[900:1000] = 0.01 * np.random.default_rng(4).standard_normal(100)
+    assert rows_of(x) == []
 
 
 def test_the_course_of_a_wave_is_straight_where_it_turns_and_no_line() -> None:

@@ -36,7 +36,7 @@ smooth course, which is straight where it turns. [1]"""
 NEAR = 4 * AROUND
 """Samples before and after a stretch among which the nearest `AROUND` outside of calm stretches are sought."""
 
-NOISY = 0.5
+NOISY = 0.25
 """Minimum median curvature of the samples just before and after a stretch, as a share of the usual one. [1]"""
 
 SAME = 3
@@ -55,17 +55,15 @@ def find_interpolated(bends: Mapping[str, Bends], moving: Mask) -> dict[str, Ind
     """
     calm = {name: _calm_in_motion(channel, moving) for name, channel in bends.items()}
     sure = np.concatenate([_certain(bends[name], moving, stretches) for name, stretches in calm.items()])
-    found: dict[str, list[Index]] = {name: [] for name in calm}
-    end = -1
-    for one in sure[np.argsort(sure[:, 0], kind="stable")]:
-        if one[0] > end:  # else another channel has shown it
-            end = one[1]
-            for name, stretches in calm.items():
-                found[name] += [np.arange(one[0], end + 1)] if _is_among(one, stretches) else []
-    return {name: np.concatenate(rows) for name, rows in found.items() if rows}
+    found = {}
+    for name, stretches in calm.items():
+        filled = [np.arange(a, b + 1) for a, b in sure.tolist() if _is_among((a, b), stretches)]
+        if filled:
+            found[name] = np.unique(np.concatenate(filled))
+    return found
 
 
-def _is_among(one: Index, stretches: Index) -> bool:
+def _is_among(one: tuple[int, int], stretches: Index) -> bool:
     """Whether a stretch has about the same ends as one of others, which are in order."""
     first, last = np.searchsorted(stretches[:, 0], (one[0] - SAME, one[0] + SAME + 1))
     return bool((np.abs(stretches[first:last, 1] - one[1]) <= SAME).any())
