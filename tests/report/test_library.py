@@ -3,6 +3,7 @@
 import inspect
 import math
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,18 @@ from calls import call
 from diagnosed import PLANTED, SUSPECTS, write_campaign
 
 import winchcascade
-from winchcascade import Bin, audit, calibrate, open_campaign, read_run, reduce, simulate, write_report
+from winchcascade import (
+    Bin,
+    audit,
+    calibrate,
+    compare,
+    open_campaign,
+    read_run,
+    reduce,
+    simulate,
+    uncertainty,
+    write_report,
+)
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.calibrate import complete_payouts
@@ -48,6 +60,37 @@ def test_simulate_takes_the_rig_that_reduce_takes() -> None:
     run = read_run("fixtures/campaign/r36ohm.csv", load=36.0)
     plain, given = simulate(run), simulate(run, baseline(built_in()))
     assert plain.run.channels["idc"].tolist() == given.run.channels["idc"].tolist()
+
+
+LOG: Any = "fixtures/campaign/r36ohm.csv"
+RIG: Any = "kitepower"
+
+
+def run() -> Any:
+    """Of any type for the checker, as it is handed to calls that cannot take it."""
+    return read_run(LOG)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda: reduce(LOG), r"^reduce: cannot take a str; expected Run, as read_run\(log\) gives it\.$"),
+        (lambda: reduce(run(), rig=RIG), "reduce, rig: cannot take a str; expected Rig"),
+        (lambda: read_run(LOG, rig=RIG), "read_run, rig: cannot take a str; expected Rig"),
+        (lambda: uncertainty(run()), "uncertainty: cannot take a Run; expected Reduction"),
+        (lambda: calibrate(LOG), "calibrate: cannot take a str; expected Run"),
+        (lambda: calibrate(run(), RIG), "calibrate, rig: cannot take a str; expected Rig"),
+        (lambda: simulate(LOG), "simulate: cannot take a str; expected Run"),
+        (lambda: simulate(run(), run()), "simulate, model: cannot take a Run; expected Model"),
+        (lambda: baseline(RIG), "baseline: cannot take a str; expected Rig"),
+        (lambda: compare(run(), LOG), "compare: cannot take a Run; expected str or PathLike or Reduction"),
+    ],
+)
+def test_what_a_call_cannot_take_is_rejected_with_what_makes_the_right_thing(
+    wrong: Callable[[], object], message: str
+) -> None:
+    with pytest.raises(OptionError, match=message):
+        wrong()
 
 
 def test_calibrate_takes_the_rig_and_the_payouts_that_reduce_takes() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from winchcascade.batch.log_settings import read_with, settings_of
@@ -9,7 +10,7 @@ from winchcascade.batch.results import load_results
 from winchcascade.comparison.compare_sides import compare_sides
 from winchcascade.comparison.compared_run import compared_run
 from winchcascade.comparison.comparison_result import ComparedSide, Comparison
-from winchcascade.core.errors import OptionError
+from winchcascade.core.errors import OptionError, check_type
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import RunRecord
@@ -54,6 +55,9 @@ def compared_side(target: Target, jobs: int = 1) -> ComparedSide:
     elif isinstance(target, CampaignReduction):
         name, records = target.summary.title, dict(target.records)
     else:
+        check_type(
+            "compare", target, (str, os.PathLike, Reduction, CampaignReduction), "reduce or open_campaign(...).reduce()"
+        )
         path = Path(target)
         name, records = str(path), dict(_log(path) if _is_log(path) else load_results(path, jobs=jobs).records)
     if not records:

@@ -52,6 +52,13 @@ def check_choice(call: str, given: str, known: Sequence[str], kind: str) -> None
         raise OptionError(f"{call}({given!r}): no such {kind}; expected one of {', '.join(map(repr, known))}.")
 
 
+def check_type(call: str, given: object, expected: type | tuple[type, ...], makers: str) -> None:
+    """Reject what a call of the library cannot work with: OptionError, which says what makes the right thing."""
+    if not isinstance(given, expected):
+        kinds = " or ".join(kind.__name__ for kind in (expected if isinstance(expected, tuple) else (expected,)))
+        raise OptionError(f"{call}: cannot take a {type(given).__name__}; expected {kinds}, as {makers} gives it.")
+
+
 def first_line(fault: BaseException | None) -> str:
     """First line of the text of an exception, or its kind where it has no text."""
     return (str(fault).splitlines() or [""])[0] or type(fault).__name__

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import open_circuit_current
-from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.integrate import median
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
@@ -146,8 +146,11 @@ def calibrate(
     ------
     LogError : the log is no open circuit, delivers power, lacks force or voltage, or has no complete payout with a plateau
     RigError : the rig file lacks numbers of the model, or an estimate of those to be found
+    OptionError : something else than a run or a rig
     """
     rig = rig or built_in()
+    check_type("calibrate", run, Run, "read_run(log)")
+    check_type("calibrate, rig", rig, Rig, "load_rig(name)")
     if payouts is None:
         payouts = complete_payouts(reduce(run, rig=rig, cycles=cycles))
     _require_open_circuit(run, rig, payouts)

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
-from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.errors import LogError, OptionError, check_type
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.late_module import LateModule
@@ -102,6 +102,7 @@ def read_run(
     2767
     """
     rig = rig or built_in()
+    check_type("read_run, rig", rig, Rig, "load_rig(name)")
     if load is not None and not _is_load(load):
         raise OptionError(f"load={load!r}: expected a resistance above 0 in ohms, or inf for an open circuit.")
     if isinstance(path, str | os.PathLike):

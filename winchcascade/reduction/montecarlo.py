@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import ErrorSource
-from winchcascade.core.errors import OptionError
+from winchcascade.core.errors import OptionError, check_type
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.reduction_result import Reduction
@@ -116,7 +116,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     Raises
     ------
     OptionError
-        If `draws` is not a whole number of 100 or more.
+        If `draws` is not a whole number of 100 or more, or `reduction` is something else.
 
     Examples
     --------
@@ -126,6 +126,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
     (0.0048, 'gum')
     """
+    check_type("uncertainty", reduction, Reduction, "reduce(run)")
     if not draws >= MIN_DRAWS or draws % 1:
         raise OptionError(f"draws: {draws!r}; expected a whole number of {MIN_DRAWS} or more. The default is {DRAWS}.")
     draws = int(draws)

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.cascade import Stage
-from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.errors import LogError, OptionError, check_type
 from winchcascade.core.integrate import integrals_of, largest
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
@@ -73,7 +73,8 @@ def reduce(
 
     Raises
     ------
-    OptionError : a window rule that is none, one longer than most payouts, or cycles of which the log has none
+    OptionError : a window rule that is none, one longer than most payouts, cycles of which the log has none, or something else
+        than a run or a rig
 
     Examples
     --------
@@ -81,7 +82,10 @@ def reduce(
     >>> len(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48).cycles)
     3
     """
-    rig = _as_read(rig or built_in(), run)
+    check_type("reduce", run, Run, "read_run(log)")
+    rig = rig or built_in()
+    check_type("reduce, rig", rig, Rig, "load_rig(name)")
+    rig = _as_read(rig, run)
     if window is not None and not rig.phases.by_motion:
         raise OptionError(
             f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from winchcascade.core.errors import OptionError, RigError
+from winchcascade.core.errors import OptionError, RigError, check_type
 from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.toml_text import struct_fields
@@ -56,6 +56,7 @@ def baseline(rig: Rig) -> Model:
     RigError : the rig file lacks numbers that a part needs, all of them named, the rig has no one-way clutch, or a stated
         effect is not one of the catalogue
     """
+    check_type("baseline", rig, Rig, "load_rig(name)")
     found = model_of(rig)
     if isinstance(found, NoModel):
         raise RigError(found.why)

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import SIMULATED
-from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.files import write_whole
 from winchcascade.core.monotone_cubic import monotone_cubic
 from winchcascade.core.quantity import UNITS
@@ -172,8 +172,12 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     ------
     LogError : the line pays out further than gas or drum allow
     RigError : the model has numbers that no rig can have
+    OptionError : something else than a run or a model
     """
-    return simulate_along(run, baseline(built_in()) if model is None else model, motion_of(run, step))
+    model = baseline(built_in()) if model is None else model
+    check_type("simulate", run, Run, "read_run(log)")
+    check_type("simulate, model", model, Model, "baseline(rig)")
+    return simulate_along(run, model, motion_of(run, step))
 
 
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
