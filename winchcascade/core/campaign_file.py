@@ -147,6 +147,10 @@ def load_campaign(path: Path) -> Campaign:
         path = path / CAMPAIGN_FILE
     if path.exists() and not path.is_file():
         raise CampaignError(f"{path}: is a device or a pipe; expected a campaign.toml.")
+    if path.is_file() and path.suffix.casefold() != ".toml":
+        raise CampaignError(
+            f"{path}: is no campaign; expected a {CAMPAIGN_FILE} that lists the logs, or a folder with one."
+        )
     raw = toml_values(read_toml(path, "a campaign.toml", CampaignError), str(path), CampaignError)
     check_keys(
         raw,
