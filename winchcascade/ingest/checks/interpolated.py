@@ -54,7 +54,8 @@ def find_interpolated(bends: Mapping[str, Bends], moving: Mask) -> dict[str, Ind
     moving : (n,) whether the line moves; all are set where that is unknown
     """
     calm = {name: _calm_in_motion(channel, moving) for name, channel in bends.items()}
-    sure = np.concatenate([_certain(bends[name], moving, stretches) for name, stretches in calm.items()])
+    certain = [_certain(bends[name], moving, stretches) for name, stretches in calm.items()]
+    sure = np.concatenate([np.empty((0, 2), dtype=np.intp), *certain])
     found = {}
     for name, stretches in calm.items():
         filled = [np.arange(a, b + 1) for a, b in sure.tolist() if _is_among((a, b), stretches)]
