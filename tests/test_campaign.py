@@ -71,7 +71,9 @@ def test_a_campaign_that_is_not_there_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_log_in_place_of_a_campaign_is_reported(fixtures: Path) -> None:
-    with pytest.raises(CampaignError, match="r36ohm.csv: is no campaign; expected a campaign.toml that lists the logs"):
+    with pytest.raises(
+        CampaignError, match=r"r36ohm\.csv: is no campaign; expected a campaign\.toml that lists the logs"
+    ):
         load_campaign(fixtures / "campaign" / "r36ohm.csv")
 
 
