@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from winchcascade.core.run import Index, Signal
+from winchcascade.core.run import Index, Mask, Signal
 
 Stream: TypeAlias = "Callable[[slice | Index], Signal]"
 """Gives the signal for some rows of a log."""
@@ -74,6 +74,16 @@ def ends_of(x: Signal) -> tuple[float, float]:
     """Smallest and largest value, without holes; x must hold a number."""
     low, high = float(x.min()), float(x.max())
     return (low, high) if low <= high else (float(np.nanmin(x)), float(np.nanmax(x)))
+
+
+def stretches_of(mask: Mask) -> Index:
+    """First sample, and the one after the last, of each stretch in which a mask is set, (k, 2).
+
+    >>> stretches_of(np.array([True, False, True, True])).tolist()
+    [[0, 1], [2, 4]]
+    """
+    inside = np.concatenate(([False], mask, [False]))
+    return np.flatnonzero(inside[1:] != inside[:-1]).reshape(-1, 2)
 
 
 def median_and_error(x: Signal) -> tuple[float, float]:

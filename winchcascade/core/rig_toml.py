@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args
 import msgspec
 
 from winchcascade.core.cascade import PAPER, Cascade
-from winchcascade.core.errors import RigError
+from winchcascade.core.errors import RigError, check_type
 from winchcascade.core.quantity import Quantity, find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
@@ -73,6 +73,13 @@ def built_in(name: str = DEFAULT_RIG) -> Rig:
     0.13
     """
     return parse_rig(built_in_text(name), f"built-in rig {name}")
+
+
+def given_rig(call: str, rig: Rig | None) -> Rig:
+    """The rig that a call of the library was given, that of the paper by default; OptionError for something else."""
+    rig = rig or built_in()
+    check_type(f"{call}, rig", rig, Rig, "load_rig(name)")
+    return rig
 
 
 def read_rig(rig: str | Path) -> Rig:

@@ -13,7 +13,7 @@ from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.integrate import median
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
-from winchcascade.core.rig_toml import built_in
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import nuisances, quantity_of, sensor_errors, shifted, with_quantity
@@ -148,9 +148,8 @@ def calibrate(
     RigError : the rig file lacks numbers of the model, or an estimate of those to be found
     OptionError : something else than a run or a rig
     """
-    rig = rig or built_in()
     check_type("calibrate", run, Run, "read_run(log)")
-    check_type("calibrate, rig", rig, Rig, "load_rig(name)")
+    rig = given_rig("calibrate", rig)
     if payouts is None:
         payouts = complete_payouts(reduce(run, rig=rig, cycles=cycles))
     _require_open_circuit(run, rig, payouts)

@@ -18,14 +18,14 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
-from winchcascade.core.errors import LogError, OptionError, check_type
+from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import is_load
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import built_in
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import CLOCK, LOAD_HEADER, Finding, Run, Signal
 from winchcascade.ingest.assign import Assignment, assign, listed, load_column
 from winchcascade.ingest.cells import looks_like_a_stamp, seconds
@@ -101,8 +101,7 @@ def read_run(
     >>> read_run("fixtures/campaign/r36ohm.csv").samples
     2767
     """
-    rig = rig or built_in()
-    check_type("read_run, rig", rig, Rig, "load_rig(name)")
+    rig = given_rig("read_run", rig)
     if load is not None and not _is_load(load):
         raise OptionError(f"load={load!r}: expected a resistance above 0 in ohms, or inf for an open circuit.")
     if isinstance(path, str | os.PathLike):

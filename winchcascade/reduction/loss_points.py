@@ -14,7 +14,7 @@ import numpy as np
 from winchcascade.core.accuracy import Part
 from winchcascade.core.cascade import Cascade, Product
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.integrate import Stream, means
+from winchcascade.core.integrate import Stream, means, stretches_of
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic
@@ -269,7 +269,7 @@ def _hauled(reduction: Reduction) -> Mask:
 
 def _blocks(t: Signal, driven: Mask) -> Signal:
     """Cut each stretch of driven samples into blocks of equal length near `BLOCK`, (k, 2) [s]; shorter ones are left out."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], driven.astype(np.int8), [0])))).reshape(-1, 2)
+    edges = stretches_of(driven)
     spans = []
     for first, stop in edges.tolist():
         begin, end = float(t[first]), float(t[stop - 1])

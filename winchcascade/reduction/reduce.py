@@ -13,7 +13,7 @@ from winchcascade.core.errors import LogError, OptionError, check_type
 from winchcascade.core.integrate import integrals_of, largest
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
-from winchcascade.core.rig_toml import built_in
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed
 from winchcascade.reduction.checks.lag import lag_findings
@@ -83,9 +83,7 @@ def reduce(
     3
     """
     check_type("reduce", run, Run, "read_run(log)")
-    rig = rig or built_in()
-    check_type("reduce, rig", rig, Rig, "load_rig(name)")
-    rig = _as_read(rig, run)
+    rig = _as_read(given_rig("reduce", rig), run)
     if window is not None and not rig.phases.by_motion:
         raise OptionError(
             f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '

@@ -13,8 +13,12 @@ import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, largest, median
 from winchcascade.core.run import Index, Mask, Signal
+from winchcascade.core.smooth import evenly_stamped
 from winchcascade.ingest.checks.spikes import AROUND, Bends
 from winchcascade.ingest.checks.stuck import IDLE, UNLIKELY
+
+MOSTLY_EVEN = 0.9
+"""Smallest share of evenly stamped samples. [1]"""
 
 SHOWN = 50
 """Smallest number of other samples in motion that show the usual noise of a channel."""
@@ -43,20 +47,23 @@ SAME = 3
 """Samples by which the ends of a stretch may differ between channels that were filled in together."""
 
 
-def find_interpolated(bends: Mapping[str, Bends], moving: Mask) -> dict[str, Index]:
-    """Find the samples that were filled in by channel, (k,) places in the log; without channels that have none.
+def find_interpolated(t: Signal, bends: Mapping[str, Bends], moving: Mask) -> dict[str, Index]:
+    """Find the samples that were filled in, (k,) places in the log, for each channel that has any.
 
     Where one channel shows a filled gap for sure, it also counts in each other channel that is calm over the same samples.
 
     Parameters
     ----------
+    t : (n,) stamps [s]; mostly uneven ones bend a channel without noise, too, and nothing is found
     bends : where each channel bends sharply and where it is calm
     moving : (n,) whether the line moves; all are set where that is unknown
     """
     calm = {name: _calm_in_motion(channel, moving) for name, channel in bends.items()}
     certain = [_certain(bends[name], moving, stretches) for name, stretches in calm.items()]
     sure = np.concatenate([np.empty((0, 2), dtype=np.intp), *certain])
-    found = {}
+    found: dict[str, Index] = {}
+    if not len(sure) or np.count_nonzero(evenly_stamped(t, 1)) < MOSTLY_EVEN * t.size:
+        return found
     for name, stretches in calm.items():
         filled = [np.arange(a, b + 1) for a, b in sure.tolist() if _is_among((a, b), stretches)]
         if filled:

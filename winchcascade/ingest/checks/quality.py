@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
+from winchcascade.core.integrate import stretches_of
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
-from winchcascade.core.smooth import evenly_stamped, local_quadratic
+from winchcascade.core.smooth import local_quadratic
 from winchcascade.ingest.assign import gives_result
 from winchcascade.ingest.checks.agreement import (
     correct_signs,
@@ -39,10 +40,6 @@ FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_m
 
 _FEW = 1000
 """Number of samples that are compared first to show whether a channel changes at all."""
-
-
-MOSTLY_EVEN = 0.9
-"""Smallest share of evenly stamped samples of a log in which gaps that were filled in are sought. [1]"""
 
 
 class Checked(msgspec.Struct, frozen=True):
@@ -162,8 +159,8 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     for name, bad in log.lost.items():
         if name in channels and bad.any():
             channels[name] = log.bridged(name, bad)
-            edges = np.flatnonzero(np.diff(np.concatenate(([False], bad, [False])).astype(np.int8)))
-            gaps[name] = t[np.column_stack((np.maximum(edges[::2] - 1, 0), np.minimum(edges[1::2], t.size - 1)))]
+            first, after = stretches_of(bad).T
+            gaps[name] = t[np.column_stack((np.maximum(first - 1, 0), np.minimum(after, t.size - 1)))]
     if "force" in channels and channels["force"].min() < 0 and not rig.winch.line_can_push:
         what = "samples have a line tension below zero (for a rod, state line_can_push = true under [winch] of the rig file)"
         findings.append(at(t, channels["force"] < 0, "slack_line", "force", what))
@@ -312,11 +309,11 @@ def _places(count: int) -> str:
 
 
 def _take_out_interpolated(log: _Log, bends: Mapping[str, Bends]) -> None:
-    """Take out the samples with which gaps were filled in before; uneven stamps bend a channel without noise, too."""
+    """Take out the samples with which gaps were filled in before."""
     v = log.channels.get("velocity")
     moving = np.ones(log.t.size, dtype=bool) if v is None else np.abs(_whole(log.t, v)) > log.rig.thresholds.v_onset
-    filled = find_interpolated({name: bends[name] for name in bends if name in log.channels}, moving)
-    if not filled or np.count_nonzero(evenly_stamped(log.t, 1)) < MOSTLY_EVEN * log.t.size:
+    filled = find_interpolated(log.t, {name: bends[name] for name in bends if name in log.channels}, moving)
+    if not filled:
         return
     whole = np.zeros(log.t.size, dtype=bool)
     for name, samples in filled.items():
@@ -324,8 +321,8 @@ def _take_out_interpolated(log: _Log, bends: Mapping[str, Bends]) -> None:
         bad[samples] = True
         whole |= bad
         log.lose(name, bad)
-    places = int(np.count_nonzero(np.diff(whole.view(np.int8), prepend=0) > 0))
-    what = f"run between their neighbours without noise, in {_places(places)}, as if a gap had been filled in"
+    places = _places(len(stretches_of(whole)))
+    what = f"run between their neighbours without noise, in {places}, as if a gap had been filled in"
     *others, last = filled
     found = at(log.t, whole, "dropped_samples", last, f"samples {what}", removed=True)
     if others:

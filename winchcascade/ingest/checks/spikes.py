@@ -8,7 +8,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import ENOUGH, positive_median, quantiles_in_place, smallest_step
+from winchcascade.core.integrate import ENOUGH, positive_median, quantiles_in_place, smallest_step, stretches_of
 from winchcascade.core.run import Index, Mask, Signal
 
 MIN_SHARE = 0.019
@@ -125,7 +125,7 @@ def find_bends(x: Signal) -> Bends:
             line = line[2:] & line[1:-1] & line[:-2]
             line = line[3:] & line[:-3]
             calm[start + 1 : start + 1 + line.size] = line
-    first, after = np.flatnonzero(calm[1:] != calm[:-1]).reshape(-1, 2).T + 1
+    first, after = stretches_of(calm).T
     return Bends(x, place, usual, np.concatenate(found), np.column_stack((first, after + MIN_CALM - 2)))
 
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import ENOUGH, ends_of, median, smallest_step
+from winchcascade.core.integrate import ENOUGH, ends_of, median, smallest_step, stretches_of
 from winchcascade.core.run import Finding, Index, Mask, Signal
 
 HELD = 0.3
@@ -153,8 +153,8 @@ def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
         span += more
     if not alike.any():
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], alike, [False])).astype(np.int8)))
-    first, last = edges[::2], edges[1::2] + span
+    first, last = stretches_of(alike).T
+    last = last + span
     long = t[last - 1] - t[first] >= HELD
     return first[long], last[long]
 
