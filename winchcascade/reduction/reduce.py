@@ -73,8 +73,7 @@ def reduce(
 
     Raises
     ------
-    OptionError : a window rule that is none, one longer than most payouts, cycles of which the log has none, or something else
-        than a run or a rig
+    OptionError : no run, no rig, no window rule, one longer than most payouts, or cycles of which the log has none
 
     Examples
     --------
