@@ -143,6 +143,15 @@ def test_an_output_that_switches_to_zero_and_back_is_no_gap() -> None:
     assert rows_of(x) == []
 
 
+@pytest.mark.parametrize("step", [0.0, 0.003])
+@pytest.mark.parametrize("rest", [slice(900, 1000), slice(1940, 2000), slice(0, 60)], ids=["between", "last", "first"])
+def test_a_machine_at_rest_whose_sensor_has_an_offset_is_no_gap(rest: slice, step: float) -> None:
+    rng = np.random.default_rng(5)
+    x = 1.0 + 0.3 * rng.standard_normal(2000)
+    x[rest] = 0.06 + 0.004 * rng.standard_normal(x[rest].size)
+    assert rows_of(np.round(x / step) * step if step else x) == []
+
+
 def test_the_course_of_a_wave_is_straight_where_it_turns_and_no_line() -> None:
     t = np.arange(3000) / 25.0
     rng = np.random.default_rng(4)

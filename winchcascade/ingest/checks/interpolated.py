@@ -15,7 +15,7 @@ from winchcascade.core.integrate import ENOUGH, largest, median
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.core.smooth import evenly_stamped
 from winchcascade.ingest.checks.spikes import AROUND, Bends
-from winchcascade.ingest.checks.stuck import IDLE, UNLIKELY
+from winchcascade.ingest.checks.stuck import IDLE, TURNS, UNLIKELY
 
 MOSTLY_EVEN = 0.9
 """Smallest share of evenly stamped samples. [1]"""
@@ -37,11 +37,17 @@ REVERSES = 1.2
 """Minimum median change of the curvature from sample to sample, in median curvatures: 1.8 of white noise, and less than 1 of a
 smooth course, which is straight where it turns. [1]"""
 
+MIN_TURNS = 2
+"""Reversals that even a short curve may have."""
+
 NEAR = 4 * AROUND
 """Samples before and after a stretch among which the nearest `AROUND` outside of calm stretches are sought."""
 
 NOISY = 0.25
 """Minimum median curvature of the samples just before and after a stretch, as a share of the usual one. [1]"""
+
+ROUNDING = 1e-12
+"""Largest error of a computed line, as a share of its values. [1]"""
 
 SAME = 3
 """Samples by which the ends of a stretch may differ between channels that were filled in together."""
@@ -113,20 +119,29 @@ def _certain(bends: Bends, moving: Mask, stretches: Index) -> Index:
 
 
 def _is_line(x: Signal, idle: float) -> bool:
-    """Whether a calm stretch is no idle output, and not mostly one value, which `stuck` judges."""
-    return largest(x) > idle and bool(2 * np.count_nonzero(x == x[x.size // 2]) < x.size)
+    """Whether a calm stretch goes one way as a line does, is no idle output, and not mostly one value, which `stuck` judges."""
+    if largest(x) <= idle or 2 * np.count_nonzero(x == x[x.size // 2]) >= x.size:
+        return False
+    change = np.diff(x)
+    change = change[np.abs(change) > ROUNDING * largest(x)]
+    turns = np.count_nonzero(change[1:] * change[:-1] < 0)
+    return bool(turns <= max(MIN_TURNS, TURNS * change.size))
 
 
 def _has_noise_beside(bends: Bends, first: int, last: int) -> bool:
-    """Whether the channel has its noise just before and after a stretch, apart from other calm stretches."""
+    """Whether the channel has its noise just before and after a stretch, apart from other calm stretches.
+
+    At an end of the log nothing can be filled in.
+    """
     x, begins, ends = bends.x, *bends.calm.T
     for part in (slice(max(first - NEAR, 1), first), slice(last + 1, min(last + 1 + NEAR, x.size - 1))):
         outside = np.ones(max(part.stop - part.start, 0), dtype=bool)
         for k in range(int(np.searchsorted(ends, part.start)), int(np.searchsorted(begins, part.stop))):
             outside[max(begins[k] - part.start, 0) : ends[k] + 1 - part.start] = False
-        if outside.any():
-            curvature = np.abs(np.diff(x[part.start - 1 : part.stop + 1], 2))[outside]
-            beside = curvature[-AROUND:] if part.stop == first else curvature[:AROUND]
-            if median(beside) < NOISY * bends.usual.noise:
-                return False
+        if not outside.any():
+            return False
+        curvature = np.abs(np.diff(x[part.start - 1 : part.stop + 1], 2))[outside]
+        beside = curvature[-AROUND:] if part.stop == first else curvature[:AROUND]
+        if median(beside) < NOISY * bends.usual.noise:
+            return False
     return True
