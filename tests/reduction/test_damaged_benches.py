@@ -151,3 +151,102 @@ def test_a_sea_gets_waves_and_a_winch_nothing(tmp_path: Path) -> None:
     assert proposals(tmp_path, {"Velocity (m/s)": strokes, "Force (N)": 2000.0 + 900.0 * strokes}) == []
     turning = {"Drum speed (rpm)": 60.0 * strokes, "Torque (N.m)": 90.0 * np.maximum(strokes, 0.0)}
     assert proposals(tmp_path, turning) == []
+
+
+def switched() -> dict[str, np.ndarray]:
+    """A dyno with drag whose load is switched at speed, with rests; its torque holds still where there is no load."""
+    rng = np.random.default_rng(7)
+    points = (
+        (0.0, 0.0),
+        (300.0, 40.0),
+        (300.0, 0.0),
+        (600.0, 0.0),
+        (600.0, 50.0),
+        (0.0, 0.0),
+        (450.0, 25.0),
+        (450.0, 70.0),
+    )
+    rpm, load = (np.repeat(x, 200) for x in zip(*points, strict=True))
+    omega, volt = np.convolve(rpm, np.ones(12) / 12.0, "same") * np.pi / 30.0, 48.0 + 0.02 * rpm
+    torque = load * (1.0 + rng.normal(0.0, 0.004, rpm.size)) + 2.2 * (omega > 1.0) + 0.05
+    amperes = 0.8 * load * omega / volt * (1.0 + rng.normal(0.0, 0.004, rpm.size))
+    clean = (
+        omega * 30.0 / np.pi + rng.normal(0.0, 0.3, rpm.size),
+        torque,
+        volt + rng.normal(0.0, 0.02, rpm.size),
+        amperes,
+    )
+    return {name: np.round(x, 1 if name == "Torque (N.m)" else 3) for name, x in zip(CHANNELS, clean, strict=True)}
+
+
+def faults(quality: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Findings of samples that are lost, by kind and channel."""
+    return [(f["kind"], f["channel"]) for f in quality if f["kind"] in ("spike", "stuck", "dropped_samples")]
+
+
+def test_a_load_that_is_switched_at_speed_and_a_machine_at_rest_are_no_faults(tmp_path: Path) -> None:
+    found, quality = reduced(tmp_path, switched())
+    assert faults(quality) == []
+    assert all(cycle["complete"] for cycle in found["cycles"])
+    assert len(found["cycles"]) == 6
+
+
+@pytest.mark.parametrize("rows", [slice(300, 308), slice(310, 380), slice(830, 990), slice(1330, 1420)])
+@pytest.mark.parametrize(("name", "value"), [*((name, 0.0) for name in CHANNELS), ("Speed (rpm)", -999.0)])
+def test_a_power_that_vanishes_while_the_others_continue_was_not_measured(
+    name: str, value: float, rows: slice, tmp_path: Path
+) -> None:
+    channels = switched()
+    whole, _ = reduced(tmp_path, channels)
+    channels[name][rows] = value
+    found, quality = reduced(tmp_path, channels)
+    assert ("spike", name.partition(" ")[0].lower()) in faults(quality)
+    assert next(f["count"] for f in quality if f["kind"] == "spike") == rows.stop - rows.start
+    for cycle in found["cycles"]:
+        same = [c for c in whole["cycles"] if c["window"] == cycle["window"]]
+        if cycle["complete"] and same:
+            for energy in ("energy_mech_j", "energy_gen_j"):
+                assert cycle[energy] == pytest.approx(same[0][energy], rel=0.01, abs=2.0)
+
+
+def test_a_current_without_noise_while_no_load_is_connected_is_not_stuck(tmp_path: Path) -> None:
+    channels = switched()
+    idle = channels["Idc (A)"] < 0.01
+    channels["Idc (A)"][idle] = 0.013  # zero error of a sensor that is read in coarse steps
+    assert faults(reduced(tmp_path, channels)[1]) == []
+
+
+PUMP = 'name = "pump"\n[cascade]\nstages = ["mech", "hyd"]\n[phases]\nfrom = "steps"\n'
+
+
+def test_a_pressure_that_a_valve_sets_may_jump_and_one_that_the_torque_contradicts_may_not(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    bar = np.repeat((20.0, 160.0, 160.0, 5.0, 90.0), 200)
+    speed = 1500.0 + rng.normal(0.0, 0.5, bar.size)
+    channels = {
+        "Speed (rpm)": speed,
+        "Torque (N.m)": 0.35 * bar * (1.0 + rng.normal(0.0, 0.003, bar.size)),
+        "Pressure (bar)": bar * (1.0 + rng.normal(0.0, 0.003, bar.size)),
+        "Flow (L/min)": 0.02 * speed,
+    }
+    assert faults(reduced(tmp_path, channels, PUMP)[1]) == []
+    channels["Pressure (bar)"][260:330] = 0.0
+    assert faults(reduced(tmp_path, channels, PUMP)[1]) == [("spike", "pressure")]
+
+
+def test_channels_that_are_never_logged_at_the_same_instant_have_no_balance(tmp_path: Path) -> None:
+    channels = switched()
+    channels["Torque (N.m)"][::2] = np.nan
+    channels["Speed (rpm)"][1::2] = np.nan
+    channels["Idc (A)"][310:380] = 0.0
+    found, _ = reduced(tmp_path, channels)
+    assert found["cycles"]
+
+
+def test_a_saturated_power_at_the_terminals_is_reported(tmp_path: Path) -> None:
+    channels = switched()
+    watts = channels.pop("Vdc (V)") * channels.pop("Idc (A)") + np.random.default_rng(4).normal(0.0, 3.0, 1600)
+    channels["P_ac (W)"] = np.minimum(watts, 1800.0)
+    rig = RIG.replace('"gen"', '"ac"') + '[columns]\npower_ac = "P_ac (W)"\n'
+    messages = [f["message"] for f in reduced(tmp_path, channels, rig)[1] if f["channel"] == "power_ac"]
+    assert any("hold its largest value, 1800 W, without noise" in message for message in messages)

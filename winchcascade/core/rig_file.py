@@ -76,6 +76,11 @@ class PhaseRule(
     """The same of the torque: cogging and brakes make it less steady. [1]"""
 
     @property
+    def omega_onset(self) -> float:
+        """Speed from which on the shaft turns. [rad/s]"""
+        return self.rpm_onset * math.pi / 30.0
+
+    @property
     def by_motion(self) -> bool:
         """Whether payouts are found in a motion, and windows set by the rule of the rig."""
         return self.source in MOTION_SOURCES

@@ -23,10 +23,6 @@ from winchcascade.reduction.phases import Cycle, detect, sides, smoothed_velocit
 TURN = 2.0 * np.pi
 """Radians in one revolution."""
 
-RPM = np.pi / 30.0
-"""Radians per second in one revolution per minute."""
-
-
 BESIDE_GAP = 1e-6
 """Time between a gap and a span that does not touch it. [s]"""
 
@@ -75,7 +71,7 @@ def _of_shaft(run: Run, rig: Rig) -> Motion:
     if rig.r_drum is not None:
         return Motion(omega * rig.r_drum, rig.thresholds)
     rule = rig.phases
-    return Motion(omega, replace(rig.thresholds, v_onset=rule.rpm_onset * RPM, stroke_min=rule.turns_min * TURN))
+    return Motion(omega, replace(rig.thresholds, v_onset=rule.omega_onset, stroke_min=rule.turns_min * TURN))
 
 
 def _by_velocity(run: Run, rig: Rig) -> Detected:

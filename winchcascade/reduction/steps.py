@@ -48,7 +48,7 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
         shares[name] * quantile(np.abs(run.channels[name]), WIDTH_QUANTILE) + NOISE * _noise(run.channels[name], rows)
         for name in names
     ]
-    unusable = _touched(run, at, gap_max) | (np.abs(means[0]) <= rule.rpm_onset * np.pi / 30.0)
+    unusable = _touched(run, at, gap_max) | (np.abs(means[0]) <= rule.omega_onset)
     t, ends = run.t, at[1:] - 1
     settling = math.ceil(rule.settle * run.fs / rows)
     k = 0

@@ -11,8 +11,8 @@ from winchcascade.core.rig_file import Sensor
 from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
 from winchcascade.ingest.checks.stuck import repeats_of
 
-SATURATES = ("force", "torque", "power_mech", "vdc", "idc")
-"""Channels whose largest value must scatter; a line may move at one speed, and rest at one place."""
+MAY_HOLD = ("velocity", "speed")
+"""Factors of a power whose largest value need not scatter: a line or a shaft may move at one speed."""
 
 MIN_SATURATED = 20
 """Smallest number of samples that hold the largest value of a channel, as the sample before does, and show saturation."""

@@ -1,25 +1,25 @@
 """Dropouts: a channel jumps to one value, repeats it exactly, and jumps back, while the machine continues.
 
 Error codes (-999, 9999), zeros of a lost signal and held constants are of this kind, from one sample to many seconds. One
-channel gives the stretches (`_stretches`); the others decide whether the machine did it (`_contradicted`): a torque that
-vanishes while Vdc, Idc and the velocity continue cannot be the clutch, and a stopped crane makes all of them fall.
-A slow channel that is written as zero between its updates is found by its pattern alone (`find_fillers`).
+channel gives the stretches (`_stretches`); the others decide whether the machine did it. With a line (`_contradicted`), a
+torque that vanishes while Vdc, Idc and the velocity continue cannot be the clutch, and a stopped crane makes all of them fall.
+On a bench without a line a load may be switched at any speed, and the powers of the stages decide (`breaks_balance`): what one
+stage loses, its neighbours must show.
+A slow channel that is written as zero between its updates is found by its pattern alone (`find_filled`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median, positive_median, quantile, smallest_step
+from winchcascade.core.integrate import median, smallest_step
 from winchcascade.core.run import Index, Mask, Signal
+from winchcascade.ingest.checks.balance import HOLDS, beside, breaks_balance, powers_of, whole
 from winchcascade.ingest.checks.glitches import BEYOND, FAR, LONGEST, MIN_SHARE, NOISE, STILL, TEARS, travelled
-from winchcascade.ingest.checks.spikes import Bends, Usual
-
-HOLDS = 0.5
-"""Another channel continues if it departs, relative to its range, by less than this share of what the suspect departs."""
+from winchcascade.ingest.checks.spikes import SHOWN, UPDATES, Bends, Usual, usual_without
 
 ALONE = 0.1
 """The same where the velocity is the only other channel: with a light load, a small loss of speed opens the clutch."""
@@ -42,17 +42,8 @@ ROUNDS = 4
 FILLED = 0.02
 """Of a slow channel with filled rows hardly any two neighbours hold a value: at most this share of those that do."""
 
-UPDATES = 20
-"""Smallest number of updates that shows a pattern."""
-
 COARSE = 3.0
 """Smallest jump of a fault, in steps of the resolution of the channel."""
-
-OTHERS = 0.01
-"""Fewer samples than this share do not show what a channel does: it may switch between two values, as a friction does. [1]"""
-
-_LEVEL = 20_000
-"""Number of samples that show the range and the noise of a channel."""
 
 WITNESSES = {
     "force": ("torque", "power_mech", "vdc", "idc", "velocity"),
@@ -63,6 +54,10 @@ WITNESSES = {
     "velocity": ("torque", "power_mech", "vdc", "idc"),
 }
 """Channels that fall together with a channel if the machine, not a fault of the logger, makes it fall."""
+
+WITNESSES_OF_ONE_STAGE = {"vdc": ("idc",)}
+"""The same on a bench without a line of which one power is logged: its load may be switched off, but no load draws a current
+without a voltage."""
 
 
 class Dropout(msgspec.Struct, frozen=True):
@@ -84,7 +79,12 @@ class Dropout(msgspec.Struct, frozen=True):
 
 
 def find_dropouts(
-    t: Signal, channels: Mapping[str, Signal], bends: Mapping[str, Bends], *, open_circuit: bool
+    t: Signal,
+    channels: Mapping[str, Signal],
+    bends: Mapping[str, Bends],
+    stages: Sequence[tuple[str, ...]] = (),
+    *,
+    open_circuit: bool,
 ) -> dict[str, list[Dropout]]:
     """Find the dropouts of a log's channels.
 
@@ -93,6 +93,7 @@ def find_dropouts(
     t : (n,) stamps [s]
     channels : (n,) each, NaN where they have holes
     bends : where each channel bends sharply
+    stages : channels whose product is the power of each stage, in the direction in which power flows; for a log without a line
     open_circuit : no current flows, and a voltage does not show a load
     """
     level: dict[str, Usual] = {}
@@ -100,22 +101,38 @@ def find_dropouts(
     if not any(suspects.values()):
         return {}
     for name in channels:
-        level.setdefault(name, _level(bends[name].x, np.empty(0)))
+        level.setdefault(name, usual_without(bends[name].x, np.empty(0)))
     sure = {
         (d.before, d.after)
         for name, stretches in suspects.items()
         for d in stretches
         if d.far or _cannot_be(t, name, d, channels)
     }
+    by_line = _has_line(channels)
+    powers = [] if by_line else powers_of(channels, stages)
+
+    def is_fault(name: str, d: Dropout) -> bool:
+        if len(powers) > 1:
+            return breaks_balance(t, name, d.before, d.after, powers)
+        witnesses = WITNESSES if by_line else WITNESSES_OF_ONE_STAGE
+        return _contradicted(name, d, channels, suspects, level, witnesses.get(name, ()), open_circuit)
+
     found = {
-        name: [
-            d
-            for d in stretches
-            if (d.before, d.after) in sure or _contradicted(name, d, channels, suspects, level, open_circuit)
-        ]
+        name: [d for d in stretches if (d.before, d.after) in sure or is_fault(name, d)]
         for name, stretches in suspects.items()
     }
+    if powers:
+        found = {name: _without_neighbours(dropouts) for name, dropouts in found.items()}
     return {name: dropouts for name, dropouts in found.items() if dropouts}
+
+
+def _without_neighbours(dropouts: list[Dropout]) -> list[Dropout]:
+    """Dropouts without those beside a shorter one, against whose value any measured one departs: the next search decides."""
+    kept: list[Dropout] = []
+    for d in sorted(dropouts, key=lambda d: d.after - d.before):
+        if not any(e.before < end < e.after for e in kept for end in (d.before, d.after)):
+            kept.append(d)
+    return sorted(kept, key=lambda d: d.before)
 
 
 def find_filled(x: Signal) -> Mask | None:
@@ -152,7 +169,7 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, Usual], name: str) -> l
     if at.size == 0:
         return []
     values = _values(x, at)
-    usual = _level(x, values)
+    usual = usual_without(x, values)
     level[name] = usual
     samples = Bends(x, bends.places, usual, bends.found, bends.calm)
     steps, step = np.abs(np.diff(x)), smallest_step(x)
@@ -188,24 +205,11 @@ def _jumps(bends: Bends) -> Index:
 
 def _values(x: Signal, at: Index) -> Signal:
     """Values that large jumps lead to and from and that occur more than once, most jumps first; extremes among them."""
-    ends = np.sort(np.concatenate((x[at[:_LEVEL]], x[at[:_LEVEL] + 1], [x.min(), x.min(), x.max(), x.max()])))
+    ends = np.sort(np.concatenate((x[at[:SHOWN]], x[at[:SHOWN] + 1], [x.min(), x.min(), x.max(), x.max()])))
     first = np.flatnonzero(np.diff(ends, prepend=np.nan) != 0)
     count = np.diff(first, append=ends.size)
     by_count = np.argsort(-count, kind="stable")
     return ends[first[by_count[count[by_count] >= 2][:VALUES]]]
-
-
-def _level(x: Signal, without: Signal) -> Usual:
-    """Range and usual curvature of a channel without some values; with them if a coarse channel has no others."""
-    spread, begin = x[:: max(1, x.size // _LEVEL)], x[:_LEVEL]
-    others = ~(spread[:, None] == without).any(axis=1)
-    if np.count_nonzero(others) >= max(min(UPDATES, spread.size // 2), OTHERS * spread.size):
-        spread, begin = spread[others], begin[~(begin[:, None] == without).any(axis=1)]
-    spread = np.sort(spread)
-    spread = spread[
-        np.diff(spread, prepend=-np.inf) > 0
-    ]  # each value once: a log may rest for hours and move for seconds
-    return Usual(quantile(spread, 0.005), quantile(spread, 0.995), positive_median(np.abs(np.diff(begin, 2))))
 
 
 def _dropout(t: Signal, samples: Bends, first: int, last: int, largest: float) -> Dropout | None:
@@ -217,7 +221,8 @@ def _dropout(t: Signal, samples: Bends, first: int, last: int, largest: float) -
     if not ends or (ends[0] - value) * (ends[-1] - value) < 0.0:  # the whole log, a step of a staircase
         return None
     before, after = (int(place[first - 1]) if first else -1), (int(place[last]) if last < x.size else t.size)
-    far = value < usual.low - FAR * usual.span or value > usual.high + FAR * usual.span
+    low, high = min(usual.low, 0.0), max(usual.high, 0.0)  # every machine may rest
+    far = value < low - FAR * (high - low) or value > high + FAR * (high - low)
     minimum = usual.minimum(MIN_SHARE, NOISE)
     small = min(jumps) <= minimum and not far
     one_sided = t[after - 1] - t[before + 1] >= LONGEST and max(jumps) >= max(ONE_SIDED * usual.span, minimum)
@@ -252,14 +257,18 @@ def _uneven(t: Signal, samples: Bends, at: Index) -> list[Dropout]:
 def _cannot_be(t: Signal, name: str, d: Dropout, channels: Mapping[str, Signal]) -> bool:
     """Whether a channel that only motion can change jumps where there is no such motion."""
     usual = BEYOND * d.usual
-    if name == "pressure":
-        return d.jump > usual > 0.0
+    if name == "pressure":  # that of a flow changes with a valve
+        return "flow" not in channels and _has_line(channels) and d.jump > usual > 0.0
     if name == "displacement":
         return d.jump > max(usual, TEARS * _fastest(t, d, channels))
     if name != "velocity" or "displacement" not in channels or d.before < 0 or d.after >= t.size or d.jump < usual:
         return False
     moved, with_it, without = travelled(t, channels, d.before, d.after)
     return abs(moved - without) < HOLDS * abs(moved - with_it)
+
+
+def _has_line(channels: Mapping[str, Signal]) -> bool:
+    return "velocity" in channels or "displacement" in channels
 
 
 def _fastest(t: Signal, d: Dropout, channels: Mapping[str, Signal]) -> float:
@@ -277,17 +286,17 @@ def _contradicted(
     channels: Mapping[str, Signal],
     suspects: Mapping[str, list[Dropout]],
     level: Mapping[str, Usual],
+    witnesses: Sequence[str],
     open_circuit: bool,
 ) -> bool:
-    """Whether the channels that would fall with this one continue as if nothing had happened."""
-    unfit = name not in WITNESSES or (name == "velocity" and "displacement" in channels)
-    if unfit:
+    """Whether the channels that would fall with this one, its witnesses, continue as if nothing had happened."""
+    if name == "velocity" and "displacement" in channels:
         return False
     departs = {}
     together = False
     ends = [float(channels[name][k]) for k in (d.before, d.after) if 0 <= k < channels[name].size]
     side = float(np.sign(d.value - max(ends, key=lambda end: abs(end - d.value))))
-    for other in WITNESSES[name]:
+    for other in witnesses:
         if other not in channels or (open_circuit and other in ("vdc", "idc")):
             continue
         beside = [e for e in suspects[other] if e.before < d.after - 1 and d.before < e.after - 1]
@@ -316,19 +325,10 @@ def _departure(y: Signal, d: Dropout, side: float, minimum: float, *, idle: bool
 
     None if it is lost itself, or if it idles (`idle`: what that channel does) below `minimum` and so could not fall.
     """
-    first, last = max(d.before, 0), min(d.after, y.size - 1)
-    part = y[first : last + 1]
-    good = np.flatnonzero(np.isfinite(part))
-    inside = part[1 if d.before >= 0 else 0 : part.size - (d.after < y.size)]
-    if 2 * np.count_nonzero(np.isfinite(inside)) < inside.size or good.size < 2:
+    span = whole(d.before, d.after, y.size)
+    part = y[span.first : span.last + 1]
+    part = part[np.isfinite(part)]
+    there = beside(y, span, part[:1] if span.before else part[-1:], part[-1:] if span.after else part[:1])
+    if there is None or there.held or (idle and there.level < minimum):
         return None
-    if inside.size >= UPDATES and np.ptp(inside[np.isfinite(inside)]) == 0.0:
-        return None
-    begin, end = part[good[0]], part[good[-1]]
-    if d.before < 0 or d.after >= y.size:
-        begin = end = end if d.before < 0 else begin
-    level = max(abs(begin), abs(end))
-    if idle and level < minimum:
-        return None
-    line = begin + (end - begin) * (good - good[0]) / (good[-1] - good[0])
-    return float(np.max(side * (part[good] - line)) / max(level, minimum))
+    return float(np.max(side * there.off) / max(there.level, minimum))

@@ -19,8 +19,9 @@ from winchcascade.ingest.checks.agreement import (
     speed_disagrees,
     without_sign,
 )
+from winchcascade.ingest.checks.balance import others_deliver, powers_of
 from winchcascade.ingest.checks.channel_findings import (
-    SATURATES,
+    MAY_HOLD,
     at,
     farthest,
     limits_of,
@@ -32,7 +33,7 @@ from winchcascade.ingest.checks.dropouts import ROUNDS, Dropout, find_dropouts, 
 from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses
 from winchcascade.ingest.checks.interpolated import find_interpolated
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
-from winchcascade.ingest.checks.stuck import find_still, find_stuck, motion, repeated_rows
+from winchcascade.ingest.checks.stuck import ObservedMotion, find_still, find_stuck, motion, repeated_rows
 from winchcascade.ingest.checks.timing import check_clock
 
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
@@ -144,7 +145,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
             if name in rig.sensors:
                 wild, sign = log.spikes.get(name), signs.get(name, 1.0)
                 findings += out_of_range(t, rig.known_channels[name], x, wild, sign, rig.sensors[name])
-            if name in SATURATES:
+            if name in rig.cascade.channels and name not in MAY_HOLD:
                 findings += saturated(t, rig.known_channels[name], x)
         _take_out_interpolated(log, sharp)
         if "velocity" in channels:
@@ -275,9 +276,10 @@ def _take_out_spikes(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
 def _take_out_dropouts(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
     """Take out the stretches in which a channel holds a value that it cannot have; where the channels then bend sharply."""
     bends = {name: find_bends(x) for name, x in log.channels.items()}
+    stages = _stages(log)
     taken: dict[str, tuple[Signal, list[Dropout], list[Index]]] = {}
     for _ in range(ROUNDS):
-        dropouts = find_dropouts(log.t, log.channels, bends, open_circuit=open_circuit)
+        dropouts = find_dropouts(log.t, log.channels, bends, stages, open_circuit=open_circuit)
         for name, found in dropouts.items():
             x = log.channels[name]
             _, stretches, parts = taken.setdefault(name, (x.copy(), [], []))
@@ -297,6 +299,12 @@ def _take_out_dropouts(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
     return bends
 
 
+def _stages(log: _Log) -> list[tuple[str, ...]]:
+    """Channels whose product is the power of each stage that the log has."""
+    powers = (stage.power(log.channels, log.rig.r_drum) for stage in log.rig.cascade.stages)
+    return [power.channels for power in powers if power is not None]
+
+
 def _values(channel: Channel, stretches: Sequence[Dropout]) -> str:
     """The values that a channel dropped to, the most frequent ones, for a sentence."""
     texts = [text_of(channel, d.value, 6) if d.even else f"about {text_of(channel, d.value, 2)}" for d in stretches]
@@ -308,10 +316,20 @@ def _places(count: int) -> str:
     return f"{count} place{'s' if count > 1 else ''}"
 
 
+def _motion(log: _Log) -> ObservedMotion | None:
+    """Motion of the line, or of the shaft of a bench without one; None where the log has neither."""
+    channels, rig = log.channels, log.rig
+    if "velocity" in channels:
+        return motion(log.t, _whole(log.t, channels["velocity"]), rig.thresholds.v_onset)
+    if "speed" in channels:
+        return motion(log.t, _whole(log.t, channels["speed"]), rig.phases.omega_onset)
+    return None
+
+
 def _take_out_interpolated(log: _Log, bends: Mapping[str, Bends]) -> None:
     """Take out the samples with which gaps were filled in before."""
-    v = log.channels.get("velocity")
-    moving = np.ones(log.t.size, dtype=bool) if v is None else np.abs(_whole(log.t, v)) > log.rig.thresholds.v_onset
+    line = _motion(log)
+    moving = np.ones(log.t.size, dtype=bool) if line is None else line.out | line.back
     filled = find_interpolated(log.t, {name: bends[name] for name in bends if name in log.channels}, moving)
     if not filled:
         return
@@ -356,10 +374,13 @@ def _take_out_still(log: _Log) -> None:
     """Take out what repeats a stuck value in a log without a line; report a channel that holds one value throughout."""
     used = [name for name in log.rig.cascade.channels if name in log.channels]
     constant = {name: _constant(log.channels[name]) for name in used}
+    shaft = _motion(log) or motion(log.t, np.zeros(log.t.size), 1.0)
+    powers = powers_of(log.channels, _stages(log))
     for name in used:
         x, channel = log.channels[name], log.rig.known_channels[name]
         low, high = limits_of(log.rig.sensors.get(name))
-        stretches = [(a, b) for a, b in find_still(x, log.t) if low <= x[a] <= high]
+        loaded = others_deliver(name, powers, log.t.size)
+        stretches = [(a, b) for a, b in find_still(x, shaft, loaded) if low <= x[a] <= high]
         if stretches:
             bad = _repeats(stretches, x.size)
             log.findings.append(log.take_out(name, bad, "stuck", _stuck_words(stretches)))

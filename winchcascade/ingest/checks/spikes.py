@@ -8,7 +8,14 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import ENOUGH, positive_median, quantiles_in_place, smallest_step, stretches_of
+from winchcascade.core.integrate import (
+    ENOUGH,
+    positive_median,
+    quantile,
+    quantiles_in_place,
+    smallest_step,
+    stretches_of,
+)
 from winchcascade.core.run import Index, Mask, Signal
 
 MIN_SHARE = 0.019
@@ -40,6 +47,15 @@ MIN_CALM = 6
 
 NEAR = 6
 """Maximum distance of its two neighbours where the channel has holes, in samples."""
+
+SHOWN = 20_000
+"""Number of samples that show the range and the noise of a channel."""
+
+UPDATES = 20
+"""Smallest number of samples that shows a pattern or a range."""
+
+OTHERS = 0.01
+"""Fewer samples than this share do not show what a channel does: it may switch between two values, as a friction does. [1]"""
 
 _BLOCK = 1 << 16
 
@@ -111,7 +127,7 @@ def find_bends(x: Signal) -> Bends:
     if x.size < 4 * AROUND:
         nowhere = np.empty(0, dtype=np.intp)
         return Bends(x, place, Usual(0.0, 0.0, 0.0), nowhere, nowhere.reshape(0, 2))
-    some = x[:: max(1, x.size // 20_000)]  # without a few wild values
+    some = x[:: max(1, x.size // SHOWN)]  # without a few wild values
     noise = positive_median(np.abs(np.diff(x[:ENOUGH], 2)))
     low, high = quantiles_in_place(some.copy(), [0.005, 0.995])
     usual = Usual(low, high, noise, max(CALM * noise, ROUNDED * smallest_step(x)))
@@ -127,6 +143,17 @@ def find_bends(x: Signal) -> Bends:
             calm[start + 1 : start + 1 + line.size] = line
     first, after = stretches_of(calm).T
     return Bends(x, place, usual, np.concatenate(found), np.column_stack((first, after + MIN_CALM - 2)))
+
+
+def usual_without(x: Signal, without: Signal) -> Usual:
+    """Range and usual curvature of a channel without some values; with them if a coarse channel has no others."""
+    spread, begin = x[:: max(1, x.size // SHOWN)], x[:SHOWN]
+    others = ~(spread[:, None] == without).any(axis=1)
+    if np.count_nonzero(others) >= max(min(UPDATES, spread.size // 2), OTHERS * spread.size):
+        spread, begin = spread[others], begin[~(begin[:, None] == without).any(axis=1)]
+    spread = np.sort(spread)
+    spread = spread[np.diff(spread, prepend=-np.inf) > 0]  # each once: a log may rest for hours and move for seconds
+    return Usual(quantile(spread, 0.005), quantile(spread, 0.995), positive_median(np.abs(np.diff(begin, 2))))
 
 
 def single_spikes(bends: Bends) -> Index:

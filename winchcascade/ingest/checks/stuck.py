@@ -68,6 +68,9 @@ LARGE = 0.3
 """Minimum share of these changes that are two steps of a noisy channel or more: finer noise leaves it at one value or not,
 depending on where between two steps it lies. [1]"""
 
+BESIDE = 24
+"""Number of samples on either side of a stretch that show whether the channel holds still there, too."""
+
 DRIVEN = ("torque", "power_mech", "vdc", "idc")
 
 MIN_ROWS = 20
@@ -82,7 +85,7 @@ RARELY = 0.3
 
 class ObservedMotion(msgspec.Struct, frozen=True):
     """What the line does: stamps [s], its velocity [m/s], the threshold of motion [m/s], when it pays out or hauls in,
-    top speed of payout [m/s]."""
+    top speed of payout [m/s]. Of a bench without a line the shaft, and its speeds in rad/s."""
 
     t: Signal
     v: Signal
@@ -131,16 +134,22 @@ def find_stuck(name: str, x: Signal, line: ObservedMotion, channels: Mapping[str
     return list(zip(first[stuck].tolist(), last[stuck].tolist(), strict=True))
 
 
-def find_still(x: Signal, t: Signal) -> list[tuple[int, int]]:
-    """Find stretches [first, last) in which a noisy channel of a log without a line holds a value other than zero.
+def find_still(x: Signal, shaft: ObservedMotion, loaded: Mask) -> list[tuple[int, int]]:
+    """Find stretches [first, last) in which a noisy channel of a log without a line holds a value.
 
-    Nothing shows whether the machine moved, so only the missing noise counts. A stretch at the largest value is saturation.
+    The motion of the shaft does not show what should have changed, so only the missing noise counts. A stretch at the largest
+    value is saturation, and one near zero an idle output.
+
+    Parameters
+    ----------
+    loaded : (n,) whether other stages have a power: at no load a drag may be constant
     """
-    first, last = _held(x, t)
+    first, last = _held(x, shaft.t)
     if first.size == 0:
         return []
-    at_rest = motion(t, np.zeros(t.size), 1.0)
-    still = _too_still("", x, at_rest, first, last) & (x[first] != 0.0) & (np.abs(x[first]) < np.nanmax(np.abs(x)))
+    still, size, largest = _too_still("", x, shaft, first, last), np.abs(x[first]), float(np.nanmax(np.abs(x)))
+    still &= (size > IDLE * largest) & (size < largest) & (2 * _among(loaded, first, last) > last - first)
+    still[still] = ~_dithers(x, first[still], last[still])
     return list(zip(first[still].tolist(), last[still].tolist(), strict=True))
 
 
@@ -268,6 +277,26 @@ def _too_still(name: str, x: Signal, line: ObservedMotion, first: Index, last: I
         chance += np.maximum(_among(where, first, last) - 1, 0) * np.log(repeats)
     still: Mask = chance < UNLIKELY
     return still & (x[first] != 0) if name in DRIVEN else still
+
+
+def _dithers(x: Signal, first: Index, last: Index) -> Mask:
+    """Whether a channel holds still so often next to a stretch that chance explains it, or holds the same value elsewhere.
+
+    At a small load the noise of a machine may be smaller than the steps of a channel.
+    """
+    values, count = np.unique(x[first], return_counts=True)
+    elsewhere = count[np.searchsorted(values, x[first])] > 1
+    same = np.append(False, x[1:] == x[:-1])
+    share = [
+        max(_share(same[max(a - BESIDE, 0) : a]), _share(same[b : b + BESIDE]))
+        for a, b in zip(first, last, strict=True)
+    ]
+    dithers: Mask = elsewhere | ((last - first - 1) * np.log(np.maximum(share, 1e-9)) >= UNLIKELY)
+    return dithers
+
+
+def _share(mask: Mask) -> float:
+    return float(np.mean(mask)) if mask.size else 0.0
 
 
 def repeats_of(change: Signal) -> float:
