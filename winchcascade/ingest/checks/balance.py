@@ -15,7 +15,7 @@ import numpy as np
 
 from winchcascade.core.integrate import median
 from winchcascade.core.run import Mask, Signal
-from winchcascade.ingest.checks.glitches import STILL
+from winchcascade.ingest.checks.glitches import MIN_SHARE, STILL
 from winchcascade.ingest.checks.spikes import UPDATES, usual_without
 from winchcascade.ingest.checks.stuck import IDLE
 
@@ -30,12 +30,12 @@ LEVEL = 5
 
 
 class Power(msgspec.Struct, frozen=True):
-    """Power of a stage of a bench without a line: the channels that it is made of, its values and the smallest one that
-    counts [W], and whether it contains more than noise."""
+    """Power of a stage of a bench without a line: the channels that it is made of, its values and their range [W], and whether
+    they contain more than noise."""
 
     channels: tuple[str, ...]
     watts: Signal
-    minimum: float
+    span: float
     moves: bool
 
 
@@ -48,7 +48,7 @@ def powers_of(channels: Mapping[str, Signal], stages: Sequence[tuple[str, ...]])
         if known.size:
             usual, sign = usual_without(known, np.empty(0)), -1.0 if known.sum() < 0.0 else 1.0
             moves = usual.span > STILL * usual.noise
-            powers.append(Power(factors, sign * watts, IDLE * usual.span, moves))
+            powers.append(Power(factors, sign * watts, usual.span, moves))
     return powers
 
 
@@ -57,7 +57,7 @@ def others_deliver(name: str, powers: Sequence[Power], samples: int) -> Mask:
     others = [power for power in powers if name not in power.channels]
     if not others:
         return np.ones(samples, dtype=bool)
-    deliver: Mask = np.logical_or.reduce([np.abs(power.watts) > power.minimum for power in others])
+    deliver: Mask = np.logical_or.reduce([np.abs(power.watts) > IDLE * power.span for power in others])
     return deliver
 
 
@@ -132,7 +132,7 @@ def _is_unbalanced(t: Signal, name: str, span: Span, powers: Sequence[Power]) ->
     if here is None or not inside.size:
         return False
     change = median(inside)
-    if abs(change) < max(powers[own].minimum, HOLDS * here.size):
+    if abs(change) < max(MIN_SHARE * powers[own].span, HOLDS * here.size):
         return False
     settled = min(int(np.searchsorted(t, t[span.last] + NEXT)), t.size - 1)
     follow = []
@@ -143,7 +143,7 @@ def _is_unbalanced(t: Signal, name: str, span: Span, powers: Sequence[Power]) ->
         gained = float(np.max(math.copysign(1.0, change) * there.off))
         if k < own:
             follow.append(gained / abs(change))
-        elif there.level >= power.minimum:
+        elif there.level >= MIN_SHARE * power.span:
             follow.append(gained / there.size * here.size / abs(change))
     return bool(follow) and max(follow) < HOLDS
 

@@ -138,7 +138,7 @@ def find_still(x: Signal, shaft: ObservedMotion, loaded: Mask) -> list[tuple[int
     """Find stretches [first, last) in which a noisy channel of a log without a line holds a value.
 
     The motion of the shaft does not show what should have changed, so only the missing noise counts. A stretch at the largest
-    value is saturation, and one near zero an idle output.
+    value is saturation, one near zero an idle output, and a value that is held in two stretches a step of a coarse channel.
 
     Parameters
     ----------
@@ -149,6 +149,8 @@ def find_still(x: Signal, shaft: ObservedMotion, loaded: Mask) -> list[tuple[int
         return []
     still, size, largest = _too_still("", x, shaft, first, last), np.abs(x[first]), float(np.nanmax(np.abs(x)))
     still &= (size > IDLE * largest) & (size < largest) & (2 * _among(loaded, first, last) > last - first)
+    values, held = np.unique(x[first], return_counts=True)
+    still &= held[np.searchsorted(values, x[first])] == 1
     still[still] = ~_dithers(x, first[still], last[still])
     return list(zip(first[still].tolist(), last[still].tolist(), strict=True))
 
@@ -280,18 +282,16 @@ def _too_still(name: str, x: Signal, line: ObservedMotion, first: Index, last: I
 
 
 def _dithers(x: Signal, first: Index, last: Index) -> Mask:
-    """Whether a channel holds still so often next to a stretch that chance explains it, or holds the same value elsewhere.
+    """Whether a channel holds still so often next to a stretch that chance explains it.
 
     At a small load the noise of a machine may be smaller than the steps of a channel.
     """
-    values, count = np.unique(x[first], return_counts=True)
-    elsewhere = count[np.searchsorted(values, x[first])] > 1
     same = np.append(False, x[1:] == x[:-1])
     share = [
         max(_share(same[max(a - BESIDE, 0) : a]), _share(same[b : b + BESIDE]))
         for a, b in zip(first, last, strict=True)
     ]
-    dithers: Mask = elsewhere | ((last - first - 1) * np.log(np.maximum(share, 1e-9)) >= UNLIKELY)
+    dithers: Mask = (last - first - 1) * np.log(np.maximum(share, 1e-9)) >= UNLIKELY
     return dithers
 
 
