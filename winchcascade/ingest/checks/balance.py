@@ -22,7 +22,7 @@ from winchcascade.ingest.checks.stuck import IDLE
 HOLDS = 0.5
 """Another channel continues if it departs, relative to its range, by less than this share of what the suspect departs."""
 
-NEXT = 2.0
+SETTLES = 2.0
 """Time after a jump in which the other powers must have followed it, filters of their meters included. [s]"""
 
 LEVEL = 5
@@ -86,10 +86,14 @@ class Beside(msgspec.Struct, frozen=True):
 
 
 def beside(y: Signal, span: Span, begin: Signal, end: Signal) -> Beside | None:
-    """A signal over a span, for samples that show its level before and after; None if too much of it is missing."""
+    """A signal over a span, for samples that show its level before and after; None if too much of it is missing.
+
+    At an end of the log the level on the other side counts for both.
+    """
     part = y[span.first : span.last + 1]
     good = np.flatnonzero(np.isfinite(part))
     inside = part[span.before : part.size - span.after]
+    begin, end = begin if span.before else end, end if span.after else begin
     begin, end = begin[np.isfinite(begin)], end[np.isfinite(end)]
     if 2 * np.count_nonzero(np.isfinite(inside)) < inside.size or good.size < 2 or not (begin.size and end.size):
         return None
@@ -113,7 +117,7 @@ def breaks_balance(t: Signal, name: str, before: int, after: int, powers: Sequen
     powers : of the stages, in the direction in which power flows
     """
     spans = [whole(before, after, t.size)]
-    begin = max(int(np.searchsorted(t, t[spans[0].first] + NEXT)), spans[0].first + LEVEL)
+    begin = max(int(np.searchsorted(t, t[spans[0].first] + SETTLES)), spans[0].first + LEVEL)
     if spans[0].before and begin < spans[0].last:
         spans.append(Span(spans[0].first, begin, before=True, after=False))
     return any(_is_unbalanced(t, name, span, powers) for span in spans)
@@ -134,7 +138,7 @@ def _is_unbalanced(t: Signal, name: str, span: Span, powers: Sequence[Power]) ->
     change = median(inside)
     if abs(change) < max(MIN_SHARE * powers[own].span, HOLDS * here.size):
         return False
-    settled = min(int(np.searchsorted(t, t[span.last] + NEXT)), t.size - 1)
+    settled = min(int(np.searchsorted(t, t[span.last] + SETTLES)), t.size - 1)
     follow = []
     for k, power in enumerate(powers):
         there = _between(power.watts, span, settled) if power.moves and name not in power.channels else None
@@ -151,4 +155,4 @@ def _is_unbalanced(t: Signal, name: str, span: Span, powers: Sequence[Power]) ->
 def _between(watts: Signal, span: Span, settled: int) -> Beside | None:
     """A power over a span between its levels before and, from a sample on, after it: medians, as neighbours may be spikes."""
     before, after = watts[max(span.first - LEVEL + 1, 0) : span.first + 1], watts[settled : settled + LEVEL]
-    return beside(watts, span, before if span.before else after, after if span.after else before)
+    return beside(watts, span, before, after)

@@ -328,7 +328,7 @@ def _departure(y: Signal, d: Dropout, side: float, minimum: float, *, idle: bool
     span = whole(d.before, d.after, y.size)
     part = y[span.first : span.last + 1]
     part = part[np.isfinite(part)]
-    there = beside(y, span, part[:1] if span.before else part[-1:], part[-1:] if span.after else part[:1])
+    there = beside(y, span, part[:1], part[-1:])
     if there is None or there.held or (idle and there.level < minimum):
         return None
     return float(np.max(side * there.off) / max(there.level, minimum))
