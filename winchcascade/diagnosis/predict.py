@@ -198,7 +198,7 @@ class Course:
         return np.asarray(self.matrix @ on_grid)
 
 
-_SHAFT_FROM = 17
+_SHAFT_FROM = 18
 """Numbers of `Constants` from here on concern the shaft; `test_predict` holds it."""
 
 
@@ -206,7 +206,7 @@ def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
     return numbers[_SHAFT_FROM:]
 
 
-SOLVED_ANEW = ("friction", "averaged", "uncommutated", "quasi_static", "weightless")
+SOLVED_ANEW = ("friction", "coast_drag", "averaged", "uncommutated", "quasi_static", "weightless")
 """Numbers of `Constants` whose changes are solved anew, not followed to first order."""
 
 

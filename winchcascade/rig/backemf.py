@@ -110,7 +110,7 @@ def machine_state(model: Model, rpm: Signal, vdc: Signal, current: Signal) -> tu
     machine = model.generator
     reactance = machine.pole_pairs * rpm * math.pi / 30.0 * machine.l_s
     v_total = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode
-    return back_emfs(v_total, np.maximum(current, 0.0), machine.r_s, reactance, bridge_table())
+    return back_emfs(v_total, np.maximum(current, 0.0), machine.r_phase, reactance, bridge_table())
 
 
 def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:

@@ -70,6 +70,7 @@ class Constants(NamedTuple):
 
     `r_motion` is the logged motion over the angle of the drum [m]: `r_drum`, unless the logged motion has another scale.
     `inductance` is the phase inductance times the pole pairs, by which the reactance follows the speed of the fast shaft [H].
+    `r_s` contains the slope of the diodes.
     """
 
     r_drum: float
@@ -79,6 +80,7 @@ class Constants(NamedTuple):
     layering: float
     stribeck: float
     stribeck_speed: float
+    loss_share: float
     lead: float
     eta_forward: float
     eta_reverse: float
@@ -96,6 +98,7 @@ class Constants(NamedTuple):
     windage: float
     friction: float
     clutch_drag: float
+    coast_drag: float
     k_shaft: float
     c_shaft: float
     inertia_rotor: float
@@ -134,12 +137,12 @@ def constants(model: Model, load: float) -> Constants:
     winch, gas, shaft, machine = model.winch, model.restoring, model.drivetrain, model.generator
     return Constants(
         winch.r_drum, winch.inertia, winch.friction, winch.drag, winch.layering,
-        winch.stribeck, winch.stribeck_speed,
+        winch.stribeck, winch.stribeck_speed, winch.loss_share,
         gas.lead, gas.eta_forward, gas.eta_reverse, gas.area, gas.pressure, gas.volume, gas.exponent, gas.cooling,
         gas.seal_friction, gas.stribeck, model.r_motion,
-        shaft.gear, shaft.eta_mesh, shaft.b_rotor, shaft.windage, shaft.friction, shaft.clutch_drag, shaft.k_shaft,
-        shaft.c_shaft, shaft.inertia_rotor,
-        machine.k_e, machine.r_s, machine.pole_pairs * machine.l_s, machine.v_diode,
+        shaft.gear, shaft.eta_mesh, shaft.b_rotor, shaft.windage, shaft.friction, shaft.clutch_drag, shaft.coast_drag,
+        shaft.k_shaft, shaft.c_shaft, shaft.inertia_rotor,
+        machine.k_e, machine.r_phase, machine.pole_pairs * machine.l_s, machine.v_diode,
         (1.0, *machine.rolloff), rolloff_slopes(machine.rolloff), model.dc_link.c_dc, model.dc_link.resistance(load),
         machine.averaged, machine.uncommutated, shaft.quasi_static, shaft.weightless,
     )  # fmt: skip
@@ -260,7 +263,13 @@ def _turned(
     torque = c.k_shaft * twist + stiff * slip
     if torque > 0.0:
         return torque, twist + dt * slip, max(after, 0.0)
-    return 0.0, 0.0, max(driven / (mass + losses), 0.0)
+    sign = 0.0
+    if c.coast_drag != 0.0:  # the overrunning clutch brakes the rotor
+        sign = math.tanh(half_way / TURN) if half_way < SATURATED * TURN else 1.0
+        steep = c.coast_drag / c.gear * (1.0 - sign * sign) / TURN
+        losses += 0.5 * steep
+        driven -= c.coast_drag / c.gear * sign - steep * (half_way - 0.5 * omega)
+    return -c.coast_drag * sign, 0.0, max(driven / (mass + losses), 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
@@ -402,7 +411,7 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
     ----------
     motion : of the line; only the heat of the gas depends on earlier steps
     direction : (n,) as `directions` gives it, once for all models [1]
-    torque : (n,) of the clutch [N m]
+    torque : (n,) of the clutch, below zero where it drags while the rotor overruns the drum [N m]
     out : (n, 4) is filled with `LINE`
     """
     x, v, a, dt = motion.x, motion.v, motion.a, motion.step
@@ -428,6 +437,8 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
         )
         drag = -c.clutch_drag * 0.5 * (1.0 - sign) * abs(sign)
         lost = c.line_friction * sign + c.line_drag * v[n] / c.r_motion + c.stribeck * slow
-        seen = torque[n] + drag
+        seen = torque[n] + drag if torque[n] > 0.0 else min(torque[n], drag)
         force = (screw + seen + lost + c.inertia_drum * a[n] / c.r_motion) / (c.r_drum * (1.0 + c.layering * x[n]))
+        if c.loss_share != 0.0:
+            force *= 0.5 * (1.0 + sign) / (1.0 - c.loss_share) + 0.5 * (1.0 - sign) * (1.0 - c.loss_share)
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = gauge, force, seen, screw

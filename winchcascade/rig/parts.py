@@ -22,6 +22,8 @@ class WinchModel(msgspec.Struct, frozen=True):
     exp(-(v / stribeck_speed)^2) with the speed of the line [m/s].
     `layering` is the relative change of the effective radius of the rope for each metre that is paid out [1/m]. The encoder
     turns with the drum, so that layering changes the line tension but not the logged motion.
+    `loss_share` is the share of the tension that is lost between crane and drum, in the bending rope, at sheaves [1]: in
+    payout the line pulls F / (1 - s) for a tension F at the drum, in haul-in F (1 - s).
     """
 
     r_drum: float
@@ -31,6 +33,7 @@ class WinchModel(msgspec.Struct, frozen=True):
     layering: float = 0.0
     stribeck: float = 0.0
     stribeck_speed: float = 0.1
+    loss_share: float = 0.0
 
 
 class RestoringModel(msgspec.Struct, frozen=True):
@@ -82,7 +85,8 @@ class DrivetrainModel(msgspec.Struct, frozen=True):
     `gear` [1], mesh efficiency `eta_mesh` [1], viscous damper `b_rotor` [N m s/rad] and inertia `inertia_rotor` [kg m2] of the
     fast shaft; `k_shaft` [N m/rad] and `c_shaft` [N m s/rad] of the slow one. Absent by default: `windage` in proportion to
     speed squared [N m s2/rad2] and constant `friction` [N m] on the fast shaft, and `clutch_drag` [N m], the torque of the
-    overrunning clutch against the drum during haul-in, which the torque sensor measures; `quasi_static`, share of a solution
+    overrunning clutch against the drum during haul-in, which the torque sensor measures, and `coast_drag` [N m], the same
+    while the coasting rotor overruns the drum, which brakes the rotor; `quasi_static`, share of a solution
     with a stiff shaft and without the capacitor [1], in which the rotor has its inertia but for the share `weightless` [1].
     """
 
@@ -95,6 +99,7 @@ class DrivetrainModel(msgspec.Struct, frozen=True):
     windage: float = 0.0
     friction: float = 0.0
     clutch_drag: float = 0.0
+    coast_drag: float = 0.0
     quasi_static: float = 0.0
     weightless: float = 0.0
 
@@ -119,7 +124,8 @@ class GeneratorModel(msgspec.Struct, frozen=True):
     """Machine of constant parameters: `pole_pairs`, back-EMF `k_e` line to line, rms [V/rpm], `r_s` [ohm] and `l_s` [H] of a
     phase, and `v_diode`, the drop of each of the two conducting diodes [V].
 
-    Absent by default: `rolloff`, share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1];
+    Absent by default: `r_diode`, the slope of a diode's drop over its current, which acts as a resistance of the phase [ohm];
+    `rolloff`, share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1];
     `averaged`, share of the textbook average in place of the switched bridge [1], of which `uncommutated` is the share
     without the voltage that commutation takes [1].
     """
@@ -129,9 +135,15 @@ class GeneratorModel(msgspec.Struct, frozen=True):
     r_s: float
     l_s: float
     v_diode: float
+    r_diode: float = 0.0
     rolloff: tuple[float, ...] = NO_ROLLOFF
     averaged: float = 0.0
     uncommutated: float = 0.0
+
+    @property
+    def r_phase(self) -> float:
+        """Resistance of a phase with its conducting diode: each phase current flows through one diode at a time. [ohm]"""
+        return self.r_s + self.r_diode
 
 
 class DcLinkModel(msgspec.Struct, frozen=True):

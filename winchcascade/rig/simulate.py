@@ -95,22 +95,26 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     direction = np.tanh(motion.v / REST)
     push = c.lead * omega_drum * got["pressure"] * c.area
     slow = direction * np.exp(-((motion.v / c.stribeck_speed) ** 2))
+    line = got["force"] * omega_drum * c.r_drum * (1.0 + c.layering * motion.x)
+    kept = 0.5 * (1.0 + direction) * (1.0 - c.loss_share) + 0.5 * (1.0 - direction) / (1.0 - c.loss_share)
+    driven, overrun = np.maximum(got["clutch"], 0.0), np.minimum(got["clutch"], 0.0)
     seal = (c.lead * c.seal_friction * direction + c.seal_stribeck * slow) * omega_drum
     watts = {
-        "line": got["force"] * omega_drum * c.r_drum * (1.0 + c.layering * motion.x),
+        "line": line,
         "gas": push,
         "screw": got["screw"] * omega_drum - push - seal,
         "seal": seal,
-        "line_loss": (c.line_friction * direction + c.line_drag * omega_drum + c.stribeck * slow) * omega_drum,
-        "clutch": (got["torque"] - got["clutch"]) * omega_drum,
-        "mesh": got["clutch"] * omega / c.gear * (1.0 - c.eta_mesh),
+        "line_loss": (c.line_friction * direction + c.line_drag * omega_drum + c.stribeck * slow) * omega_drum
+        + line * (1.0 - kept),
+        "clutch": (got["torque"] - driven) * omega_drum - overrun * omega / c.gear,
+        "mesh": driven * omega / c.gear * (1.0 - c.eta_mesh),
         "damper": c.b_rotor * omega**2,
         "windage": c.windage * np.abs(omega) ** 3,
         "friction": c.friction * np.tanh(omega / TURN) * omega,
-        "copper": 3.0 * c.r_s * got["i_s"] ** 2,
-        "diodes": 2.0 * c.v_diode * got["i_bridge"],
+        "copper": 3.0 * model.generator.r_s * got["i_s"] ** 2,
+        "diodes": 2.0 * c.v_diode * got["i_bridge"] + 3.0 * model.generator.r_diode * got["i_s"] ** 2,
         "dc": got["vdc"] ** 2 / c.load,
-        "shaft_loss": got["clutch"] * (omega_drum - omega / c.gear),
+        "shaft_loss": driven * (omega_drum - omega / c.gear),
     }
     stores = {
         "drum": (c.inertia_drum, omega_drum),

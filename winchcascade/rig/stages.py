@@ -156,7 +156,8 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
         + winch.stribeck * slow
         + (winch.drag * course.v + winch.inertia * course.a) / model.r_motion
     )
-    torque = force * winch.r_drum * (1.0 + winch.layering * course.x) - screw * thread - lost
+    kept = 0.5 * (1.0 + direction) * (1.0 - winch.loss_share) + 0.5 * (1.0 - direction) / (1.0 - winch.loss_share)
+    torque = force * kept * winch.r_drum * (1.0 + winch.layering * course.x) - screw * thread - lost
     return np.where(np.abs(course.v) > MOVING, torque, np.nan)
 
 
@@ -174,7 +175,7 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
     omega, vdc = drive.rpm[known] * math.pi / 30.0, drive.vdc[known]
     current = np.maximum(drive.i_bridge[known], 0.0)
     _, i_s = machine_state(model, drive.rpm[known], vdc, current)
-    torque_em = ((vdc + 2.0 * machine.v_diode) * current + 3.0 * machine.r_s * i_s**2) / omega
+    torque_em = ((vdc + 2.0 * machine.v_diode) * current + 3.0 * machine.r_phase * i_s**2) / omega
     drag = shaft.b_rotor * omega + shaft.windage * omega**2 + shaft.friction * np.tanh(omega / TURN)
     speeding = shaft.inertia_rotor * course.a[known] / model.r_motion * shaft.gear
     torque[known] = shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding)
@@ -193,7 +194,7 @@ def _voltage(model: Model, course: Along, drive: _Drive) -> Signal:
     reactance = machine.pole_pairs * rpm * math.pi / 30.0 * machine.l_s
     for _ in range(1 if machine.rolloff == NO_ROLLOFF else ROUNDS):
         v_total, i_s = dc_voltages(
-            machine.k_e * rpm * share, drive.i_bridge[known], machine.r_s, reactance, bridge_table()
+            machine.k_e * rpm * share, drive.i_bridge[known], machine.r_phase, reactance, bridge_table()
         )
         share = rolloff_curve(machine.rolloff)(np.minimum(i_s, ROLLOFF_KNOTS[-1]))
     found = np.full(known.size, np.nan)

@@ -193,6 +193,8 @@ def run_tangent(driven: DrivenShaft, state: Signal, every: int, bent: Signal, ke
         torque = c.k_shaft * twist + stiff * slip
         on = 1.0 if torque > 0.0 else 0.0
         bound = on * 0.5 * share * stiff / c.gear
+        if on == 0.0 and c.coast_drag != 0.0 and half_way < SATURATED * TURN:
+            losses += 0.5 * c.coast_drag / c.gear * (1.0 - math.tanh(half_way / TURN) ** 2) / TURN
         moved = 1.0 / (mass + losses + bound) if omega_after > 0.0 else 0.0
         mechanical = (
             -on * share * stiff * drum_half / c.r_motion,
