@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import msgspec
 
+from winchcascade.rig.effects.run_order import RunPlace
 from winchcascade.rig.parts import CHANGED_AGAIN, Model, Operation, changed
 
 Values = tuple[float, ...]
@@ -99,6 +100,10 @@ class Effect(msgspec.Struct, frozen=True):
         of the rig file
     reported_from : the reported parameter of the values; the first field by default
     together : values that act as one after the other do; where the law is a change of one number, they follow from it
+    beside : further fields that are reported beside the parameter
+    over_runs : of an effect that changes from run to run, the values with which its law acts in one of them; without a place
+        among the runs it acts as in the run that shows it most
+    same_as : effects that look the same in most logs, as the laws hardly differ
     unlisted : what is not in the catalogue and looks the same
     entry : of the stage `entry`, what is stated wrongly
     """
@@ -117,6 +122,9 @@ class Effect(msgspec.Struct, frozen=True):
     unit: str = ""
     reported_from: Callable[[Values], float] | None = None
     together: Callable[[Values, Values], Values] | None = None
+    beside: tuple[str, ...] = ()
+    over_runs: Callable[[Values, RunPlace], Values] | None = None
+    same_as: tuple[str, ...] = ()
     unlisted: str = ""
     entry: WrongEntry | None = None
 
@@ -141,6 +149,11 @@ class ActiveEffect(msgspec.Struct, frozen=True):
         if isinstance(law, Change):
             return changed(model, law.path, law.operation, self.values[0] / law.per)
         return law(model, self.values)
+
+    def in_run(self, place: RunPlace) -> "ActiveEffect":
+        """The effect as it acts in one run of a campaign."""
+        over_runs = self.effect.over_runs
+        return self if over_runs is None else ActiveEffect(self.effect, over_runs(self.values, place))
 
     def after(self, earlier: Values) -> "ActiveEffect":
         """One effect that acts as this one does on a model that has it with earlier values."""

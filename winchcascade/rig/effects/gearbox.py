@@ -1,6 +1,21 @@
 """Effects of gear, clutch and fast shaft."""
 
-from winchcascade.rig.effects.effect import Change, Display, Effect, Field
+from msgspec.structs import replace
+
+from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
+from winchcascade.rig.parts import Model
+
+
+def _dragging(model: Model, values: Values) -> Model:
+    shaft, (torque, share) = model.drivetrain, values
+    dragged = replace(shaft, clutch_drag=shaft.clutch_drag + torque, coast_drag=shaft.coast_drag + torque * share)
+    return replace(model, drivetrain=dragged)
+
+
+def _dragging_more(first: Values, second: Values) -> Values:
+    both = first[0] + second[0]
+    return both, (first[0] * first[1] + second[0] * second[1]) / both if both else second[1]
+
 
 GEARBOX = (
     Effect(
@@ -91,16 +106,26 @@ GEARBOX = (
         name="clutch_drag",
         label="Clutch drag",
         stage="gearbox",
-        summary="Overrunning clutch drags while the line is hauled in.",
-        shows_as="torque below zero, and force lower, in haul-in alone.",
+        summary="Overrunning clutch drags while the line is hauled in, and on the rotor while it coasts.",
+        shows_as="torque below zero, and force lower, in haul-in; the coasting rotor stops sooner.",
         taken_for="a zero error of the torque sensor, which payout and hold show too; friction before the sensor "
         "(line_friction), which torque does not show.",
         source="Hsu et al. 2026, Sec. 4.1.3: an ideal clutch is assumed; plausible range.",
         fields=(
             Field("torque", "N.m", 0.0, 10.0, (0.0, 1000.0), "plausible range: less than the screw returns in haul-in"),
+            Field(
+                "coasting_share",
+                "1",
+                0.0,
+                1.0,
+                (0.0, 1.0),
+                "share of it on the coasting rotor; all of a plain clutch",
+                1.0,
+            ),
         ),
         display=Display("clutch drag in haul-in", 1.0, "N·m", signed=False),
-        law=Change("drivetrain.clutch_drag", "add"),
+        law=_dragging,
+        together=_dragging_more,
     ),
 )
 """Effects of the stage gearbox."""

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.run import Signal
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
+from winchcascade.rig.effects.run_order import RunPlace, warming
 from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, rolloff_curve
 
 
@@ -37,6 +38,32 @@ def _rolled_off(model: Model, lost: Values) -> Model:
 
 def _lost_twice(first: Values, second: Values) -> Values:
     return tuple(1.0 - (1.0 - a) * (1.0 - b) for a, b in zip(first, second, strict=True))
+
+
+def _dropped(model: Model, values: Values) -> Model:
+    machine, (extra, slope) = model.generator, values
+    changed = replace(machine, v_diode=machine.v_diode + extra, r_diode=machine.r_diode + slope)
+    return replace(model, generator=changed)
+
+
+def _sum_of(first: Values, second: Values) -> Values:
+    return tuple(a + b for a, b in zip(first, second, strict=True))
+
+
+def _warmed(model: Model, values: Values) -> Model:
+    machine, (k_e, r_s, *_) = model.generator, values
+    return replace(model, generator=replace(machine, k_e=machine.k_e * (1.0 + k_e), r_s=machine.r_s * (1.0 + r_s)))
+
+
+def _warm_in_run(values: Values, place: RunPlace) -> Values:
+    k_e, r_s, time_constant, by_current = values
+    rise = warming(place.order, time_constant, by_current)[place.number]
+    return k_e * rise, r_s * rise, time_constant, by_current
+
+
+def _warmer(first: Values, second: Values) -> Values:
+    """Two rises together: relative changes compound, time constant and share are those of the second."""
+    return *((1.0 + a) * (1.0 + b) - 1.0 for a, b in zip(first[:2], second[:2], strict=True)), *second[2:]
 
 
 _MAX_LOST = (0.1, 0.1, 0.1, 0.1, 0.15, 0.15, 0.2, 0.3)
@@ -88,18 +115,61 @@ GENERATOR = (
         law=Change("generator.k_e", "scale"),
     ),
     Effect(
-        name="copper_heating",
-        label="Copper heating",
+        name="heating",
+        label="Machine heating",
         stage="generator",
-        summary="Stator resistance lies above its cold value, as the copper is warm.",
+        summary="The machine warms from run to run: k_e falls and the stator resistance rises with the order of the runs and "
+        "the heat of their currents.",
+        shows_as="vdc, idc, torque and force below the baseline, the more the later the run, also at small current; in the "
+        "first run nothing.",
+        taken_for="roll-off (ke_rolloff), which follows the current within each run; the same where the runs were made in the "
+        "order of their loads. A light load repeated at the end distinguishes the two.",
+        source="copper 0.39 %/K; magnets about -0.1 %/K (NdFeB), -0.2 %/K (ferrite); Hsu et al. 2026, Sec. 4.3.1.",
+        fields=(
+            Field("k_e_change", "1", -0.1, 0.0, (-0.9, 0.0), "in the warmest run; magnets up to 100 K above the first"),
+            Field("r_s_change", "1", 0.0, 0.6, (0.0, 9.0), "in the warmest run; copper up to 150 K above the first"),
+            Field(
+                "time_constant",
+                "1",
+                0.3,
+                30.0,
+                (0.01, 1000.0),
+                "in spacings of runs, of some minutes; a machine of some kilowatts takes a quarter of an hour to hours",
+                absent=6.0,
+            ),
+            Field(
+                "by_current",
+                "1",
+                0.0,
+                1.0,
+                (0.0, 1.0),
+                "share of the heat from I2R; the rest is iron and friction",
+                0.5,
+            ),
+        ),
+        unit="relative",
+        display=Display("back-EMF constant in the warmest run", 100.0, "%"),
+        law=_warmed,
+        together=_warmer,
+        beside=("r_s_change",),
+        over_runs=_warm_in_run,
+        unlisted="a drift of the Vdc sensor from run to run",
+    ),
+    Effect(
+        name="copper_heating",
+        label="Stator resistance",
+        stage="generator",
+        summary="Stator resistance lies above its stated value: warm copper, or another resistance in series with it.",
         shows_as="vdc and idc below the baseline at small load resistance, torque and force by less; the loss grows "
         "with current squared.",
-        taken_for="a diode drop beyond 0.7 V (diode_drop), whose loss grows with current; roll-off (ke_rolloff), which "
-        "lowers torque more.",
+        taken_for="the slope of the diodes (diode_drop), which acts alike; their drop, whose loss grows with current; roll-off "
+        "(ke_rolloff), which lowers torque more.",
         source="Hsu et al. 2026, Sec. 4.3.1: copper losses raised by temperature; copper gains 0.39 % per kelvin.",
         fields=(Field("r_s_change", "1", 0.0, 0.6, (0.0, 9.0), "plausible range: copper 150 K above cold"),),
         display=Display("stator resistance", 100.0, "%"),
         law=Change("generator.r_s", "scale"),
+        same_as=("diode_drop",),
+        unlisted="a cable between machine and bridge or before the tap of Vdc",
     ),
     Effect(
         name="sync_inductance",
@@ -118,15 +188,21 @@ GENERATOR = (
         name="diode_drop",
         label="Diode drop",
         stage="generator",
-        summary="Each of the two conducting diodes drops more than 0.7 V.",
+        summary="Each of the two conducting diodes drops more than 0.7 V, by a threshold and a slope over its current.",
         shows_as="vdc and idc low by a nearly constant voltage, which weighs most at low speed and small load "
-        "resistance, with a little less torque and force.",
-        taken_for="hot copper (copper_heating), whose drop grows with current; a smaller back-EMF constant (ke_shift), "
-        "whose drop grows with speed.",
+        "resistance, with a little less torque and force; with a slope more at high current.",
+        taken_for="another stator resistance (copper_heating), which acts as the slope does; a smaller back-EMF constant "
+        "(ke_shift), whose drop grows with speed.",
         source="Hsu et al. 2026, Eq. 8 (0.7 V) and Sec. 4.3.1 (conduction losses of the bridge).",
-        fields=(Field("v_d_extra", "V", 0.0, 1.5, (0.0, 100.0), "plausible range of silicon diodes with their leads"),),
+        fields=(
+            Field("v_d_extra", "V", 0.0, 1.5, (0.0, 100.0), "plausible range of silicon diodes with their leads"),
+            Field("slope", "ohm", 0.0, 0.15, (0.0, 100.0), "plausible range: 1.2 V at 5 A and more of small bridges"),
+        ),
         display=Display("drop of each diode", 1.0, "V"),
-        law=Change("generator.v_diode", "add"),
+        law=_dropped,
+        together=_sum_of,
+        beside=("slope",),
+        unlisted="a cable between machine and bridge or before the tap of Vdc, as the slope",
     ),
     Effect(
         name="load_drift",

@@ -3,6 +3,7 @@
 from msgspec.structs import replace
 
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
+from winchcascade.rig.effects.run_order import RunPlace, passed
 from winchcascade.rig.parts import Model
 
 
@@ -23,6 +24,10 @@ def hotter(first: Values, second: Values) -> Values:
     both = n - 1.0 + more - 1.0
     share = (more - 1.0) / both if both > 0.0 else 1.0
     return n + (more - 1.0), cooling + share * (other - cooling)
+
+
+def _leaked_in_run(values: Values, place: RunPlace) -> Values:
+    return (values[0] * passed(place.order)[place.number],)
 
 
 RESTORING = (
@@ -82,6 +87,23 @@ RESTORING = (
         display=Display("precharge, absolute", 100.0, "%"),
         law=Change("restoring.pressure", "scale"),
         unlisted="a gain of the pressure sensor beyond its tolerance",
+    ),
+    Effect(
+        name="gas_loss",
+        label="Gas loss",
+        stage="restoring",
+        summary="The accumulator loses gas: its pressure falls from run to run.",
+        shows_as="pressure and force below the baseline by a share of the absolute pressure that grows from run to run; in the "
+        "first run nothing.",
+        taken_for="another precharge (precharge), which is the same in every run; a drift of the pressure sensor, which leaves "
+        "the force alone.",
+        source="valves and seals; plausible range.",
+        fields=(
+            Field("pressure_change", "1", -0.1, 0.0, (-0.9, 0.0), "from the first run to the last; plausible range"),
+        ),
+        display=Display("precharge by the last run, absolute", 100.0, "%"),
+        law=Change("restoring.pressure", "scale"),
+        over_runs=_leaked_in_run,
     ),
     Effect(
         name="piston_area",

@@ -74,6 +74,22 @@ TRANSMISSION = (
         law=Change("winch.drag", "add"),
     ),
     Effect(
+        name="load_proportional_loss",
+        label="Rope and sheave loss",
+        stage="transmission",
+        summary="A share of the tension is lost between crane and drum: hysteresis of the rope, sheaves, chain.",
+        shows_as="force above the baseline in payout and below it in haul-in, by the same share of the tension; torque and "
+        "pressure agree.",
+        taken_for="a gain error of the force cell (force_gain), which reads alike in payout but costs no energy and has the "
+        "same sign in haul-in, where the tension is small.",
+        source="Feyrer 2015, Wire Ropes, ch. 2 (efficiency of a rope over a sheave, 0.94 to 0.99); plausible range.",
+        fields=(Field("share", "1", 0.0, 0.15, (0.0, 0.9), "plausible range: a few sheaves"),),
+        unit="relative",
+        display=Display("share of the tension lost", 100.0, "%", signed=False),
+        law=Change("winch.loss_share", "add"),
+        same_as=("force_gain",),
+    ),
+    Effect(
         name="stribeck",
         label="Stribeck friction",
         stage="transmission",

@@ -200,6 +200,6 @@ SHARED_RADIUS = msgspec.structs.replace(
     shows_as="force alone, by the same share in every phase.",
     taken_for="a gain error of the force cell (force_gain), which looks the same.",
     law=_shared_radius,
-    entry=WrongEntry("winch.r_drum", USUAL, same_as=("force_gain",)),
+    entry=WrongEntry("winch.r_drum", USUAL, same_as=("force_gain", "load_proportional_loss")),
 )
 """The drum radius where encoder and logger share it: a second form of `drum_radius`, no effect of its own in the catalogue."""
