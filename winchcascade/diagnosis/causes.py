@@ -14,12 +14,14 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
+from winchcascade.diagnosis.closure import share_closed
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Names, Reported, Spot
 from winchcascade.diagnosis.entries import LOAD, is_entry, same_in_logs
 from winchcascade.diagnosis.evidence import Fit, Found, RigProblem, fit_set, inside_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.diagnosis.solve import Bounds, Jacobian, Quadratic, huber, normal_equations, quadratic, weights
 from winchcascade.diagnosis.suspects import Suspects, freedom, varied, with_values
+from winchcascade.rig.effects.run_order import warming
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,11 +41,18 @@ ENTRIES = "entry"
 AS_GOOD = 3.0
 """Evidence by which a set may fall short of the best and still be an alternative: odds of twenty to one."""
 
-TRIED = 3
-"""Maximum number of alternatives of each cause that are refitted."""
+TRIED = 4
+"""Maximum number of alternatives of each cause that are refitted, nearest first by the closed form."""
 
-RIVALS = 2
-"""Maximum number of alternatives of each cause that are named."""
+UNCONFUSED = 0.1
+"""Two suspects of nearly the same law explain each other if one in place of the other loses less than this share of what that
+explains: the exact form of neither is known so well. [1]"""
+
+SAME_ORDER = 0.9
+"""Rank correlation from which the order of the runs is that of their loads: one pair of neighbours of seven may be swapped."""
+
+ORDER_ALONE = (1e6, 0.0)
+"""Time constant and share by the current with which warming follows the order of the runs alone. [1]"""
 
 LAW = 0.01
 """No rig follows the law of an effect exactly: minimum standard uncertainty of what an effect does, as a share of it. Assumed;
@@ -68,25 +77,48 @@ BACK = 0.6
 """Haul-in of a planned cycle, as a share of the speed of its payout."""
 
 
+class LookAlike(NamedTuple):
+    """A set with other suspects in place of a cause: its fit, and by how much evidence it falls short of the best [nats]."""
+
+    fit: Fit
+    short: float
+
+
 def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[NamedCause, ...]:
-    """Every cause of the best set: wrong entries first, then the most important."""
+    """Every cause of the best set: wrong entries first, then the most important.
+
+    The posterior of a cause is no larger than its look-alikes leave: a prior or the exact form of a law must not hide them.
+    """
     best = found.best
-    swapped = {name: _alternatives(data, suspects, found, name) for name in best.names}
-    refitted = {fit.names: fit for fits in swapped.values() for fit in fits}
+    without = {name: _refit(data, suspects, found, tuple(n for n in best.names if n != name)) for name in best.names}
+    swapped = {name: _look_alikes(data, suspects, found, name, without[name]) for name in best.names}
+    refitted = {one.fit.names: one.fit for several in swapped.values() for one in several}
     chance = probabilities({**found.fits, **refitted}, found.scale)
-    whole = found.linear.best(best.names)[0]
     causes = [
         NamedCause(
             effect=name,
             stage=suspects[name].stage,
-            probability=sum(p for names, p in chance.items() if name in names),
+            probability=min(sum(p for names, p in chance.items() if name in names), 1.0 / _odds(swapped[name])),
             parameters=parameters_of(data, suspects, best, name, found.scale),
-            rivals=tuple(_named(data, best, fit, chance) for fit in swapped[name])[:RIVALS],
-            weight=found.linear.best(tuple(n for n in best.names if n != name))[0] - whole,
+            look_alikes=tuple(
+                _named(data, best, one.fit, name, _weight(one) / _odds(swapped[name])) for one in swapped[name]
+            ),
+            weight=without[name].loss - best.loss,
+            ablation=share_closed(data, suspects, without[name]),
         )
         for name in best.names
     ]
     return tuple(sorted(causes, key=lambda cause: (cause.stage != ENTRIES, -cause.weight)))
+
+
+def _weight(one: LookAlike) -> float:
+    """Posterior odds of a look-alike over the cause, which it does not exceed. [1]"""
+    return math.exp(-max(one.short, 0.0))
+
+
+def _odds(look_alikes: Sequence[LookAlike]) -> float:
+    """Posterior odds of a cause and all its look-alikes over the cause. [1]"""
+    return 1.0 + sum(map(_weight, look_alikes))
 
 
 def probabilities(fits: dict[Names, Fit], scale: float) -> dict[Names, float]:
@@ -102,6 +134,33 @@ def parameters_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: 
     A field at a bound counts as known, unless the reported number follows from it alone: its interval is then one-sided.
     A wrong entry follows no law of nature.
     """
+    effect = suspects[name]
+    fields = [field.name for field in effect.fields]
+    return _parameter_of(data, suspects, fit, name, scale) | {
+        other: _field_of(data, suspects, fit, (name, fields.index(other)), scale) for other in effect.beside
+    }
+
+
+def _field_of(data: Fitted, suspects: Suspects, fit: Fit, at: tuple[str, int], scale: float) -> Reported:
+    """What is reported of one field of a cause beside its parameter, with its 95 % interval."""
+    name, number = at
+    field, k = suspects[name].fields[number], fit.place[name].start + number
+    value = float(fit.x[k])
+    end = _limit_of(value, field.absent, fit.bounds.some(slice(k, k + 1)))
+    if end:
+        away = one_sided(fit, k, scale)
+        return Reported(
+            value, value - away * (end > 0), value + away * (end < 0), field.unit, "high" if end > 0 else "low"
+        )
+    u = COVERED * math.hypot(
+        math.sqrt(max(float(covariance_of(data, fit, scale)[k, k]), 0.0)), LAW * (value - field.absent)
+    )
+    beyond = bool(fit.bounds.excess(fit.x)[k] > 0.0)
+    return Reported(value, value - u, value + u, field.unit, beyond_range=beyond)
+
+
+def _parameter_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: float) -> dict[str, Reported]:
+    """The parameter that is reported of one cause, by its name."""
     effect, place = suspects[name], fit.place[name]
     x, bounds = fit.x[place], fit.bounds.some(place)
     value, absent = (with_values(effect, at).reported for at in (x, freedom(effect).absent))
@@ -204,30 +263,53 @@ def _scattered(data: Fitted, fit: Fit) -> Signal:
     return count / (count - 1.0) * total.T @ total + back.T @ back if count >= FEW else np.zeros_like(fit.curve)
 
 
-def _alternatives(data: Fitted, suspects: Suspects, found: Found, name: str) -> list[Fit]:
-    """Refits with another suspect in place of one cause that are about as good, best first.
+def _look_alikes(data: Fitted, suspects: Suspects, found: Found, name: str, without: Fit) -> list[LookAlike]:
+    """Sets of equal size without one cause that are about as good, best first.
 
-    Where one of the two is a wrong entry, only the fit counts, and whether the number is a usual multiple where it can be
-    nothing else: a prior must not hide that the logs cannot distinguish the two.
+    Where one of the two is a wrong entry only the fit counts, as a prior must not hide that the logs cannot distinguish them.
+    Two whose laws are nearly the same explain each other if the fit keeps most of what the cause explains. A change with the
+    order of the runs and one with the load always do where these are the same sequence: only the exact form of both
+    distinguishes them.
     """
     best, scale, linear = found.best, found.scale, found.linear
     swapped = {other: _swap(best.names, name, other) for other in suspects if other not in best.names}
-    short = {}
-    for other, names in swapped.items():
-        by_fit = (linear.best(names)[0] - linear.best(best.names)[0]) / scale
-        by_evidence = linear.evidence(best.names, scale) - linear.evidence(names, scale)
-        short[other] = by_fit if is_entry(name) or is_entry(other) else by_evidence
     same = [other for other in swapped if same_in_logs(suspects, name, other)]
+    confused = [other for other in swapped if _confused(data, suspects, name, other)]
+    short = {other: linear.evidence(best.names, scale) - linear.evidence(swapped[other], scale) for other in swapped}
+    entries = [other for other in swapped if is_entry(name) or is_entry(other)]
+    short |= {other: (linear.best(swapped[other])[0] - linear.best(best.names)[0]) / scale for other in entries}
     near = sorted(
         (other for other in short if short[other] < 4.0 * AS_GOOD and other not in same), key=lambda r: short[r]
     )
-    fits = {other: _refit(data, suspects, found, swapped[other]) for other in near[:TRIED]}
+    fits = {other: _refit(data, suspects, found, swapped[other]) for other in (*near[:TRIED], *confused)}
     fits |= {other: _refit_same(data, suspects, found, name, other) for other in same}
+    by_size = [fit for names, fit in found.fits.items() if len(names) == len(best.names) and name not in names]
+    several = [fit for fit in by_size if len(set(fit.names) - set(best.names)) > 1]
+    found_alike = [LookAlike(fit, best.evidence(scale) - fit.evidence(scale)) for fit in several]
     for other, fit in fits.items():
-        by_fit = (fit.loss - best.loss) / scale - min(fit.gain(scale), 0.0)
-        by_evidence = best.evidence(scale) - fit.evidence(scale)
-        short[other] = by_fit if is_entry(name) or is_entry(other) else by_evidence
-    return [fits[other] for other in sorted(fits, key=lambda r: short[r]) if short[other] < AS_GOOD]
+        by_evidence, lost = best.evidence(scale) - fit.evidence(scale), fit.loss - best.loss
+        if other in entries:
+            by_evidence = lost / scale - min(fit.gain(scale), 0.0)
+        elif other in confused or (other in same and lost < UNCONFUSED * (without.loss - best.loss)):
+            by_evidence = min(by_evidence, AS_GOOD)
+        found_alike.append(LookAlike(fit, by_evidence))
+    return sorted((one for one in found_alike if one.short <= AS_GOOD), key=lambda one: one.short)
+
+
+def _confused(data: Fitted, suspects: Suspects, name: str, other: str) -> bool:
+    """Whether of two suspects one changes with the order of the runs and the other with the current, and these are the same."""
+    pair = {suspects[name].name, suspects[other].name}
+    return pair == {"heating", "ke_rolloff"} and abs(order_of_loads(data)) > SAME_ORDER
+
+
+def order_of_loads(data: Fitted) -> float:
+    """Rank correlation (Spearman 1904) of the conductance of the loads with the warming of the machine over the runs. [1]"""
+    from scipy.stats import rankdata
+
+    taking = [k for k in range(len(data.logs)) if k not in data.withheld]
+    rise = warming(data.order, *ORDER_ALONE)
+    ranks = np.array([rankdata([rise[k] for k in taking]), rankdata([1.0 / data.logs[k].load for k in taking])])
+    return float(np.corrcoef(ranks)[0, 1]) if np.all(np.ptp(ranks, axis=1) > 0.0) else 0.0
 
 
 def _swap(names: Names, name: str, other: str) -> Names:
@@ -241,11 +323,14 @@ def _refit(data: Fitted, suspects: Suspects, found: Found, names: Names) -> Fit:
 
 
 def _refit_same(data: Fitted, suspects: Suspects, found: Found, name: str, other: str) -> Fit:
-    """The fit with another suspect that looks the same in place of a cause, begun from the same change or its inverse.
+    """The fit with another suspect that looks the same in place of a cause.
 
-    Both change one number by a share of it, so that no expansion about the absent effect is needed.
+    Where both change one number by a share of it, the fit begins from the same change or its inverse, so that no expansion
+    about the absent effect is needed.
     """
     best, problem = found.best, RigProblem(data, suspects, _swap(found.best.names, name, other))
+    if not (is_entry(name) or is_entry(other)) or len(suspects[name].fields) != len(suspects[other].fields):
+        return fit_set(problem, best)
     share = float(best.x[best.place[name]][0])
     x = np.concatenate([best.x[best.place[n]] if n != other else np.zeros(1) for n in problem.names])
     begins = []
@@ -258,18 +343,20 @@ def _refit_same(data: Fitted, suspects: Suspects, found: Found, name: str, other
     return fit_set(problem, min(begins, key=lambda begin: begin[0])[1], quick=True)
 
 
-def _named(data: Fitted, best: Fit, other: Fit, chance: dict[Names, float]) -> Alternative:
-    """The alternative of a fit, and where the two differ most; nowhere if nothing that the logs measure distinguishes them."""
-    effect = next(n for n in other.names if n not in best.names)
+def _named(data: Fitted, best: Fit, other: Fit, name: str, probability: float) -> Alternative:
+    """The alternative of a fit, and where the two differ most; nowhere if nothing that the logs measure distinguishes them.
+
+    Where the fit has several other suspects, the first that takes the place of the cause.
+    """
+    gone, new = (sorted(set(a) - set(b)) for a, b in ((best.names, other.names), (other.names, best.names)))
+    effect = new[min(gone.index(name), len(new) - 1)]
     clearest: Spot | None = None
     difference = (best.z - other.z).reshape(-1, len(CHANNELS))
     for log, k, phase, here in data.cells():
         size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
         if size > (clearest.z if clearest else 0.0):
             clearest = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
-    return Alternative(
-        effect, chance[tuple(sorted(other.names))], clearest if clearest and clearest.z > ALIKE else None
-    )
+    return Alternative(effect, probability, clearest if clearest and clearest.z > ALIKE else None)
 
 
 class _Explanations(NamedTuple):
@@ -296,37 +383,48 @@ def plan_run(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[Na
     causes = [cause for cause in causes if suspects[cause.effect].name != LOAD]
     if not causes or not others:
         return None
-    apart = {cause.effect: [r.effect for r in cause.rivals if suspects[r.effect].name != LOAD] for cause in causes}
+    apart = {cause.effect: [r.effect for r in cause.look_alikes if suspects[r.effect].name != LOAD] for cause in causes}
     apart = {
         name: [other for other in rivals if not same_in_logs(suspects, name, other)] for name, rivals in apart.items()
     }
-    lead = next((cause for cause in causes if apart[cause.effect]), causes[0])
+    drifting = [
+        cause for cause in causes if cause.stability and any(t.along == "order" for t in cause.stability.trends)
+    ]
+    lead = next((cause for cause in causes if apart[cause.effect]), (drifting or causes)[0])
     near = apart[lead.effect][:1] or [name for name in others if not same_in_logs(suspects, lead.effect, name)]
     if not near:
         return None
     other = max(near, key=lambda r: found.linear.evidence(_swap(found.best.names, lead.effect, r), found.scale))
     fit = _refit(data, suspects, found, _swap(found.best.names, lead.effect, other))
-    both = _explanations(data, suspects, found.best, fit)
     speed, length = _usual(data)
     loads = sorted({log.load for log in data.logs})
     tried = dict.fromkeys([loads[0], loads[len(loads) // 2], loads[-1]])
     options = [(load, share * speed) for load in tried for share in SPEEDS]
-    scores = all_at_once([partial(_score, data, both, _planned(*option, length, data)) for option in options])
+    repeats = bool(drifting) or _confused(data, suspects, lead.effect, other)
+    if repeats:  # a light load again, after all others
+        options = [(load, speed) for load in loads[-2:]]
+    both = {load: _explanations(data, suspects, found.best, fit, load) for load, _ in options}
+    scores = all_at_once([partial(_score, data, both[load], _planned(load, v, length, data)) for load, v in options])
     z, (load, v) = max(zip(scores, options, strict=True), key=lambda pair: pair[0])
-    return Experiment("cycle", v, (lead.effect, other), z, load=load, length=length)
+    again = next(log.run.name for log in data.logs if log.load == load) if repeats else ""
+    return Experiment("cycle", v, (lead.effect, other), z, load=load, length=length, repeats=again)
 
 
-def _explanations(data: Fitted, suspects: Suspects, best: Fit, fit: Fit) -> _Explanations:
+def _explanations(data: Fitted, suspects: Suspects, best: Fit, fit: Fit, load: float) -> _Explanations:
+    """Two explanations in a run with a load that is made after all others."""
+    heat = float(np.mean([data.order.heat[k] for k, log in enumerate(data.logs) if log.load == load]))
     effects, one = fit.effects(suspects), np.eye(fit.nu.size)
     fields = []
     for name, effect in zip(fit.names, effects, strict=True):
         for moved, step in varied(suspects[name], fit.x[fit.place[name]], 0.02):
-            model = data.model(fit.nu, [moved if other is effect else other for other in effects])
+            model = data.model_after(fit.nu, [moved if other is effect else other for other in effects], heat)
             fields.append((model, step))
     return _Explanations(
-        best=data.model(best.nu, best.effects(suspects)),
-        other=data.model(fit.nu, effects),
-        tolerances=[data.model(fit.nu + one[k], effects) for k, n in enumerate(data.nuisances) if n.kind == "rig"],
+        best=data.model_after(best.nu, best.effects(suspects), heat),
+        other=data.model_after(fit.nu, effects, heat),
+        tolerances=[
+            data.model_after(fit.nu + one[k], effects, heat) for k, n in enumerate(data.nuisances) if n.kind == "rig"
+        ],
         fields=fields,
         precision=fit.curve + np.diag((fit.bounds.inner_high - fit.bounds.inner_low) ** -2.0),
     )

@@ -93,6 +93,17 @@ def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], 
     return closure_between(data, before, after, predictions, seed)
 
 
+def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
+    """Share of the explainable gap that causes close on the logs of their own fit, numbers of the rig within `REACH`. [1]"""
+    if np.any(np.abs(fit.nu) > REACH):
+        fit = fit_set(RigProblem(data, suspects, fit.names, reach=REACH), fit, quick=True)
+    local = [n.kind in LOCAL for n in data.nuisances]
+    given = data.predict(np.zeros(len(data.nuisances)), [])
+    fitted = data.predict(np.where(local, 0.0, fit.nu), fit.effects(suspects))
+    before, after = (without_zeros(data, data.measured - predicted) for predicted in (given, fitted))
+    return _share(_squares(data, before, after, [k for k in range(len(data.logs)) if k not in data.withheld]))
+
+
 PARTS = 3
 """Number of parts in which the cycles of the only load are left out."""
 
@@ -134,10 +145,8 @@ def closure_between(
     before, after : (M, 5) measured minus predicted blocks, zeros taken off; `after` is NaN for logs that were not withheld
     predictions : fits by number of the withheld log
     """
-    withheld, known = sorted(predictions), np.isfinite(after)
-    each = np.stack([before, after, data.logged_noise, np.ones_like(after)], 1)
-    squares = np.where((data.seen & known)[:, None], each**2, 0.0)
-    by_log = np.array([squares[data.rows[k]].sum(axis=0) for k in withheld])
+    withheld = sorted(predictions)
+    squares, by_log = _each_squared(data, before, after), _squares(data, before, after, withheld)
     by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
     share, rng = _share(by_log), np.random.default_rng(seed)
     draws = [
@@ -159,6 +168,18 @@ def closure_between(
         residual=after,
         predictions=predictions,
     )
+
+
+def _each_squared(data: Fitted, before: Signal, after: Signal) -> Signal:
+    """Squares of the gap before, after, of noise, and ones, of every block, (M, 4, 5); 0 where a block does not count."""
+    each = np.stack([before, after, data.logged_noise, np.ones_like(after)], 1)
+    return np.where((data.seen & np.isfinite(after))[:, None], each**2, 0.0)
+
+
+def _squares(data: Fitted, before: Signal, after: Signal, logs: Sequence[int]) -> Signal:
+    """Sums over the blocks of some logs of what `_each_squared` gives, (logs, 4, 5)."""
+    squares = _each_squared(data, before, after)
+    return np.array([squares[data.rows[k]].sum(axis=0) for k in logs])
 
 
 def _by_cycle(squares: Signal, cycle: NDArray[np.intp]) -> Signal:
@@ -193,6 +214,16 @@ def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:
     return tuple(
         sorted((alarm for alarm in found if alarm.size > alarm.limit), key=lambda alarm: -alarm.size / alarm.limit)
     )
+
+
+WORSE = 1.0
+"""Mean square by which a held-out prediction makes a channel worse, in that of its noise, beyond which it counts. [1]"""
+
+
+def made_worse(closure: ModelClosure) -> list[Alarm]:
+    """Channels that the held-out predictions with the causes make worse by more than their noise."""
+    grown = {name: (x.after**2 - x.before**2) / x.noise**2 for name, x in closure.channels.items() if x.noise > 0.0}
+    return [Alarm("worse", Spot(name), math.sqrt(size), WORSE) for name, size in grown.items() if size > WORSE]
 
 
 def block_rms(data: Fitted, z: Signal) -> dict[tuple[str, str], float]:

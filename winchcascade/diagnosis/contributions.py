@@ -19,7 +19,14 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import means_of
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.causes import COVERED, LAW, joint_covariance
-from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionKind, ContributionPart, NamedCause, Names
+from winchcascade.diagnosis.diagnosis_result import (
+    Contribution,
+    ContributionKind,
+    ContributionPart,
+    LargestChange,
+    NamedCause,
+    Names,
+)
 from winchcascade.diagnosis.misfit import LOCAL, Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.suspects import Suspects, varied
@@ -86,7 +93,7 @@ class WindowedLog(NamedTuple):
     windows: Signal
 
     def simulated(self, model: Model, skew: Signal, zeros: Signal, solution: Signal | None = None) -> Signal:
-        """What `quantities_of` gives for a model, (14,); channels that the log lacks stay absent.
+        """What `quantities_of` gives for a model, (14,), also of channels that the log lacks.
 
         Parameters
         ----------
@@ -96,10 +103,7 @@ class WindowedLog(NamedTuple):
         run, course = self.log.run, self.log.course
         on_grid = course.on_grid(model, skew=skew, solution=solution)
         read = course.at_stamps(on_grid) + self.log.offset_at_stamps + zeros
-        channels = {"velocity": run.channels["velocity"]}
-        for k, name in enumerate(CHANNELS):
-            if name in run.channels or (name == "torque" and "power_mech" in run.channels):
-                channels[name] = read[:, k]
+        channels = {"velocity": run.channels["velocity"]} | {name: read[:, k] for k, name in enumerate(CHANNELS)}
         return quantities_of(msgspec.structs.replace(run, channels=channels), self.rig, self.windows)
 
 
@@ -190,13 +194,17 @@ def variants_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Va
 
 
 class Split(NamedTuple):
-    """What the parts of one run come to, and their standard uncertainties, (14,) each, SI units."""
+    """What the parts of one run come to, and their standard uncertainties, (14,) each, SI units; NaN for what the log lacks.
+
+    `by_model` is what each cause changes by the model, whether the log can give the quantity or not.
+    """
 
     measured: Signal
     as_given: Signal
     causes: dict[str, tuple[Signal, Signal]]
     tolerances: tuple[Signal, Signal]
     residual: tuple[Signal, Signal]
+    by_model: dict[str, Signal]
 
 
 def split_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Signal) -> Split:
@@ -232,7 +240,9 @@ def split_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Sig
     parts[:, missing], u[:, missing] = math.nan, math.nan
     *causes, tolerances, residual = zip(parts, u, strict=True)
     absent = np.where(missing, math.nan, 0.0)
-    return Split(measured + absent, subsets[0] + absent, dict(zip(names, causes, strict=True)), tolerances, residual)
+    by_name = dict(zip(names, causes, strict=True))
+    by_model = dict(zip(names, shares, strict=True))
+    return Split(measured + absent, subsets[0] + absent, by_name, tolerances, residual, by_model)
 
 
 def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
@@ -275,8 +285,10 @@ def contributions_of(
     found: Found,
     causes: Sequence[NamedCause],
     windows: Sequence[float | None] | None = None,
-) -> tuple[Contribution, ...]:
+) -> tuple[tuple[Contribution, ...], dict[str, list[LargestChange]]]:
     """Split every metric of every run among the causes that are named, tolerances and residual, the parts in this order.
+
+    Also what each cause changes of each efficiency of each run by the model, whether the log can give that or not.
 
     Parameters
     ----------
@@ -295,11 +307,21 @@ def contributions_of(
     accounts = all_at_once([partial(account, number, window) for number, window in lengths], data.sizes)
     loaded = [math.isfinite(one.log.run.load or math.inf) for one, _ in accounts]
     with_laws = with_uncertain_laws([split for _, split in accounts], loaded, data.rig.model.discrepancy)
-    return tuple(
+    recorded = tuple(
         contribution
         for (one, _), split in zip(accounts, with_laws, strict=True)
         for contribution in _recorded(one, split, names, suspects)
     )
+    changes = {
+        name: [
+            LargestChange(metric, float(split.by_model[name][QUANTITIES.index(metric)]), load=one.log.run.load)
+            for one, split in accounts
+            for metric in EFFICIENCIES
+            if np.isfinite(split.by_model[name][QUANTITIES.index(metric)])
+        ]
+        for name in names
+    }
+    return recorded, changes
 
 
 def with_uncertain_laws(splits: Sequence[Split], loaded: Sequence[bool], discrepancy: float) -> list[Split]:

@@ -10,13 +10,15 @@ import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import linear_algebra_on_one_thread
+from winchcascade.diagnosis.adequacy import OPEN, cancelling, drifts, left_over, moved_by, unbalanced
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.causes import causes_of, plan_run, probabilities
-from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close
-from winchcascade.diagnosis.contributions import EFFICIENCIES, by_cost, contributions_of, reordered, without
+from winchcascade.diagnosis.causes import causes_of, parameters_of, plan_run, probabilities
+from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close, made_worse, share_closed
+from winchcascade.diagnosis.contributions import by_cost, contributions_of, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     NAMED,
+    Alarm,
     Contribution,
     DiagnosisResult,
     Entries,
@@ -28,16 +30,17 @@ from winchcascade.diagnosis.diagnosis_result import (
     StagePlace,
     Verdict,
 )
+from winchcascade.diagnosis.energies import PhaseEnergy, energies_of
 from winchcascade.diagnosis.entries import bound_to
-from winchcascade.diagnosis.evidence import Fit, Found, search
+from winchcascade.diagnosis.evidence import Found, RigProblem, fit_set, linearise, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.stability import with_stability
+from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.stagewise import stagewise
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
@@ -46,9 +49,10 @@ if TYPE_CHECKING:
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of the owner's own simulation
-    where there is one, `fitted` those of the fit with its causes.
+    where there is one, `fitted_blocks` those of the fit with its causes.
 
-    `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run.
+    `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
+    those of its phases, and `cancelling` are causes that cancel each other.
     """
 
     data: Fitted
@@ -56,9 +60,11 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     closure: ModelClosure | None = None
     stages: tuple[StagePlace, ...]
     predicted: Signal
-    fitted: Signal
+    fitted_blocks: Signal
     own_simulation: OwnSimulation | None = None
     contributions: tuple[Contribution, ...] = ()
+    energies: tuple[PhaseEnergy, ...] = ()
+    cancelling: tuple[Alarm, ...] = ()
 
 
 @linear_algebra_on_one_thread()
@@ -101,7 +107,8 @@ def diagnose(
             "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
             "[columns]."
         )
-    found, nothing = search(data, suspects, on_progress), np.zeros(len(data.nuisances))
+    found = without_imitators(data, suspects, search(data, suspects, on_progress))
+    nothing = np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
     as_found = ModelDiagnosis(
         title=title,
@@ -115,111 +122,174 @@ def diagnose(
         places=compare(data, predicted, data.tolerances(nothing, [], predicted)),
         stages=stagewise(data),
         predicted=predicted,
-        fitted=data.predict(found.best.nu, found.best.effects(suspects)),
+        fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
         sets=probabilities(found.fits, found.scale),
+        energies=energies_of(data, suspects, found.best),
     )
-    judged = _judged(as_found, on_progress)
-    on_progress("splitting the difference among the causes")
-    return _accounted(judged, contributions_of(data, suspects, found, judged.causes, windows))
+    return _judged(_with_causes(as_found, windows, on_progress), on_progress)
 
 
-def _accounted(result: ModelDiagnosis, contributions: Sequence[Contribution]) -> ModelDiagnosis:
-    """The result with what each cause contributes: causes that matter in the order of what they cost, the others as minor."""
+DISPENSABLE = 0.005
+"""Share of the gap that a cause whose number differs from run to run must close, or it is none. [1]"""
+
+
+def without_imitators(data: Fitted, suspects: Suspects, found: Found) -> Found:
+    """A search whose best set has no cause that differs from run to run while the others close the gap as well without it.
+
+    Its law is not the one that acts; it takes up what the laws of the others, or the model, have in another form.
+    """
+    best = found.best
+    several = stabilities(data, suspects, best, found.scale) if len(best.names) > 1 else {}
+    for name in (name for name, stability in several.items() if stability.trends):
+        fewer = fit_set(RigProblem(data, suspects, tuple(n for n in best.names if n != name)), best)
+        lost = share_closed(data, suspects, best) - share_closed(data, suspects, fewer)
+        if lost < DISPENSABLE and not alarms_of(data, suspects, fewer):
+            linear, kept = linearise(data, suspects, fewer)
+            fits = {names: fit for names, fit in found.fits.items() if name not in names}
+            smaller = Found(kept, found.null, {**fits, kept.names: kept}, linear, found.scale)
+            return without_imitators(data, suspects, smaller)
+    return found
+
+
+def _with_causes(
+    result: ModelDiagnosis, windows: Sequence[float | None] | None, on_progress: Callable[[str], None]
+) -> ModelDiagnosis:
+    """The result with the causes of the best fit, what each contributes, how far they close the gap, and what is too small."""
     data, suspects, found = result.data, result.suspects, result.found
-    minor = _minor(data, suspects, found.best, result.causes, contributions)
-    small = {one.effect for one in minor}
-    causes = by_cost([cause for cause in result.causes if cause.effect not in small], contributions)
-    result = msgspec.structs.replace(
-        result, causes=causes, minor=minor, contributions=reordered(without(contributions, small), causes)
-    )
-    if not causes and result.verdict == "explained":
+    if not found.best.names:
         return msgspec.structs.replace(
-            result, verdict="no_gap", where=None, closure=None, remainder=None, experiment=None
+            result,
+            minor=_hints(result),
+            contributions=contributions_of(data, suspects, found, (), windows)[0],
         )
-    if not causes:
-        return msgspec.structs.replace(result, closure=None, experiment=None)
-    if result.experiment is not None and small & set(result.experiment.separates):
-        return msgspec.structs.replace(result, experiment=plan_run(data, suspects, found, causes))
-    return result
+    on_progress("predicting withheld runs")
+    loaded = [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
+    left_out = sorted(data.withheld) or loaded or range(len(data.logs))
+    closure = close(data, suspects, found.best, left_out, result.seed)
+    on_progress("looking for alternative explanations")
+    fitted = with_stability(data, suspects, found.best, found.scale, causes_of(data, suspects, found))
+    on_progress("splitting the difference among the causes")
+    contributions, changes = contributions_of(data, suspects, found, fitted, windows)
+    moved = moved_by(data, suspects, found.best)
+    minor = _minor(data, fitted, changes, moved)
+    small = {one.effect for one in minor}
+    causes = by_cost([cause for cause in fitted if cause.effect not in small], contributions)
+    return msgspec.structs.replace(
+        result,
+        closure=closure,
+        fitted=fitted,
+        causes=causes,
+        minor=(*minor, *_hints(result)),
+        contributions=reordered(without(contributions, small), causes),
+        cancelling=tuple(cancelling(data, moved)),
+    )
 
 
 def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
-    """The result with its verdict: what the causes close on withheld logs, what remains, where the gap lies, what to test next.
+    """The result with its verdict, what remains, where the gap lies, and what to test next.
 
-    Contract: explained when no structure remains, unexplained when less than half is closed, partly explained in between.
+    Explained needs more than a residual without structure: numbers that agree between runs and are plausible, no causes that
+    cancel each other, no channel that a prediction makes worse, energies and efficiencies within their uncertainty.
+    Unexplained: less than half is closed; then no cause is named, as any may imitate what acts. Partly explained in between.
     """
-    data, suspects, found = result.data, result.suspects, result.found
-    alarms = alarms_of(data, suspects, found.best)
-    if not (found.best.names or alarms):
-        return result
-    if found.best.names:
-        on_progress("predicting withheld runs")
-        loaded = [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
-        left_out = sorted(data.withheld) or loaded or range(len(data.logs))
-        closure = close(data, suspects, found.best, left_out, result.seed)
-        verdict: Verdict = "explained" if not alarms else "unexplained" if closure.share < HALF else "partly_explained"
-        on_progress("looking for alternative explanations")
-        causes = with_stability(data, suspects, found.best, found.scale, causes_of(data, suspects, found))
-        result = msgspec.structs.replace(
-            result, verdict=verdict, closure=closure, causes=causes if verdict == "explained" else causes[:NAMED]
-        )
-    else:
-        result = msgspec.structs.replace(result, verdict="unexplained")
-    shown = [alarm for alarm in alarms if alarm.kind != "nuisance"] or alarms
-    own, lead = arises(result.stages), result.causes[0].stage if result.causes else None
-    stage = lead if result.verdict == "explained" else own.stage or lead
+    data, suspects, found, closure = result.data, result.suspects, result.found, result.closure
+    residual = alarms_of(data, suspects, found.best)
+    signs = [
+        *residual,
+        *drifts(result.fitted),
+        *result.cancelling,
+        *(made_worse(closure) if closure is not None else []),
+        *unbalanced(result.energies),
+        *left_over(result.contributions, data.rig.model),
+    ]
+    causes, minor = result.causes, {one.effect for one in result.minor}
+    if not (causes or signs):
+        return msgspec.structs.replace(result, closure=None)
+    share = 0.0 if closure is None else closure.share
+    verdict: Verdict = "explained" if not signs else "unexplained" if share < HALF else "partly_explained"
+    if verdict == "unexplained":
+        causes = ()
+    elif verdict == "partly_explained":
+        kept = causes[:NAMED] if residual else causes
+        causes = tuple(msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in kept)
+    on_progress("planning the next run")
+    own, lead = arises(result.stages), causes[0].stage if causes else None
+    stage = lead if verdict == "explained" else own.stage or lead
+    shown = [alarm for alarm in signs if alarm.kind != "nuisance"] or signs
+    gone = {one.effect for one in result.causes} - {one.effect for one in causes}
     return msgspec.structs.replace(
         result,
+        verdict=verdict,
+        causes=causes,
+        contributions=without(result.contributions, gone | minor, among="residual" if gone else "tolerances"),
         where=locate(data, without_zeros(data, data.measured - result.predicted), result.places, stage, own),
         remainder=Remainder(
-            share=1.0 if result.closure is None else max(1.0 - result.closure.share, 0.0),
-            alarms=alarms,
+            share=1.0 if closure is None else max(1.0 - share, 0.0),
+            alarms=tuple(signs),
             worst=shown[0].about if shown else None,
         ),
-        experiment=plan_run(data, suspects, found, result.causes),
+        experiment=plan_run(data, suspects, found, causes or result.causes),
     )
 
 
 def _minor(
     data: Fitted,
-    suspects: Suspects,
-    best: Fit,
     causes: Iterable[NamedCause],
-    contributions: Sequence[Contribution],
+    changes: Mapping[str, Sequence[LargestChange]],
+    moved: Mapping[str, Signal],
 ) -> tuple[Minor, ...]:
-    """Causes that change nothing by as much as the rig file calls relevant, each with its largest change."""
-    accuracy, found = data.rig.model, []
+    """Causes that change nothing by as much as the rig file calls relevant, each with its largest change.
+
+    Parameters
+    ----------
+    changes : what each cause changes of the efficiencies, by the model
+    moved : (M, 5) what each moves, SI units
+    """
+    found = []
     for cause in causes:
-        changes = [
-            (abs(change.change) / max(limit, 1e-12), change)
-            for limit, several in (
-                (accuracy.relevant_efficiency, _changes_of_efficiencies(cause.effect, contributions)),
-                (accuracy.relevant_share, _changes_of_channels(data, suspects, best, cause.effect)),
-            )
-            for change in several
-        ]
-        ratio, largest = max(changes, key=lambda pair: pair[0], default=(math.inf, None))
+        ratio, largest = _largest(data, changes[cause.effect], moved[cause.effect])
         if largest is not None and ratio < 1.0:
             found.append(Minor(cause.effect, cause.stage, cause.parameters, largest))
     return tuple(found)
 
 
-def _changes_of_efficiencies(effect: str, contributions: Sequence[Contribution]) -> list[LargestChange]:
-    """What one cause changes of each efficiency of each run. [1]"""
-    return [
-        LargestChange(one.metric, part.value, load=one.load)
-        for one in contributions
-        if one.metric in EFFICIENCIES
-        for part in one.parts
-        if part.effect == effect
+def _largest(data: Fitted, efficiencies: Sequence[LargestChange], moved: Signal) -> tuple[float, LargestChange | None]:
+    """The largest change that an effect makes, and its size in what the rig file calls relevant. [1]"""
+    accuracy = data.rig.model
+    changes = [
+        (abs(change.change) / max(limit, 1e-12), change)
+        for limit, several in (
+            (accuracy.relevant_efficiency, efficiencies),
+            (accuracy.relevant_share, _changes_of_channels(data, moved)),
+        )
+        for change in several
     ]
+    return max(changes, key=lambda pair: pair[0], default=(math.inf, None))
 
 
-def _changes_of_channels(data: Fitted, suspects: Suspects, best: Fit, effect: str) -> list[LargestChange]:
-    """What one cause changes of the mean of each channel in each phase of each log, as a share of its plateau. [1]"""
-    acting = dict(zip(best.names, best.effects(suspects), strict=True))
-    others = [one for name, one in acting.items() if name != effect]
-    moved = data.predict(best.nu, [*acting.values()]) - data.predict(best.nu, others)
+def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
+    """Effects that beside the causes have evidence, though less than a cause needs, strongest first."""
+    data, suspects, found = result.data, result.suspects, result.found
+    best, scale = found.best, found.scale
+    near = [
+        fit for names, fit in found.fits.items() if len(names) == len(best.names) + 1 and set(best.names) < set(names)
+    ]
+    gains = {fit.names: fit.evidence(scale) - best.evidence(scale) for fit in near}
+    hints = []
+    for fit in sorted((fit for fit in near if gains[fit.names] > 0.0), key=lambda fit: -gains[fit.names])[:NAMED]:
+        name = next(n for n in fit.names if n not in best.names)
+        whole = fit_set(RigProblem(data, suspects, fit.names), fit)
+        _, largest = _largest(data, (), moved_by(data, suspects, whole)[name])
+        if largest is not None:
+            numbers = parameters_of(data, suspects, whole, name, scale)
+            hints.append(Minor(name, suspects[name].stage, numbers, largest, hint=gains[fit.names]))
+    return tuple(hints)
+
+
+def _changes_of_channels(data: Fitted, moved: Signal) -> list[LargestChange]:
+    """What a cause that moves blocks, (M, 5), changes of the mean of each channel in each phase of each log, as a share of its
+    plateau. [1]
+    """
     level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
     return [
         LargestChange(
@@ -229,7 +299,7 @@ def _changes_of_channels(data: Fitted, suspects: Suspects, best: Fit, effect: st
             load=data.logs[log].run.load,
         )
         for log, k, phase, here in data.cells()
-        if here.size
+        if here.size and np.max(level[here, k]) > 0.0
     ]
 
 

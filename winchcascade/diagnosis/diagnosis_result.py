@@ -207,19 +207,31 @@ class Stability(msgspec.Struct, frozen=True):
     trends: tuple[Trend, ...]
 
 
-class NamedCause(msgspec.Struct, frozen=True):
-    """An effect that is needed: its probability, its numbers, its alternatives, and how much of the objective it carries.
+RIVALS = 2
+"""Maximum number of look-alikes of a cause that are its `rivals`."""
 
-    `stability` is its number run by run; None without a model.
+
+class NamedCause(msgspec.Struct, frozen=True):
+    """An effect that is needed: its posterior probability within the catalogue, its numbers, all effects that explain the data
+    about as well in its place, and how much of the objective it carries.
+
+    `ablation` is the share of the gap that a fit of the others closes without it [1]. `stability` is its number run by run;
+    None without a model.
     """
 
     effect: str
     stage: str
     probability: float
     parameters: dict[str, Reported]
-    rivals: tuple[Alternative, ...]
+    look_alikes: tuple[Alternative, ...]
     weight: float
+    ablation: float = math.nan
     stability: Stability | None = None
+
+    @property
+    def rivals(self) -> tuple[Alternative, ...]:
+        """The first of its look-alikes, at most `RIVALS`."""
+        return self.look_alikes[:RIVALS]
 
 
 ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]
@@ -265,12 +277,16 @@ class LargestChange(msgspec.Struct, frozen=True):
 
 
 class Minor(msgspec.Struct, frozen=True):
-    """An effect that is significant but too small to matter, with its numbers and what it changes most."""
+    """An effect that is no cause, with its numbers and what it changes most: significant but too small to matter, or a hint.
+
+    `hint` is the evidence that a hint has, less than a cause needs [nats]; NaN for one that is significant.
+    """
 
     effect: str
     stage: str
     parameters: dict[str, Reported]
     largest: LargestChange
+    hint: float = math.nan
 
 
 class Shrunk(msgspec.Struct, frozen=True):
@@ -290,11 +306,41 @@ class GapClosure(msgspec.Struct, frozen=True):
     high: float
 
 
+class Drift(msgspec.Struct, frozen=True):
+    """A number of a cause that differs from run to run, or lies beyond its plausible range; or causes that cancel each other.
+
+    `effects` are the causes, `channel` is that in which they cancel each other.
+    """
+
+    effects: tuple[str, ...]
+    channel: str = ""
+
+
+class EnergySpot(msgspec.Struct, frozen=True):
+    """An energy of one stage, over one phase of one run, by the number of the run."""
+
+    stage: str
+    phase: str
+    run: int
+
+
 class Alarm(msgspec.Struct, frozen=True):
     """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
 
-    kind: Literal["structure", "scatter", "ripple", "nuisance", "slow"]
-    about: Spot | Nuisance
+    kind: Literal[
+        "structure",
+        "scatter",
+        "ripple",
+        "nuisance",
+        "slow",
+        "drift",
+        "range",
+        "cancelling",
+        "worse",
+        "energy",
+        "residual",
+    ]
+    about: Spot | Nuisance | Drift | EnergySpot
     size: float
     limit: float
 
@@ -304,14 +350,15 @@ class Remainder(msgspec.Struct, frozen=True):
 
     share: float
     alarms: tuple[Alarm, ...]
-    worst: Spot | Nuisance | None
+    worst: Spot | Nuisance | Drift | EnergySpot | None
 
 
 class Experiment(msgspec.Struct, frozen=True):
     """One run that would distinguish two suspects, and by how many standard deviations.
 
     `speed` is the highest one [m/s]; `load` [ohm] and `length` of the payout [m] belong to a `cycle` of a rig with a model,
-    the line tension `force` [N] to the motions of a winch without one.
+    the line tension `force` [N] to the motions of a winch without one. `repeats` is a log of the campaign whose load is run
+    again after all others, to separate what changes with the order of the runs.
     """
 
     motion: Literal["cycle", "speed_steps", "force_steps", "out_and_back", "swing"]
@@ -321,6 +368,7 @@ class Experiment(msgspec.Struct, frozen=True):
     load: float | None = None
     length: float = math.nan
     force: float = math.nan
+    repeats: str = ""
 
 
 class ModelForm(msgspec.Struct, frozen=True):
@@ -357,9 +405,9 @@ class OwnSimulation(msgspec.Struct, frozen=True):
 class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     """The answer of a diagnosis, by a model or without one.
 
-    `chosen` are the effects of the fit and `causes` those of them that are named; `sets` holds the probability of every set of
-    suspects that was fitted, `places` the map of the gap. `minor` are effects that are significant but too small to matter.
-    `closure` and `experiment` are None where no cause is named, `where`
+    `chosen` are the effects of the fit, `fitted` their numbers, and `causes` those of them that are named; `sets` holds the
+    probability of every set of suspects that was fitted, `places` the map of the gap. `minor` are effects that are significant
+    but too small to matter, and hints. `closure` and `experiment` are None where no cause is named, `where`
     and `remainder` where there is no gap.
     """
 
@@ -372,6 +420,7 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     where: Where | None = None
     chosen: Names
     causes: tuple[NamedCause, ...] = ()
+    fitted: tuple[NamedCause, ...] = ()
     minor: tuple[Minor, ...] = ()
     closure: GapClosure | None = None
     remainder: Remainder | None = None

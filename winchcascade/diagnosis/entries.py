@@ -34,6 +34,9 @@ RARER = 3.0
 entries of a rig file are right, while every rig has effects that its model lacks. A wrong entry that takes the place of two
 effects still has more evidence, as it saves the price of one."""
 
+MIN_RUNS = 3
+"""Minimum number of runs of which a change from run to run is suspected: of two, any difference is one."""
+
 USUAL_SHARE = 0.5
 """Prior share of the wrong entries whose true number is a usual multiple of the stated one. [1]"""
 
@@ -63,6 +66,8 @@ def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run]) -> Suspects:
     """
     found: dict[str, Effect] = {}
     for name, effect in suspects.items():
+        if effect.over_runs is not None and len(runs) < MIN_RUNS:
+            continue
         if effect.entry is None or effect.entry.log >= 0:
             found[name] = effect
         elif name == LOAD:
@@ -158,6 +163,6 @@ def usual_values(suspects: Suspects) -> Iterator[tuple[str, float, ActiveEffect]
 
 
 def same_in_logs(suspects: Suspects, one: str, other: str) -> bool:
-    """Whether the logs cannot distinguish two suspects, as one of them is a wrong entry that looks the same."""
+    """Whether the logs hardly distinguish two suspects, as their laws are the same or nearly so."""
     pair = (suspects[one], suspects[other])
-    return any(a.entry is not None and b.name in a.entry.same_as for a, b in (pair, pair[::-1]))
+    return any(b.name in (a.same_as if a.entry is None else a.entry.same_as) for a, b in (pair, pair[::-1]))

@@ -19,7 +19,8 @@ from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of, in_a_r
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_DERIVATIVES, MAX_KEPT, Course
 from winchcascade.diagnosis.solve import Jacobian, Local
-from winchcascade.rig.baseline import baseline
+from winchcascade.rig.baseline import baseline, stated_effects
+from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import Model, changed, possible
@@ -64,7 +65,7 @@ WITHIN = 25.0
 """Discrepancy of a block as a share of the scatter of the model within it, which is largest where the motion begins and ends,
 over that as a share of its level. [1]"""
 
-HOLD = PHASES.index("hold")
+HOLD, HAUL_IN = PHASES.index("hold"), PHASES.index("haul_in")
 
 TOP = 0.9
 """Quantile of the magnitude of a channel, over the blocks of a phase, that is its level there. [1]"""
@@ -151,7 +152,9 @@ class Fitted:
         cycles: Sequence[tuple[int, int] | None] | None = None,
         withheld: Collection[int] = (),
     ) -> None:
-        self.rig, self.nominal, self.withheld = rig, baseline(rig), frozenset(withheld)
+        self.rig, self.stated_by_run = _without_changes_by_run(rig)
+        self.nominal, self.withheld = baseline(self.rig), frozenset(withheld)
+        self.order = _order(runs)
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs)
         self.cycles = cycles or [None] * len(runs)
         blocks = [blocks_of(run, rig, span) for run, span in zip(runs, self.cycles, strict=True)]
@@ -191,7 +194,7 @@ class Fitted:
         for n, move in self.moves(nu, "law"):
             model = changed(model, n.path, "add", move) if move else model
         for effect in effects:
-            model = effect.apply(model) if log_of(effect) < 0 else model
+            model = effect.apply(model) if not differs_by_run(effect) else model
         return possible(model)
 
     def models(self, nu: Signal, effects: Sequence[ActiveEffect]) -> list[Model]:
@@ -201,10 +204,24 @@ class Fitted:
             model = changed(model, n.path, "compound", move)
         loads = {n.load: move for n, move in self.moves(nu, "load")}
         found = [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
-        for effect in effects:
-            if log_of(effect) >= 0:
+        for effect in (*self.stated_by_run, *effects):
+            if effect.effect.over_runs is not None:
+                found = [effect.in_run(RunPlace(self.order, k)).apply(one) for k, one in enumerate(found)]
+            elif log_of(effect) >= 0:
                 found[log_of(effect)] = effect.apply(found[log_of(effect)])
         return found
+
+    def model_after(self, nu: Signal, effects: Sequence[ActiveEffect], heat: float) -> Model:
+        """The model of a run that is made after all others.
+
+        Parameters
+        ----------
+        heat : mean square of its DC current over the mean of the campaign [1]
+        """
+        model, place = self.model(nu, effects), RunPlace(self.order.with_run(heat), len(self.logs))
+        for effect in (*self.stated_by_run, *effects):
+            model = effect.in_run(place).apply(model) if effect.effect.over_runs is not None else model
+        return model
 
     def skew(self, nu: Signal) -> Signal:
         """Delay of the reading of each channel, (5,) [s]."""
@@ -399,6 +416,8 @@ def _courses(course: Course, predicted: Signal, level: Signal) -> Signal:
         if here.size:
             shape = signals[here] / np.maximum(np.quantile(signals[here], TOP, axis=0), 1e-12)
             found[here] = plateau[:, None] * np.minimum(shape, 1.0)[:, None, :]
+    # the clutch is open while the line is hauled in: a torque of zero is no share of a plateau
+    found[blocks.phase == HAUL_IN, CHANNELS.index("torque")] = 0.0
     return found
 
 
@@ -406,6 +425,24 @@ def log_of(effect: ActiveEffect) -> int:
     """Number of the only log that an effect concerns, -1 for all."""
     entry = effect.effect.entry
     return -1 if entry is None else entry.log
+
+
+def differs_by_run(effect: ActiveEffect) -> bool:
+    """Whether an effect acts in one log alone, or differently in each."""
+    return log_of(effect) >= 0 or effect.effect.over_runs is not None
+
+
+def _without_changes_by_run(rig: Rig) -> tuple[Rig, list[ActiveEffect]]:
+    """A rig without the effects it states that change from run to run, and these."""
+    by_run = [effect for effect in stated_effects(rig) if effect.effect.over_runs is not None]
+    kept = {name: stated for name, stated in rig.effects.items() if name not in {one.effect.name for one in by_run}}
+    return msgspec.structs.replace(rig, effects=kept), by_run
+
+
+def _order(runs: Sequence[Run]) -> RunOrder:
+    """When the runs were made, the heat of their currents and their temperatures."""
+    squares = tuple(float(np.mean(run.channels["idc"] ** 2)) if "idc" in run.channels else 0.0 for run in runs)
+    return order_of(tuple(run.started for run in runs), squares, tuple(run.temperature for run in runs))
 
 
 USUAL = 3.0

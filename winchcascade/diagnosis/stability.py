@@ -30,7 +30,10 @@ if TYPE_CHECKING:
     Rulers = Mapping[Along, Signal]
 
 CHANCE = 1e-3
-"""A trend or a scatter is reported if runs that agree would show as large a one with less than this probability."""
+"""Trends and scatters are reported if runs that agree would show one as large, of any cause, with a smaller probability."""
+
+TRIED = 3
+"""What is tried of each cause: a trend with the order, one with the load, a scatter."""
 
 MIN_RUNS = 3
 """Minimum number of runs with a number of their own for a trend or a scatter."""
@@ -74,7 +77,13 @@ class Expansion(NamedTuple):
 def with_stability(
     data: Fitted, suspects: Suspects, fit: Fit, scale: float, causes: Sequence[NamedCause]
 ) -> tuple[NamedCause, ...]:
-    """The causes of a joint fit with their numbers run by run.
+    """The causes of a joint fit with their numbers run by run."""
+    found = stabilities(data, suspects, fit, scale)
+    return tuple(msgspec.structs.replace(cause, stability=found[cause.effect]) for cause in causes)
+
+
+def stabilities(data: Fitted, suspects: Suspects, fit: Fit, scale: float) -> dict[str, Stability]:
+    """Numbers of the causes of a joint fit run by run, by effect.
 
     Parameters
     ----------
@@ -83,18 +92,22 @@ def with_stability(
     """
     normals, covariance = run_normals(data, fit), covariance_of(data, fit, scale)
     inverse = scale * np.linalg.pinv(fit.curve, hermitian=True)
-    found = []
-    for cause in causes:
-        effect, place = suspects[cause.effect], fit.place[cause.effect]
+    found = {}
+    for name in fit.names:
+        effect, place = suspects[name], fit.place[name]
         free = freedom(effect)
         ends = [with_values(effect, x).reported for x in (free.absent, fit.x[place], free.low, free.high)]
         size, step = ends[1] - ends[0], fit.x[place] - free.absent
         by = slope_of_reported(effect, fit.x[place]) / size
         joint, curved = (float(by @ of[place, place] @ by) for of in (covariance, inverse))
-        uncertain = _Uncertain(scale * max(joint / max(curved, 1e-300), 1.0), joint, abs((ends[3] - ends[2]) / size))
-        stability = _stability(data, normals, expand(fit, normals, place, step), uncertain)
-        found.append(msgspec.structs.replace(cause, stability=_in_unit(stability, ends[0], size)))
-    return tuple(found)
+        uncertain = _Uncertain(
+            noise=scale * max(joint / max(curved, 1e-300), 1.0),
+            joint=joint,
+            span=abs((ends[3] - ends[2]) / size),
+            chance=CHANCE / (TRIED * len(fit.names)),
+        )
+        found[name] = _in_unit(_stability(data, normals, expand(fit, normals, place, step), uncertain), ends[0], size)
+    return found
 
 
 def run_normals(data: Fitted, fit: Fit) -> list[RunNormal]:
@@ -173,11 +186,14 @@ def strengths_alone(e: Expansion, normals: Sequence[RunNormal], given: Signal) -
 
 
 class _Uncertain(NamedTuple):
-    """Variance of the noise in units of the objective, that of the strength in the joint fit, and its plausible range."""
+    """Variance of the noise in units of the objective, that of the strength in the joint fit, its plausible range, and the
+    probability below which a difference between runs is none of chance.
+    """
 
     noise: float
     joint: float
     span: float
+    chance: float
 
 
 def _stability(data: Fitted, normals: Sequence[RunNormal], e: Expansion, uncertain: _Uncertain) -> Stability:
@@ -195,7 +211,10 @@ def _stability(data: Fitted, normals: Sequence[RunNormal], e: Expansion, uncerta
     loads = np.array([log.load for log in data.logs])[runs]
     spread = uncertain.noise * covariance + LAW**2 * (loads[:, None] == loads)
     trends, course = trends_of(
-        free[resolved], spread[np.ix_(resolved, resolved)], _rulers(runs[resolved], loads[resolved])
+        free[resolved],
+        spread[np.ix_(resolved, resolved)],
+        _rulers(np.array(data.order.begins)[runs[resolved]], loads[resolved]),
+        uncertain.chance,
     )
     given[runs[resolved]] = course
     share = strengths_alone(e, normals, given)[0]
@@ -216,13 +235,13 @@ def _in_unit(stability: Stability, absent: float, size: float) -> Stability:
 
 
 # ------------------------------------------------------------------------------------------------------------ trends
-def _rulers(order: NDArray[np.intp], loads: Signal) -> Rulers:
+def _rulers(order: Signal, loads: Signal) -> Rulers:
     """Order of some runs and conductance of their loads, (r,) each from 0 to 1, where these differ."""
-    rulers: Rulers = {"order": order.astype(np.float64), "load": 1.0 / loads}
+    rulers: Rulers = {"order": order, "load": 1.0 / loads}
     return {along: (x - x.min()) / np.ptp(x) for along, x in rulers.items() if x.size and np.ptp(x) > 0.0}
 
 
-def trends_of(x: Signal, covariance: Signal, rulers: Rulers) -> tuple[list[Trend], Signal]:
+def trends_of(x: Signal, covariance: Signal, rulers: Rulers, limit: float = CHANCE) -> tuple[list[Trend], Signal]:
     """What differs between numbers of several runs beyond their uncertainty, by generalised least squares (Aitken 1936).
 
     A straight line over each ruler is tried alone, and where several pass, all together. Where none passes, the scatter of the
@@ -232,6 +251,7 @@ def trends_of(x: Signal, covariance: Signal, rulers: Rulers) -> tuple[list[Trend
     ----------
     x, covariance : (r,) numbers and (r, r) their covariance
     rulers : (r,) each, from 0 to 1
+    limit : probability below which a difference is none of chance
 
     Returns
     -------
@@ -242,14 +262,14 @@ def trends_of(x: Signal, covariance: Signal, rulers: Rulers) -> tuple[list[Trend
     if x.size < MIN_RUNS:
         return [], np.ones(x.size)
     alone = {along: _slopes(x, covariance, {along: ruler})[0][along] for along, ruler in rulers.items()}
-    passing = sorted((along for along in alone if alone[along].chance < CHANCE), key=lambda a: alone[a].chance)
+    passing = sorted((along for along in alone if alone[along].chance < limit), key=lambda a: alone[a].chance)
     if not passing:
         course = _slopes(x, covariance, {})[1]
         chance = float(chdtrc(x.size - 1, (x - course) @ np.linalg.solve(covariance, x - course)))
-        return [Trend("scatter", float(np.ptp(x)), math.nan, chance)] if chance < CHANCE else [], course
+        return [Trend("scatter", float(np.ptp(x)), math.nan, chance)] if chance < limit else [], course
     first, *others = passing
     together = _slopes(x, covariance, rulers)[0] if others and x.size > MIN_RUNS else {}
-    clear: list[Along] = [along for along in together if together[along].chance < CHANCE]
+    clear: list[Along] = [along for along in together if together[along].chance < limit]
     if len(clear) > 1:
         return [together[along] for along in clear], _slopes(x, covariance, rulers)[1]
     leading = clear[0] if clear else first

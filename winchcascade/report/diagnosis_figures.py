@@ -63,7 +63,7 @@ def sides(found: ModelDiagnosis) -> Sides:
     before = logged - without_zeros(data, logged - found.predicted)
     if not found.causes:
         return Sides(logged, before, None)
-    after = logged - without_zeros(data, logged - found.fitted)
+    after = logged - without_zeros(data, logged - found.fitted_blocks)
     if found.closure is not None:
         after = np.where(np.isfinite(found.closure.residual[:, :1]), logged - found.closure.residual, after)
     return Sides(logged, before, after)

@@ -14,6 +14,7 @@ from winchcascade.core.campaign_file import joint_origin, origin_record, origin_
 from winchcascade.core.plain_text import one_line
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
+    Alternative,
     DiagnosisResult,
     Minor,
     NamedCause,
@@ -324,10 +325,23 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             }
             for cause in found.causes
         ],
+        "fitted": [
+            {
+                "effect": found.suspects[cause.effect].name,
+                "stage": cause.stage,
+                "named": cause.effect in {one.effect for one in found.causes},
+                "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},
+            }
+            for cause in found.fitted
+        ],
         "minor": [_minor(one) for one in found.minor],
-        **({} if isinstance(found, LineDiagnosis) else {"contributions": _contributions(found)}),
+        **(
+            {}
+            if isinstance(found, LineDiagnosis)
+            else {"contributions": _contributions(found), "energies": _energies(found)}
+        ),
         "closure": _closure(found),
-        "remainder": None if found.remainder is None else _remainder(found.remainder),
+        "remainder": None if found.remainder is None else _remainder(found.remainder, words.files_of(found)),
         "next_experiment": None
         if found.experiment is None
         else {
@@ -335,6 +349,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             "profile": words.profile_words(found.experiment),
             "speed_mps": rounded_number(found.experiment.speed),
             **({"length_m": rounded_number(found.experiment.length)} if found.experiment.motion == "cycle" else {}),
+            "repeats": found.experiment.repeats or None,
             "separates": [found.suspects[name].name for name in found.experiment.separates],
             "expected_z": rounded_number(found.experiment.expected_z),
         },
@@ -430,15 +445,35 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
         "stage": cause.stage,
         "probability": rounded_number(cause.probability),
         "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},
-        "rivals": [
-            {
-                "effect": found.suspects[r.effect].name,
-                "probability": rounded_number(r.probability),
-                "told_apart_by": differs_text(r.differs),
-            }
-            for r in cause.rivals
-        ],
+        "rivals": [_alternative(found, one) for one in cause.rivals],
+        "look_alikes": [_alternative(found, one) for one in cause.look_alikes],
+        "ablation": rounded_number(cause.ablation),
     }
+
+
+def _alternative(found: DiagnosisResult, one: Alternative) -> dict[str, Any]:
+    return {
+        "effect": found.suspects[one.effect].name,
+        "probability": rounded_number(one.probability),
+        "told_apart_by": differs_text(one.differs),
+    }
+
+
+def _energies(found: ModelDiagnosis) -> list[dict[str, Any]]:
+    """Signed energies by run, phase and stage. [J]"""
+    return [
+        {
+            "run": found.runs[one.run].name,
+            "load_ohm": _load(found.runs[one.run].load),
+            "phase": one.phase,
+            "stage": one.stage,
+            "measured_j": rounded_number(one.measured),
+            "before_j": rounded_number(one.before),
+            "after_j": rounded_number(one.after),
+            "u_j": rounded_number(one.u),
+        }
+        for one in found.energies
+    ]
 
 
 def _stability(found: DiagnosisResult, cause: NamedCause) -> dict[str, Any]:
@@ -484,6 +519,7 @@ def _minor(one: Minor) -> dict[str, Any]:
             "load_ohm": _load(largest.load),
             "change": rounded_number(largest.change),
         },
+        "hint": rounded_number(one.hint),
     }
 
 
@@ -520,14 +556,16 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     if found.closure is None:
         return None
     withheld: list[Any]
-    in_turn, beyond = {}, {}
+    in_turn, beyond, kind = {}, {}, "held_out"
     if isinstance(found, LineDiagnosis):
         withheld = [_part(part) for part in found.lines.parts if part.withheld]
         in_turn = {"left_out_in_turn": not withheld}
         beyond = {"share_closed_beyond_noise": rounded_number(found.closure.beyond_noise)}
     else:
         withheld = [_load(found.runs[k].load) for k in found.closure.withheld]
+        kind = "held_out" if found.data.withheld else "leave_one_load_out"
     return {
+        "kind": kind,
         "withheld": withheld,
         **in_turn,
         "channels": {name: _numbers(x) for name, x in found.closure.channels.items()},
@@ -537,16 +575,16 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     }
 
 
-def _remainder(left: Remainder) -> dict[str, Any]:
+def _remainder(left: Remainder, files: Sequence[str]) -> dict[str, Any]:
     shape = {}
     if isinstance(left, LineRemainder):
         shape = {"slower_than_a_second": rounded_number(left.slow), "in_bursts": rounded_number(left.bursts)}
     return {
         "share": rounded_number(left.share),
-        "where": None if left.worst is None else about_text(left.worst),
+        "where": None if left.worst is None else about_text(left.worst, files),
         **shape,
         "alarms": [
-            {"kind": alarm.kind, "where": about_text(alarm.about), "size": alarm.size, "limit": alarm.limit}
+            {"kind": alarm.kind, "where": about_text(alarm.about, files), "size": alarm.size, "limit": alarm.limit}
             for alarm in left.alarms
         ],
     }

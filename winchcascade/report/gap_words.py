@@ -12,6 +12,8 @@ from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
     Arises,
     DiagnosisResult,
+    Drift,
+    EnergySpot,
     ModelForm,
     OwnSimulation,
     Place,
@@ -177,18 +179,29 @@ def spot_words(spot: Spot, names: Mapping[str, str] = NAMES) -> str:
     return f"{channel} {'within blocks of' if spot.within_blocks else 'during'} {phase_words(spot.phase)}"
 
 
-def about_text(about: Spot | Nuisance) -> str:
-    """What a sign of something unexplained is about, as the JSON names it."""
+def about_text(about: Spot | Nuisance | Drift | EnergySpot, files: Sequence[str] = ()) -> str:
+    """What a sign of something unexplained is about, as the JSON names it.
+
+    Parameters
+    ----------
+    files : names of the logs, in their order
+    """
+    if isinstance(about, Drift):
+        return " and ".join(about.effects) + (f" in {about.channel}" if about.channel else "")
+    if isinstance(about, EnergySpot):
+        return f"energy_{about.stage} in {phase_words(about.phase)} of {files[about.run]}"
     return spot_words(about, {}) if isinstance(about, Spot) else str(about)
 
 
-def about_words(about: Spot | Nuisance, files: Sequence[str]) -> str:
+def about_words(about: Spot | Nuisance | Drift | EnergySpot, files: Sequence[str]) -> str:
     """What a sign of something unexplained is about.
 
     Parameters
     ----------
     files : names of the logs, in their order
     """
+    if isinstance(about, Drift | EnergySpot):
+        return about_text(about, files)
     return spot_words(about) if isinstance(about, Spot) else nuisance_words(about, files)
 
 
@@ -305,6 +318,13 @@ def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
         "scatter": f"{upper(where)}: the scatter is {size} times what noise explains {limit}",
         "ripple": f"{upper(where)}: the means scatter about a smooth course {size} times as much as noise explains {limit}",
         "nuisance": f"{upper(where)} had to move by {size} of its standard uncertainties {limit}",
+        "drift": f"{where}: its number differs from run to run by more than its intervals allow",
+        "range": f"{where}: its number lies beyond what is plausible",
+        "cancelling": f"{where}: the two cancel each other, so that one may only undo the other",
+        "worse": f"{where}: the held-out predictions with the causes are worse than without, by {size} times the noise",
+        "energy": f"{upper(where)}: the fit leaves {size} standard uncertainties {limit}",
+        "residual": f"{where}{_at(alarm.about.load) if isinstance(alarm.about, Spot) else ''}: {alarm.size:.4f} of it is not "
+        f"explained (relevant from {alarm.limit:g})",
         "slow": f"{number(100.0 * alarm.size, 0)} % of the squared residual lasts longer than a second (limit "
         f"{number(100.0 * alarm.limit, 0)} %)",
     }[alarm.kind]
@@ -316,6 +336,12 @@ def alarm_meaning(alarm: Alarm) -> str:
         "structure": "the model's shape is wrong there",
         "scatter": "something faster than a block of 0.4 s moves, a ripple or a vibration",
         "ripple": "something comes and goes within seconds, as with every turn of a drum that is out of round",
+        "drift": "its law is not the one of this effect, or something changes in the course of the campaign",
+        "range": "either the effect is far larger than usual or it takes the place of another",
+        "cancelling": "the data may need neither of them",
+        "worse": "the causes do not act as the fit says",
+        "energy": "part of the energy is not explained",
+        "residual": "part of the efficiency is not explained",
     }.get(alarm.kind, "either its tolerance is wrong or it takes the place of another effect")
 
 

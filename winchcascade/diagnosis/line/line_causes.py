@@ -50,7 +50,7 @@ def line_causes(lines: Lines, m: Moments, choice: Choice, suspects: Suspects) ->
             stage=suspects[name].stage,
             probability=sum(p for names, p in choice.probability.items() if name in names),
             parameters={NUMBERS[name][0]: numbers[name]},
-            rivals=_alternatives(lines, m, choice, name),
+            look_alikes=_alternatives(lines, m, choice, name),
             weight=choice.error(tuple(n for n in choice.chosen if n != name)) - choice.error(choice.chosen),
         )
         for name in choice.chosen

@@ -1,0 +1,97 @@
+"""Whether the causes of a fit are the whole truth: signs that an empty list of alarms about the residual does not show."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from winchcascade.diagnosis.contributions import EFFICIENCIES
+from winchcascade.diagnosis.diagnosis_result import Alarm, Drift, EnergySpot, Spot
+from winchcascade.diagnosis.predict import CHANNELS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from winchcascade.core.rig_file import ModelAccuracy
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnosis_result import Contribution, NamedCause
+    from winchcascade.diagnosis.energies import PhaseEnergy
+    from winchcascade.diagnosis.evidence import Fit
+    from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.suspects import Suspects
+
+WITHIN = 2.0
+"""Standard uncertainties within which an energy must lie: about 95 %."""
+
+CANCELLED = 0.2
+"""Two causes cancel each other in a channel if both together move it by less than this share of what the smaller moves. [1]"""
+
+CANCELLED_SHARE = 0.01
+"""Minimum change of a channel that is worth being cancelled, as a share of its plateau: five discrepancies of the model. [1]"""
+
+OPEN = 0.9
+"""Maximum posterior of a cause while something outside the catalogue acts, which a cause may imitate. Assumed. [1]"""
+
+
+def drifts(causes: Iterable[NamedCause]) -> list[Alarm]:
+    """Causes whose number differs between runs or lies beyond its plausible range: not this effect, or not it alone."""
+    found = []
+    for cause in causes:
+        for trend in cause.stability.trends if cause.stability else ():
+            size = -math.log10(max(trend.chance, 1e-300))
+            found.append(Alarm("drift", Drift((cause.effect,)), size, 3.0))
+        if any(number.beyond_range or number.at_limit for number in cause.parameters.values()):
+            found.append(Alarm("range", Drift((cause.effect,)), 1.0, 0.0))
+    return found
+
+
+def moved_by(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, Signal]:
+    """What each cause of a fit moves in the prediction beside the others, (M, 5) each, SI units."""
+    acting = dict(zip(fit.names, fit.effects(suspects), strict=True))
+    whole = data.predict(fit.nu, [*acting.values()])
+    return {
+        name: whole - data.predict(fit.nu, [one for other, one in acting.items() if other != name]) for name in acting
+    }
+
+
+def cancelling(data: Fitted, moved: Mapping[str, Signal]) -> list[Alarm]:
+    """Pairs of causes that cancel each other in a channel over all logs: one of them may only undo the other."""
+    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
+    found = []
+    for one, other in combinations(moved, 2):
+        for k, channel in enumerate(CHANNELS):
+            here = data.seen[:, k] & (level[:, k] > 0.0)
+            a, b = (moved[name][here, k] / level[here, k] for name in (one, other))
+            if not here.any():
+                continue
+            smaller, both = min(_rms(a), _rms(b)), _rms(a + b)
+            if smaller > CANCELLED_SHARE and both < CANCELLED * smaller:
+                found.append(
+                    Alarm("cancelling", Drift((one, other), channel), smaller / max(both, 1e-12), 1.0 / CANCELLED)
+                )
+    return found
+
+
+def _rms(x: Signal) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def unbalanced(energies: Iterable[PhaseEnergy]) -> list[Alarm]:
+    """Energies by run, phase and stage that the fit leaves beyond their uncertainty."""
+    sizes = ((one, abs(one.measured - one.after) / one.u) for one in energies if one.u > 0.0)
+    return [
+        Alarm("energy", EnergySpot(one.stage, one.phase, one.run), size, WITHIN) for one, size in sizes if size > WITHIN
+    ]
+
+
+def left_over(contributions: Sequence[Contribution], accuracy: ModelAccuracy) -> list[Alarm]:
+    """Residuals of efficiencies, whose 95 % intervals lie beyond what the rig file calls relevant."""
+    limit, found = accuracy.relevant_efficiency, []
+    for one in contributions:
+        part = next((part for part in one.parts if part.kind == "residual"), None)
+        if one.metric in EFFICIENCIES and part is not None and max(part.low, -part.high) > limit:
+            found.append(Alarm("residual", Spot(one.metric, load=one.load), abs(part.value), limit))
+    return found
