@@ -94,6 +94,7 @@ FindingKind = Literal[
     "clock_mismatch",
     "channel_lag",
     "zero_offset",
+    "open_clutch_torque",
     "window_beyond_payout",
     "phase_source",
     "unit_conflict",
