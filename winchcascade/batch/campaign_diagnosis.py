@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import Campaign, CampaignRun, load_campaign
-from winchcascade.core.errors import CampaignError, OptionError, RigError
+from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 from winchcascade.core.files import write_content, write_whole
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import DEFAULT_RIG
@@ -21,6 +21,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineClosure, LineDiagnosis
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.reduce import reduce
 from winchcascade.report.diagnosis_text import as_json
 from winchcascade.rig.baseline import NoModel, model_of
 from winchcascade.rig.open_rig import load_rig
@@ -55,13 +56,21 @@ def read_logs(campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], 
             run = read_run(
                 entry.file, rig=rig, load=key[2], about=campaign.title, origin=entry.origin, table=entry.sheet
             )
-            read[key] = _as_listed(run, entry)
+            read[key] = _as_listed(_checked(run, rig), entry)
         if loads and read[key].load is None:
             raise CampaignError(
                 f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis simulates it, so give load_ohm."
             )
         runs.append(read[key])
     return runs
+
+
+def _checked(run: Run, rig: Rig) -> Run:
+    """A log with the findings of the checks that need its cycles, too."""
+    try:
+        return msgspec.structs.replace(run, findings=reduce(run, rig=rig).quality)
+    except WinchcascadeError:  # a log without cycles is rejected where it is diagnosed
+        return run
 
 
 def _as_listed(run: Run, entry: CampaignRun) -> Run:
