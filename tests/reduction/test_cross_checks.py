@@ -188,6 +188,31 @@ def test_a_zero_that_steps_within_the_last_payout_is_reported_with_its_hold(name
     assert last.hold[0] < finding.start < last.hold[1]
 
 
+@pytest.mark.parametrize("drag", [-2.5, 2.5])
+def test_a_torque_in_haul_in_alone_is_one_of_the_open_clutch(drag: float) -> None:
+    cycles = of("r45ohm", clean()).cycles
+    spans = [c.phases.haul_in for c in cycles if c.phases.haul_in is not None]
+    inside = sum(((clean().t > a) & (clean().t < b)) * 1.0 for a, b in spans)
+    for zero in (0.0, 0.5):
+        run = changed(clean(), torque=clean().channels["torque"] + zero + drag * inside)
+        (finding,) = [f for f in of("r45ohm", run).quality if f.kind in ("zero_offset", "open_clutch_torque")]
+        assert (finding.kind, finding.channel, finding.count) == ("open_clutch_torque", "torque", len(spans))
+        assert finding.start == pytest.approx(spans[0][0], abs=1.0)
+        assert finding.end == pytest.approx(spans[-1][1], abs=1.0)
+        assert f"{drag:+.1f}"[:3] in finding.message
+
+
+def test_a_zero_that_haul_in_and_rests_share_is_no_torque_of_the_clutch() -> None:
+    run = changed(clean(), torque=clean().channels["torque"] + 3.0)
+    assert [f.kind for f in of("r45ohm", run).quality if f.channel == "torque"] == ["zero_offset"]
+
+
+def test_without_a_stated_one_way_clutch_haul_in_has_no_known_torque() -> None:
+    rig = parse_rig('based_on = "hsu2026"\n[drivetrain]\none_way_clutch = false\n', "rig.toml")
+    run = changed(clean(), torque=clean().channels["torque"] + 10.0 * (clean().channels["velocity"] < 0.0))
+    assert not messages(reduce(run, rig=rig, window=5.48), "open_clutch_torque")
+
+
 def test_in_open_circuit_vdc_and_idc_have_no_known_zero() -> None:
     run = clean("open_circuit")
     run = changed(run, vdc=run.channels["vdc"] + 1.0)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.campaign_file import Campaign, load_campaign
-from winchcascade.core.errors import CampaignError, OptionError, RigError
+from winchcascade.core.campaign_file import Campaign, CampaignRun, load_campaign
+from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 from winchcascade.core.files import write_content, write_whole
+from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
@@ -19,6 +21,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineClosure, LineDiagnosis
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.reduce import reduce
 from winchcascade.report.diagnosis_text import as_json
 from winchcascade.rig.baseline import NoModel, model_of
 from winchcascade.rig.open_rig import load_rig
@@ -44,21 +47,40 @@ def read_logs(campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], 
     ----------
     loads : every entry needs a load, as the model of the rig simulates it; without a model none counts
     """
-    read: dict[tuple[Path, str | None, float | None], Run] = {}
+    read: dict[tuple[Path, str | None, float | None, datetime | None, float | None], Run] = {}
     runs = []
     for number, entry in enumerate(campaign.runs, 1):
-        key = (entry.file, entry.sheet, entry.load if loads else None)
+        key = (entry.file, entry.sheet, entry.load if loads else None, entry.started, entry.temperature)
         if key not in read:
             on_progress(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
-            read[key] = read_run(
+            run = read_run(
                 entry.file, rig=rig, load=key[2], about=campaign.title, origin=entry.origin, table=entry.sheet
             )
+            read[key] = _as_listed(_checked(run, rig), entry)
         if loads and read[key].load is None:
             raise CampaignError(
                 f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis simulates it, so give load_ohm."
             )
         runs.append(read[key])
     return runs
+
+
+def _checked(run: Run, rig: Rig) -> Run:
+    """A log with the findings of the checks that need its cycles, too."""
+    try:
+        return msgspec.structs.replace(run, findings=reduce(run, rig=rig).quality)
+    except WinchcascadeError:  # a log without cycles is rejected where it is diagnosed
+        return run
+
+
+def _as_listed(run: Run, entry: CampaignRun) -> Run:
+    """A log with the time and the temperature that the campaign states; they count before those of the log."""
+    if entry.started is not None:
+        since = entry.started if entry.started.tzinfo else entry.started.replace(tzinfo=UTC)
+        run = msgspec.structs.replace(run, started=since.timestamp())
+    if entry.temperature is not None:
+        run = msgspec.structs.replace(run, temperature=entry.temperature + UNITS["degC"].offset)
+    return run
 
 
 def with_simulations(campaign: Campaign, folder: Path) -> Campaign:

@@ -6,6 +6,7 @@ import math
 import textwrap
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from datetime import datetime  # msgspec evaluates the types of a struct
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
 from typing import Annotated
@@ -102,7 +103,11 @@ Cycles = tuple[int, int]
 """First and last cycle that count, both included."""
 
 
-class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "window": "window_s", "ranges": "ranges_s"}):
+class CampaignRun(
+    msgspec.Struct,
+    frozen=True,
+    rename={"load": "load_ohm", "window": "window_s", "ranges": "ranges_s", "temperature": "temperature_c"},
+):
     """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
     its data come from.
 
@@ -111,6 +116,8 @@ class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "wind
 
     `ranges` are begin and end of each cycle on the clock of the log, instead of detected ones [s].
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rule of the rig applies.
+    `started` is when the run began: all runs of a campaign have an offset from UTC or none has. `temperature` is that of the
+    winding or the housing during the run, as the file states it [degC].
     """
 
     file: Path
@@ -125,6 +132,10 @@ class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "wind
     origin: Origin = Origin()
     sheet: str | None = None
     simulated: Path | None = None
+    started: Annotated[datetime | None, Expected("a date with a time, such as 2026-05-14T09:30:00")] = None
+    temperature: Annotated[
+        float | None, Expected("a temperature in degC from -60 to 400", lambda celsius: -60.0 <= celsius <= 400.0)
+    ] = None
 
 
 class Campaign(msgspec.Struct, frozen=True):
@@ -169,12 +180,23 @@ def load_campaign(path: Path) -> Campaign:
         rig = str(path.parent / rig)
     origin = _origin(raw, str(path), Origin())
     listed = tuple(_run(run, k, path, origin) for k, run in enumerate(runs, 1))
+    _check_offsets(listed, path)
     withheld = [k for k, run in enumerate(listed) if run.withheld]
     if withheld:
         names = [run.file.name for run in listed]
         logs = [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed]
         check_held_out(names, logs, [run.cycles for run in listed], withheld, str(path))
     return Campaign(path, title, rig, listed)
+
+
+def _check_offsets(runs: Sequence[CampaignRun], path: Path) -> None:
+    """Reject times with an offset from UTC beside times without one: their order is unknown."""
+    with_offset = {run.started.tzinfo is not None: k for k, run in enumerate(runs, 1) if run.started is not None}
+    if len(with_offset) > 1:
+        raise CampaignError(
+            f"{path}: started of run {with_offset[True]} has an offset from UTC, and that of run {with_offset[False]} has "
+            "none; expected one in every run, or in none. Add it, such as +02:00, or leave it out."
+        )
 
 
 def check_held_out(
@@ -263,6 +285,8 @@ def _run(raw: dict[str, object], number: int, path: Path, common: Origin) -> Cam
         "cycles",
         "ranges_s",
         "withheld",
+        "started",
+        "temperature_c",
         "measured",
         "origin",
     )

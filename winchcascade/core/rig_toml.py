@@ -351,7 +351,8 @@ def _sensors(raw: dict[str, object], where: str, known: Mapping[str, Channel]) -
         unit = read_as(find_unit(sensor.unit), known[name].dimension)
         if unit is None:
             raise RigError(f"{place} unit {sensor.unit!r} is none of {known[name].dimension}.")
-        if unit.offset and (sensor.low is not None or sensor.high is not None):
+        counts_from = unit.offset if unit.dimension == "temperature" else 0.0
+        if unit.offset != counts_from and (sensor.low is not None or sensor.high is not None):
             raise RigError(
                 f"{place} unit {sensor.unit!r} does not count from the zero of the channel, as gauge pressure does; "
                 'give the range as gauge pressure, such as low = 0, high = 20, unit = "bar".'
@@ -360,7 +361,7 @@ def _sensors(raw: dict[str, object], where: str, known: Mapping[str, Channel]) -
             raise RigError(f"{place} low {sensor.low:g} is not below high {sensor.high:g}.")
         _check_accuracy(sensor, place)
         in_si = {
-            key: value * unit.factor
+            key: value * unit.factor + (counts_from if key in ("low", "high") else 0.0)
             for key in ("low", "high", "resolution", "accuracy", "u_zero")
             if (value := getattr(sensor, key)) is not None
         }

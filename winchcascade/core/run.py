@@ -94,6 +94,7 @@ FindingKind = Literal[
     "clock_mismatch",
     "channel_lag",
     "zero_offset",
+    "open_clutch_torque",
     "window_beyond_payout",
     "phase_source",
     "unit_conflict",
@@ -153,6 +154,9 @@ class Run(msgspec.Struct, frozen=True):
     labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere, where the rig file names a column of phases
     first_stamp : date and time of the first sample as the log writes it, where its stamps are texts
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
+    started : when the run began, on a clock that the runs of a campaign share: since 1970, of local times as if they were UTC;
+        None where neither the campaign nor the stamps state a date [s]
+    temperature : of winding or housing, one number for the run, None where it is unknown [K]
     """
 
     name: str
@@ -172,6 +176,8 @@ class Run(msgspec.Struct, frozen=True):
     origin: Origin = Origin()
     table: str | None = None
     first_stamp: str = ""
+    started: float | None = None
+    temperature: float | None = None
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""

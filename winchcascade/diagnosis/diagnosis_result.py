@@ -296,6 +296,15 @@ class Shrunk(msgspec.Struct, frozen=True):
     after: float
     noise: float
 
+    @property
+    def worse(self) -> bool:
+        """Whether the misfit after exceeds that before by more than noise.
+
+        >>> Shrunk(3.0, 4.0, 1.0).worse, Shrunk(3.0, 3.1, 1.0).worse
+        (True, False)
+        """
+        return self.after**2 - self.before**2 > self.noise**2
+
 
 class GapClosure(msgspec.Struct, frozen=True):
     """Share of the gap that the causes close on data that took no part in their fit, with its 95 % interval, and by channel."""

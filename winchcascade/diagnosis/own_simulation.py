@@ -15,6 +15,8 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.quantity import UNITS, unit_names
+from winchcascade.core.run import Finding
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.causes import parameters_of
@@ -29,7 +31,7 @@ from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
 from winchcascade.rig.line_velocity import SMOOTHING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
@@ -86,7 +88,6 @@ def onto_log(simulation: Run, log: Run, counted: slice) -> Run:
         samples=log.t.size,
         load=log.load,
         gaps={},
-        findings=(),
         simulated=True,
     )
 
@@ -140,18 +141,67 @@ def _sampled(simulation: Run, x: Signal, log: Run, shift: float) -> Signal:
 def on_the_logs(
     simulations: Sequence[Run], logs: Sequence[Run], rig: Rig, cycles: Sequence[tuple[int, int] | None]
 ) -> list[Run]:
-    """Bring the simulation of each run to the stamps of its log; LogError as `onto_log`.
+    """Bring the simulation of each run to the stamps of its log, and compare their levels where a unit was assumed.
 
     Parameters
     ----------
     cycles : of each run, the first and last cycle that count, None for all
+
+    Raises
+    ------
+    LogError : as `onto_log`, or a unit that was assumed is another one
     """
     found = []
     for simulation, log, span in zip(simulations, logs, cycles, strict=True):
         blocks = blocks_of(log, rig, span)
         counted = slice(int(blocks.start[0]), int(blocks.stop[-1])) if blocks.size else slice(None)
-        found.append(onto_log(simulation, log, counted))
+        there = onto_log(simulation, log, counted)
+        levels = {
+            name: tuple(float(np.sqrt(np.mean(blocks.mean(run.channels[name]) ** 2))) for run in (there, log))
+            for name in CHANNELS
+            if name in log.channels and blocks.size and not (name == "idc" and log.open_circuit)
+        }
+        found.append(_with_checked_units(there, log, rig, levels))
     return found
+
+
+APART = 10.0
+"""Ratio of the levels of a simulated channel and its log, or its inverse, from which an assumed unit is questionable. [1]"""
+
+UNIT_APART = 5.0
+"""Ratio of units from which a level shows them: bar and kg/cm2 are too close, newton and kilogram-force are not. [1]"""
+
+NEAR_UNIT = 0.1
+"""Maximum deviation of that ratio from the ratio of two units, as a share: what model and log may differ by. [1]"""
+
+
+def _with_checked_units(simulation: Run, log: Run, rig: Rig, levels: Mapping[str, tuple[float, ...]]) -> Run:
+    """A simulation with a finding on each channel of an assumed unit whose level is far from that of the log.
+
+    Parameters
+    ----------
+    levels : root mean squares of the blocks of simulation and log, by channel
+
+    Raises
+    ------
+    LogError : the level fits another unit of the channel
+    """
+    findings = list(simulation.findings)
+    for name in [name for name in levels if ("unit_assumed", name) in {(f.kind, f.channel) for f in findings}]:
+        here, logged = levels[name]
+        ratio, channel = (here / logged if logged else 1.0), rig.known_channels[name]
+        assumed = UNITS[channel.unit].factor
+        fits = {unit: abs(ratio * factor / assumed - 1.0) for factor, unit in unit_names(channel.dimension).items()}
+        likely = min(fits, key=fits.__getitem__)
+        far = f"its {name} has no known unit, was taken as {channel.unit}, and is {ratio:.3g} times that of the log {log.name}"
+        if fits[likely] <= NEAR_UNIT and not 1.0 / UNIT_APART < ratio < UNIT_APART:
+            raise LogError(
+                f"{simulation.path}: {far}; the unit is probably {likely}. State it in the header of the column, such as "
+                f"{name} ({likely})."
+            )
+        if not 1.0 / APART < ratio < APART:
+            findings.append(Finding("unit_conflict", f"{far}; check its unit", "reported and kept", name))
+    return msgspec.structs.replace(simulation, findings=tuple(findings))
 
 
 def beside_own_simulation(

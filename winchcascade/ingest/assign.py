@@ -38,7 +38,8 @@ class Match(msgspec.Struct, frozen=True):
 class Assignment(msgspec.Struct, frozen=True):
     """Which header is which channel; `time` is None for a log without a time column, `time_named` if it has a name.
 
-    `candidates` holds the columns of each channel for which names and units leave several.
+    `candidates` holds the columns of each channel for which names and units leave several. `temperature` is the only column
+    with a temperature of the machine that is no channel.
     """
 
     channels: Mapping[str, Match]
@@ -47,6 +48,7 @@ class Assignment(msgspec.Struct, frozen=True):
     simulated: bool
     time_named: bool
     candidates: Mapping[str, tuple[Match, ...]] = msgspec.field(default_factory=dict)
+    temperature: Match | None = None
 
 
 _OF_SIMULATE = (*SIMULATED_HEADERS, LOAD_HEADER)
@@ -88,6 +90,9 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
     }
     labels = rig.phases.column.strip() if rig.phases.source == "column" else ""
     unknown = [k for k in columns.unknown if not labels or labels not in _names(headers[k])]
+    temperatures = [k for k in unknown if _is_temperature(headers[k])]
+    temperature = Match(temperatures[0], read_header(headers[temperatures[0]]).unit) if len(temperatures) == 1 else None
+    unknown = [k for k in unknown if temperature is None or k != temperature.index]
     if unknown:
         names = tuple(headers[k].name.strip() for k in unknown)
         what = f"{len(names)} columns that are no channel" if len(names) > 1 else "1 column that is no channel"
@@ -95,7 +100,21 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
         findings.append(Finding("unknown_column", message, "not read", count=len(names), columns=names))
     findings += _missing(headers, rig, named, taken)
     time = matches.pop("time", None)
-    return Assignment(matches, time, tuple(findings), columns.simulated, clock is None, candidates)
+    return Assignment(matches, time, tuple(findings), columns.simulated, clock is None, candidates, temperature)
+
+
+_MACHINE = re.compile(r"winding|wicklung|stator|housing|gehäuse|generator|motor|machine")
+
+
+def of_machine(name: str) -> bool:
+    """Whether a name describes the winding or the housing of the machine, as that of a temperature must."""
+    return _MACHINE.search(name.casefold()) is not None
+
+
+def _is_temperature(header: Header) -> bool:
+    """Whether a column is a temperature of the machine, by its name and its unit."""
+    unit = read_header(header).unit
+    return unit is not None and unit.dimension == "temperature" and of_machine(header.name)
 
 
 def _names(header: Header) -> tuple[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -205,6 +206,27 @@ def seconds(texts: Sequence[str]) -> Signal:
     if not any(days):
         since[good] += period * np.cumsum(np.diff(since[good], prepend=since[good[:1]]) < -period / 2)
     return since - since[good[0]] if good.size else since
+
+
+def moment(text: str) -> float | None:
+    """Seconds since 1970 of a stamp, of one without an offset from UTC as if it were UTC; None without a certain date. [s]
+
+    Dates of which day and month may be exchanged are certain only with points, as these follow the day.
+
+    >>> moment("1970-01-02 00:00:01.5"), moment("01.02.1970 00:00"), moment("1/2/1970 00:00"), moment("12:00:00")
+    (86401.5, 2678400.0, None, None)
+    """
+    in_day, day, _, zone = _in_day(text)
+    if day is None:
+        return None
+    days = [n for month_first in (False, True) if math.isfinite(n := _number_of(day, month_first))]
+    if not days or (days[0] != days[-1] and re.match(r"\D*\d+\.", text) is None):
+        return None
+    return DAY * (days[0] - _EPOCH) + in_day - _east_of_utc(zone or "")
+
+
+_EPOCH = date(1970, 1, 1).toordinal()
+"""Number of the day from which moments are counted."""
 
 
 def _east_of_utc(zone: str) -> float:

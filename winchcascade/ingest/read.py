@@ -23,12 +23,12 @@ from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.quantity import is_load
+from winchcascade.core.quantity import Unit, is_load
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import CLOCK, LOAD_HEADER, Finding, Run, Signal
-from winchcascade.ingest.assign import Assignment, assign, listed, load_column
-from winchcascade.ingest.cells import looks_like_a_stamp, seconds
+from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
+from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
 from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_clock, require_rising
 from winchcascade.ingest.dialects import nameless
@@ -222,6 +222,8 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
         simulated=found.simulated,
         table=None if source.table is None else one_line(source.table),
         first_stamp=_first_stamp(table.stamps),
+        started=_started(table.stamps, float(checked.t[0])),
+        temperature=_temperature(table, found, checked.channels, rig),
     )
 
 
@@ -230,6 +232,45 @@ def _first_stamp(stamps: Signal | Sequence[str] | None) -> str:
     if stamps is None or isinstance(stamps, np.ndarray):
         return ""
     return one_line(next((str(stamp) for stamp in stamps[:FEW_ROWS] if str(stamp).strip()), ""))
+
+
+_DATED = 1e9, 5e9
+"""Seconds since 1970 or, by LabVIEW, 1904, with which a clock of this century begins. [s]"""
+
+
+def _started(stamps: Signal | Sequence[str] | None, first: float) -> float | None:
+    """When the run began, on a clock that other logs share; None where its stamps carry no date. [s]
+
+    Parameters
+    ----------
+    first : time of the first sample on the clock of the log [s]
+    """
+    if _DATED[0] <= first < _DATED[1]:
+        return first
+    if stamps is None:
+        return None
+    if not isinstance(stamps, np.ndarray):
+        return next((moment(text) for text in stamps if looks_like_a_stamp(text)), None)
+    good = stamps[np.isfinite(stamps)]
+    digits = f"{good[0]:.0f}" if first == 0.0 and good.size else ""  # of a clock of digits, which begins at 0
+    return moment(f"{digits[:8]}T{digits[8:]}") if len(digits) == _DIGITS else None
+
+
+_DIGITS = len("YYYYMMDDHHMMSS")
+
+
+def _temperature(table: LogTable, found: Assignment, channels: Mapping[str, Signal], rig: Rig) -> float | None:
+    """Median of the temperature of the machine, in a channel of the rig's own or another column; None without exactly one.
+
+    [K]
+    """
+    own = [name for name, one in rig.channels.items() if one.dimension == "temperature" and of_machine(name)]
+    read = [channels[name] for name in own if name in channels]
+    if not read and found.temperature is not None:
+        unit = found.temperature.unit or Unit("temperature", 1.0)
+        column = table.values[found.temperature.index]
+        read = [unit.factor * column[np.isfinite(column)] + unit.offset]
+    return median(read[0]) if len(read) == 1 and read[0].size else None
 
 
 def _with_origin(run: Run, stated: Origin) -> Run:
@@ -255,6 +296,7 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
     found = assign(source.headers, rig, where)
     wanted = [match.index for match in found.channels.values()]
     wanted += [match.index for matches in found.candidates.values() for match in matches]
+    wanted += [] if found.temperature is None else [found.temperature.index]
     if rig.phases.source == "column":
         from winchcascade.ingest.phase_labels import label_column
 

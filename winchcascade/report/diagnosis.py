@@ -46,6 +46,7 @@ from winchcascade.report.diagnosis_figures import Sides, most_telling, sides
 from winchcascade.report.diagnosis_tables import where_section, which_section
 from winchcascade.report.diagnosis_words import METHOD, STAGE_BY_STAGE, YARDSTICKS, line_method
 from winchcascade.report.digits import significant
+from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import (
     NAMES,
     about_words,
@@ -218,6 +219,7 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[content.Point, ...]:
             content.Point(
                 "Verdict", words.verdict_words(found), "good" if found.verdict in ("no_gap", "explained") else "warn"
             ),
+            *(content.Point("Finding", text, "warn") for text in finding_words(found)),
             *(content.Point("Your simulation", text) for text in own_simulation_words(found)),
             content.Point("Where", f"{words.where_words(found)} {words.arises_words(found)}".strip()),
             *_cause_points(found),

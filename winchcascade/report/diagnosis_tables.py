@@ -163,7 +163,7 @@ def closure_table(found: ModelDiagnosis) -> content.Table | None:
         return None
     rows = [
         (
-            NAMES[name],
+            NAMES[name] + ", worse" * x.worse,
             COMPARED[name][0],
             *(significant(v * COMPARED[name][1], 2) for v in (x.before, x.after, x.noise)),
             *(significant(v / x.noise, 2) if x.noise else "–" for v in (x.before, x.after)),

@@ -42,6 +42,7 @@ from winchcascade.report.cause_words import (
     trend_words,
 )
 from winchcascade.report.digits import significant
+from winchcascade.report.finding_words import finding_records, finding_words, simulations_of
 from winchcascade.report.gap_words import (
     NAMES,
     about_text,
@@ -124,6 +125,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
                     *entry("verdict", words.verdict_words(found)),
                     *headed(entry("data", origin_words(words.origins_of(found))), "not measured", "warning"),
                     *entry("note", note),
+                    *entry("findings", "\n".join(finding_words(found))),
                     *(
                         line
                         for k, text in enumerate(own_simulation_words(found))
@@ -266,7 +268,7 @@ def _how_far(found: ModelDiagnosis | LineDiagnosis, means: str) -> list[str]:
                 significant(v * factor, 2).rjust(0 if name in COMPARED else NARROWEST)
                 for v in (x.before, x.after, x.noise)
             ),
-            unit,
+            unit + "  worse" * x.worse,
         )
         for name, unit, factor, x in shown
     ]
@@ -304,12 +306,14 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         "suspects": list(dict.fromkeys(effect.name for effect in found.suspects.values())),
         "logs": [
             {**head, "sha256": run.sha256, "load_ohm": load, "data": origin_record(run.origin)}
+            | {"findings": finding_records(run)}
             for head, run, load in (
                 [(_part(part), part.run, None) for part in found.lines.parts]
                 if isinstance(found, LineDiagnosis)
                 else [({"file": run.name}, run, _load(run.load)) for run in found.runs]
             )
         ],
+        "simulations": [{"file": run.name, "findings": finding_records(run)} for run in simulations_of(found)],
         "verdict": found.verdict,
         **_baseline(found),
         "where": _where(found),
@@ -568,7 +572,7 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
         "kind": kind,
         "withheld": withheld,
         **in_turn,
-        "channels": {name: _numbers(x) for name, x in found.closure.channels.items()},
+        "channels": {name: {**_numbers(x), "worse": x.worse} for name, x in found.closure.channels.items()},
         "share_closed": rounded_number(found.closure.share),
         **beyond,
         "interval": [rounded_number(found.closure.low), rounded_number(found.closure.high)],

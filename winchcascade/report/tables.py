@@ -10,7 +10,7 @@ from typing import Literal
 from msgspec.structs import asdict
 
 from winchcascade.core.cascade import PAPER
-from winchcascade.core.quantity import find_unit, si_unit
+from winchcascade.core.quantity import Unit, find_unit, si_unit
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Channel, Finding
 from winchcascade.reduction.bins import Bin
@@ -465,10 +465,10 @@ def sensors_table(reduction: Reduction) -> content.Table | None:
     ).of([(name, sensor) for name, sensor in reduction.rig.sensors.items() if name in reduction.run.channels])
 
 
-def _in_unit(value: float, sensor: Sensor) -> str:
-    """A number of a sensor, in the unit that the rig file gives it."""
-    unit = find_unit(sensor.unit)
-    return _given_number(value / (1.0 if unit is None else unit.factor))
+def _in_unit(value: float, sensor: Sensor, *, zero: bool = False) -> str:
+    """A number of a sensor, in the unit that the rig file gives it; `zero`: one that counts from the zero of the unit."""
+    unit = find_unit(sensor.unit) or Unit("number", 1.0)
+    return _given_number((value - (unit.offset if zero else 0.0)) / unit.factor)
 
 
 def _given_number(value: float) -> str:
@@ -478,7 +478,8 @@ def _given_number(value: float) -> str:
 def _range(sensor: Sensor) -> str:
     if sensor.high is None:
         return "–"
-    return f"{_in_unit(sensor.low or 0.0, sensor)} to {_in_unit(sensor.high, sensor)} {sensor.unit}"
+    low, high = (_in_unit(end, sensor, zero=True) for end in (sensor.low or 0.0, sensor.high))
+    return f"{low} to {high} {sensor.unit}"
 
 
 def _accuracy(sensor: Sensor) -> str:

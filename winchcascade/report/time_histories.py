@@ -12,9 +12,9 @@ from matplotlib.path import Path as Outline
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
-from winchcascade.core.quantity import KGF, find_unit
+from winchcascade.core.quantity import KGF, find_unit, si_unit
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Run, Signal
+from winchcascade.core.run import Channel, Run, Signal
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report.style import COLOURS, Entry, is_narrow, line_entry, patch_entry
@@ -219,13 +219,14 @@ MORE_PANELS = (
 
 def panels_of(run: Run, rig: Rig) -> list[tuple[str, str, str, float]]:
     """Panels of the channels of a log, those of the rig's own last."""
-    own = ((name, name, channel.unit, _per_unit(channel.unit)) for name, channel in rig.channels.items())
+    own = ((name, name, *_unit_drawn(channel)) for name, channel in rig.channels.items())
     return [panel for panel in (*PANELS, *MORE_PANELS, *own) if panel[0] in run.channels]
 
 
-def _per_unit(unit: str) -> float:
-    found = find_unit(unit)
-    return 1.0 if found is None else 1.0 / found.factor
+def _unit_drawn(channel: Channel) -> tuple[str, float]:
+    """Unit of a channel of the rig's own, and what turns SI units into it: that of SI for one with a zero of its own."""
+    found = find_unit(channel.unit)
+    return (si_unit(channel.dimension), 1.0) if found is None or found.offset else (channel.unit, 1.0 / found.factor)
 
 
 def envelope(x: Signal, maximum: int) -> NDArray[np.intp]:

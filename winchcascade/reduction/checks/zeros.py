@@ -1,4 +1,4 @@
-"""Whether sensors read zero where the machine is at rest, and the line tension what the restoring module allows there."""
+"""Whether sensors read zero at rest, the torque also with the clutch open, and the line tension what the gas allows at rest."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import largest, median, median_and_error
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Finding, Signal
+from winchcascade.core.run import Finding, FindingKind, Signal
 from winchcascade.reduction.phased_run import PhasedRun
 
 TIME_CONSTANTS = 5.0
@@ -44,12 +44,12 @@ Rest = tuple[float, float, float]
 
 
 def zero_findings(phased: PhasedRun) -> list[Finding]:
-    """Report zeros of torque, Idc, Vdc and force that deviate by five standard uncertainties; no channel is changed.
+    """Report zeros of torque, Idc, Vdc and force, and a torque in haul-in, that deviate by five standard uncertainties.
 
-    All rests are evaluated together, and each hold by itself, which shows a zero that stepped within the log. A rest before a
-    payout is not evaluated by itself: a line that tightens loads the shaft before it moves. A sensor without a stated zero is
-    not evaluated. Nor are Vdc and Idc in open circuit, where the bleed resistance alone
-    discharges the capacitor over many seconds, and the torque of a rig whose file states no one-way clutch.
+    No channel is changed. All rests are evaluated together, and each hold by itself, which shows a zero that stepped within the
+    log. A rest before a payout is not evaluated by itself: a line that tightens loads the shaft before it moves. A sensor
+    without a stated zero is not evaluated. Nor are Vdc and Idc in open circuit, where the bleed resistance alone discharges the
+    capacitor over many seconds, and the torque of a rig whose file states no one-way clutch.
     """
     rig, load = phased.rig, phased.run.load
     before, holds = _rests(phased)
@@ -63,6 +63,8 @@ def zero_findings(phased: PhasedRun) -> list[Finding]:
     findings = []
     for channel, wait in waits.items():
         findings += _zero(phased, channel, _after(rests, wait), _after(holds, wait))
+    if "torque" in waits:
+        findings += _open_clutch(phased, _after(rests, rotor), _after(_haul_ins(phased), rotor))
     if "vdc" in waits:
         findings += _computed(phased, _after(rests, waits["vdc"]))
     return [*findings, *_force(phased, [(a, b) for a, b, _ in rests])]
@@ -95,6 +97,13 @@ def _rests(phased: PhasedRun) -> tuple[list[Rest], list[Rest]]:
     return rests, holds
 
 
+def _haul_ins(phased: PhasedRun) -> list[Rest]:
+    """Haul-ins, in which a one-way clutch is open, without what smoothing blurs at both ends."""
+    blur = 0.5 * phased.rig.thresholds.smoothing
+    cycles = [phased.cycles[k] for k in phased.chosen()]
+    return [(c.haul_in[0] + blur, c.haul_in[1] - blur, c.payout_end) for c in cycles if c.haul_in is not None]
+
+
 def _zero(phased: PhasedRun, channel: str, spans: list[Span], holds: list[Span]) -> list[Finding]:
     """The median of a channel where it should read nothing; else a zero that single holds show: it stepped or drifted."""
     zero, where = _significant_zero(phased, channel, spans), f"{channel} reads "
@@ -112,12 +121,30 @@ def _zero(phased: PhasedRun, channel: str, spans: list[Span], holds: list[Span])
     return [_finding(channel, message, spans)]
 
 
-def _significant_zero(phased: PhasedRun, channel: str, spans: list[Span]) -> float | None:
-    """Median of a channel in some spans, None where it is no more than its uncertainties. [SI unit of the channel]"""
+def _open_clutch(phased: PhasedRun, rests: list[Span], haul_ins: list[Span]) -> list[Finding]:
+    """A torque in haul-in that the rests do not have: the rotor does not turn with the drum, so that it needs none."""
+    at_rest = _samples(phased, "torque", rests) if "torque" in phased.run.channels else np.empty(0)
+    known = at_rest.size >= MIN_SAMPLES
+    drag = _significant_zero(phased, "torque", haul_ins, median(at_rest) if known else 0.0)
+    if drag is None:
+        return []
+    beside = "beside its value at rest" if known else "and no rest is long enough to show its zero"
+    message = (
+        f"torque reads {drag:+.3g} N.m in haul-in, {beside}; its zero is known to {phased.u_zero('torque'):.2g} N.m"
+    )
+    action = "reported and kept: drag of the open clutch" + ("" if known else ", or a zero of the sensor")
+    return [_finding("torque", message, [(a, b) for a, b in haul_ins if b > a], "open_clutch_torque", action)]
+
+
+def _significant_zero(phased: PhasedRun, channel: str, spans: list[Span], known: float = 0.0) -> float | None:
+    """Median of a channel in some spans beyond a known one, None where that is no more than its uncertainties.
+
+    [SI unit of the channel]
+    """
     u_zero = phased.u_zero(channel)
     if channel not in phased.run.channels or not u_zero:
         return None
-    read = _samples(phased, channel, spans)
+    read = _samples(phased, channel, spans) - known
     if read.size < MIN_SAMPLES:
         return None
     if abs(median(read)) < CERTAIN * u_zero:  # most sensors
@@ -180,7 +207,7 @@ def _force(phased: PhasedRun, spans: list[Span]) -> list[Finding]:
         return []
     _, held, low, high = max(rows, key=lambda row: abs(row[0]))
     message = f"force reads {held:.0f} N at rest, where gas and friction of the screw allow {low:.0f} to {high:.0f} N"
-    return [_finding("force", message, spans, " (or the line was slack)" if held < low else "")]
+    return [_finding("force", message, spans, action=_CHECK_ZERO + " (or the line was slack)" * (held < low))]
 
 
 def _frictionless(phased: PhasedRun, span: Span) -> float | None:
@@ -218,11 +245,16 @@ def _friction_band(rig: Rig) -> tuple[float, float] | None:
     return max(reverse, 0.0), (flank + mu / tangent) / (flank - mu * tangent)
 
 
-def _finding(channel: str, message: str, spans: list[Span], also: str = "") -> Finding:
+_CHECK_ZERO = "reported and kept; energies go with it: check the zero of the sensor"
+
+
+def _finding(
+    channel: str, message: str, spans: list[Span], kind: FindingKind = "zero_offset", action: str = _CHECK_ZERO
+) -> Finding:
     return Finding(
-        "zero_offset",
+        kind,
         message,
-        f"reported and kept; energies go with it: check the zero of the sensor{also}",
+        action,
         channel,
         min(a for a, _ in spans),
         max(b for _, b in spans),

@@ -1,0 +1,90 @@
+"""Findings of logs and of own simulations in the record of a diagnosis, and simulations in a unit that was assumed."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from winchcascade.batch.campaign_diagnosis import diagnose_campaign
+from winchcascade.core.errors import LogError
+from winchcascade.diagnosis.diagnosis_result import Shrunk
+from winchcascade.rig.effects.catalogue import EFFECTS
+
+LOADS = {"open_circuit.csv": math.inf, "r36ohm.csv": 36.0, "r9ohm.csv": 9.0}
+
+
+def scaled(text: str, header: str, factor: float, called: str, zero: float = 0.0) -> str:
+    """A log with a column under another name and in another unit."""
+    head, *rows = (line.split(",") for line in text.splitlines())
+    k = head.index(header)
+    lines = [[*row[:k], repr(float(row[k]) * factor + zero), *row[k + 1 :]] for row in rows]
+    return "\n".join(map(",".join, [[*head[:k], called, *head[k + 1 :]], *lines])) + "\n"
+
+
+def record(
+    folder: Path, fixtures: Path, simulation: tuple[str, float, str] | None = None, torque_zero: float = 0.0
+) -> Mapping[str, Any]:
+    """The diagnosis of three logs, each beside a copy of itself as its simulation, with one column changed there."""
+    entries = []
+    for name, load in LOADS.items():
+        text = (fixtures / "campaign" / name).read_text()
+        (folder / name).write_text(scaled(text, "Torque (N.m)", 1.0, "Torque (N.m)", torque_zero))
+        entries.append(f'[[run]]\nfile = "{name}"\nload_ohm = {load}\n')
+        if simulation is not None:
+            (folder / f"own_{name}").write_text(scaled(text, *simulation))
+            entries.append(f'simulated = "own_{name}"\n')
+    (folder / "campaign.toml").write_text("".join(entries))
+    suspects = {name: EFFECTS[name] for name in ("line_drag", "ke_rolloff")}
+    return diagnose_campaign(folder / "campaign.toml", suspects=suspects, seed=0, predictions=None)
+
+
+def kinds(files: list[Mapping[str, Any]]) -> dict[str, list[tuple[str, str | None]]]:
+    return {one["file"]: [(f["kind"], f["channel"]) for f in one["findings"]] for one in files}
+
+
+def test_findings_of_the_logs_are_in_the_record_also_those_of_their_cycles(fixtures: Path, tmp_path: Path) -> None:
+    found = record(tmp_path, fixtures, torque_zero=4.0)
+    assert found["simulations"] == []
+    assert all(("zero_offset", "torque") in one for one in kinds(found["logs"]).values())
+
+
+def test_a_unit_that_was_assumed_of_a_simulation_is_in_the_record(fixtures: Path, tmp_path: Path) -> None:
+    found = record(tmp_path, fixtures, ("Vdc (V)", 1.0, "Vdc"))
+    assert kinds(found["simulations"]) == {f"own_{name}": [("unit_assumed", "vdc")] for name in LOADS}
+    assert all(one["findings"][0]["message"] for one in found["simulations"])
+
+
+@pytest.mark.parametrize(
+    ("header", "factor", "name", "assumed", "likely"),
+    [
+        ("Pressure (kg/cm2)", 98066.5, "Pressure", "kg/cm2", "Pa"),
+        ("Force (N)", 1.0 / 9.80665, "Force", "N", "kgf"),
+        ("Idc (A)", 1050.0, "Idc", "A", "mA"),
+    ],
+)
+def test_a_simulation_in_another_unit_than_the_assumed_one_is_rejected(
+    header: str, factor: float, name: str, assumed: str, likely: str, fixtures: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(LogError) as fault:
+        record(tmp_path, fixtures, (header, factor, name))
+    assert {name.casefold(), assumed, likely} <= set(str(fault.value).replace(",", "").replace(".", "").split())
+    assert "own_" in str(fault.value)
+
+
+def test_a_level_far_from_that_of_the_log_is_a_finding_where_the_unit_was_assumed(
+    fixtures: Path, tmp_path: Path
+) -> None:
+    found = record(tmp_path, fixtures, ("Vdc (V)", 23.0, "Vdc"))
+    assert all(one[-1] == ("unit_conflict", "vdc") for one in kinds(found["simulations"]).values())
+    stated = record(tmp_path, fixtures, ("Vdc (V)", 23.0, "Vdc (V)"))
+    assert kinds(stated["simulations"]) == {f"own_{name}": [] for name in LOADS}
+
+
+def test_a_channel_that_the_causes_make_worse_is_marked_as_such(fixtures: Path, tmp_path: Path) -> None:
+    assert [Shrunk(3.0, after, 1.0).worse for after in (0.0, 3.1, 3.2)] == [False, False, True]
+    closure = record(tmp_path, fixtures)["closure"]
+    assert closure is not None
+    for one in closure["channels"].values():
+        assert one["worse"] == (one["after"] ** 2 - one["before"] ** 2 > one["noise"] ** 2)
