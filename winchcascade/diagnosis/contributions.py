@@ -324,6 +324,27 @@ def contributions_of(
     return recorded, changes
 
 
+def efficiency_changes(
+    data: Fitted, nu: Signal, effect: ActiveEffect, windows: Sequence[float | None] | None = None
+) -> list[LargestChange]:
+    """What one effect changes of each efficiency of each run by the model.
+
+    Parameters
+    ----------
+    nu : nuisances of the fit without it
+    windows : as for `contributions_of`
+    """
+    models = data.models(nu, []), data.models(nu, [effect])
+    found = []
+    for k, window in enumerate(windows or [None] * len(data.logs)):
+        one = windowed(data, k, window)
+        before, after = (one.simulated(own[k], data.skew(nu), data.zeros(nu)[k]) for own in models)
+        for metric in EFFICIENCIES:
+            change = float((after - before)[QUANTITIES.index(metric)])
+            found += [LargestChange(metric, change, load=one.log.run.load)] if math.isfinite(change) else []
+    return found
+
+
 def with_uncertain_laws(splits: Sequence[Split], loaded: Sequence[bool], discrepancy: float) -> list[Split]:
     """Splits whose causes have the uncertainty of their laws, too.
 

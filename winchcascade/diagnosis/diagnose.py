@@ -14,7 +14,7 @@ from winchcascade.diagnosis.adequacy import OPEN, cancelling, drifts, left_over,
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.causes import causes_of, parameters_of, plan_run, probabilities
 from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close, made_worse, share_closed
-from winchcascade.diagnosis.contributions import by_cost, contributions_of, reordered, without
+from winchcascade.diagnosis.contributions import by_cost, contributions_of, efficiency_changes, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     NAMED,
@@ -38,6 +38,7 @@ from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.stagewise import stagewise
+from winchcascade.diagnosis.thresholds import Threshold, thresholds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import ActiveEffect
 
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
@@ -52,7 +54,8 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     where there is one, `fitted_blocks` those of the fit with its causes.
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
-    those of its phases, and `cancelling` are causes that cancel each other.
+    those of its phases, and `cancelling` are causes that cancel each other. `thresholds` are how large each effect would have
+    to be to be named, where none is.
     """
 
     data: Fitted
@@ -65,6 +68,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     contributions: tuple[Contribution, ...] = ()
     energies: tuple[PhaseEnergy, ...] = ()
     cancelling: tuple[Alarm, ...] = ()
+    thresholds: tuple[Threshold, ...] = ()
 
 
 @linear_algebra_on_one_thread()
@@ -161,6 +165,7 @@ def _with_causes(
             result,
             minor=_hints(result),
             contributions=contributions_of(data, suspects, found, (), windows)[0],
+            thresholds=_thresholds(result, windows),
         )
     on_progress("predicting withheld runs")
     loaded = [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
@@ -265,6 +270,21 @@ def _largest(data: Fitted, efficiencies: Sequence[LargestChange], moved: Signal)
         for change in several
     ]
     return max(changes, key=lambda pair: pair[0], default=(math.inf, None))
+
+
+def _thresholds(result: ModelDiagnosis, windows: Sequence[float | None] | None) -> tuple[Threshold, ...]:
+    """How large each effect would have to be to be named in logs that need none."""
+    data, nu = result.data, result.found.best.nu
+
+    def relevance(effect: ActiveEffect) -> float:
+        size = _largest(data, (), data.predict(nu, [effect]) - result.fitted_blocks)[0]
+        return (
+            size
+            if size >= 1.0
+            else _largest(data, efficiency_changes(data, nu, effect, windows), np.zeros_like(data.noise))[0]
+        )
+
+    return thresholds(result.suspects, result.found, relevance)
 
 
 def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:

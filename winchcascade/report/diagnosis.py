@@ -40,7 +40,6 @@ from winchcascade.report.diagnosis_causes import (
     profile_figure,
     stability_figure,
     threshold_words,
-    thresholds,
 )
 from winchcascade.report.diagnosis_figures import Sides, most_telling, sides
 from winchcascade.report.diagnosis_tables import where_section, which_section
@@ -52,6 +51,7 @@ from winchcascade.report.gap_words import (
     about_words,
     apart_words,
     baseline_words,
+    display_of,
     own_simulation_words,
     phase_words,
     probability_words,
@@ -279,8 +279,9 @@ EXAMPLES = ("copper_heating", "gear_mesh_loss", "line_friction", "precharge")
 def _seen_words(found: ModelDiagnosis) -> str:
     """How small some effects might have been and still be named."""
     parts = ", ".join(
-        f"{one.shown.what} {threshold_words(one)}"
-        for one in thresholds(found)
+        f"{how.what} {threshold_words(one, how)}"
+        for one in found.thresholds
+        for how in (display_of(one.effect, found.suspects[one.effect].parameter, one.unit),)
         if one.effect in EXAMPLES and one.value is not None
     )
     return f"Alone it would have been named from: {parts}. All effects are in the table of thresholds." if parts else ""

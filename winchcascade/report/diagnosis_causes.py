@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,8 +15,8 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.causes import covariance_of
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Reported
-from winchcascade.diagnosis.evidence import Linear
 from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report.cause_words import runs_with_number, shown_as
 from winchcascade.report.diagnosis_figures import stator_current
 from winchcascade.report.digits import MINUS, number, upper
@@ -326,64 +325,13 @@ def _bars(ax: Axes, names: Sequence[str], widths: Sequence[float], named: Sequen
 
 
 # ------------------------------------------------------------------------------------------------------- what is unseen
-class Threshold(NamedTuple):
-    """The smallest value of a reported number that would have been named in these logs; None where no plausible one would."""
-
-    effect: str
-    shown: Display
-    absent: float
-    value: float | None
-
-
-def thresholds(found: ModelDiagnosis) -> list[Threshold]:
-    """How large each effect, acting alone, would have to be to be named in these logs.
-
-    By the rule that chose the causes: logs as the expansion about the fit foresees them with that amount of the effect, without
-    their noise, and more evidence for it than for nothing.
-    """
-    rows = []
-    for name, effect in found.suspects.items():
-        free, share = freedom(effect), _minimum_share(found.found.linear, name, found.found.scale)
-        way = _far_end(free.absent, free.low, free.high) - free.absent
-        absent, seen = (with_values(effect, free.absent + x * way).reported for x in (0.0, share or 0.0))
-        shown = display_of(name, effect.parameter, effect.unit)
-        rows.append(Threshold(name, shown, absent, None if share is None else seen))
-    return rows
-
-
-def threshold_words(one: Threshold) -> str:
+def threshold_words(one: Threshold, how: Display) -> str:
     """The value from which an effect would have been named, with its unit."""
-    how = one.shown
     if one.value is None:
         return "no plausible value"
     size = abs(one.value - one.absent) * how.factor
     text = number(one.value * how.factor, 1 - math.floor(math.log10(max(size, 1e-12))))
     return f"{'+' if how.signed and one.value > 0.0 else ''}{text} {how.unit}".rstrip()
-
-
-def _far_end(absent: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The bound of each field that is farther from its absent value, (k,)."""
-    return np.where(high - absent >= absent - low, high, low)
-
-
-def _minimum_share(linear: Linear, name: str, scale: float) -> float | None:
-    """Share of the way from absent to the far bound at which an effect gains evidence over nothing, by halving."""
-    if not _gains(linear, name, scale, 1.0):
-        return None
-    low, high = 0.0, 1.0
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if _gains(linear, name, scale, middle) else (middle, high)
-    return high
-
-
-def _gains(linear: Linear, name: str, scale: float, share: float) -> bool:
-    place, step = linear.place[name], np.zeros_like(linear.absent)
-    step[place] = share * (
-        _far_end(linear.absent, linear.bounds.inner_low, linear.bounds.inner_high)[place] - linear.absent[place]
-    )
-    injected = msgspec.structs.replace(linear, value=linear.absent, slope=linear.curve @ step)
-    return injected.evidence((name,), scale) > injected.evidence((), scale)
 
 
 BESIDE = 2

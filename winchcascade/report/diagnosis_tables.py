@@ -18,7 +18,7 @@ from winchcascade.report import content
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import meaning_words, named, numbers_of
 from winchcascade.report.content import TableColumn, number_column, text_column
-from winchcascade.report.diagnosis_causes import threshold_words, thresholds
+from winchcascade.report.diagnosis_causes import threshold_words
 from winchcascade.report.diagnosis_figures import worst_first
 from winchcascade.report.digits import number, significant, uncertain
 from winchcascade.report.gap_words import (
@@ -27,6 +27,7 @@ from winchcascade.report.gap_words import (
     alarm_meaning,
     baseline_words,
     differs_words,
+    display_of,
     nuisance_words,
     phase_words,
     probability_words,
@@ -316,13 +317,13 @@ def thresholds_table(found: ModelDiagnosis) -> content.Table | None:
         (text_column("Effect"), text_column("Stage"), text_column("Number"), number_column("Named from")),
         [
             (
-                one.effect, found.suspects[one.effect].stage, one.shown.what,
-                threshold_words(one),
+                one.effect, found.suspects[one.effect].stage, how.what, threshold_words(one, how),
             )
-            for one in ([] if found.causes else thresholds(found))
+            for one in found.thresholds
+            for how in (display_of(one.effect, found.suspects[one.effect].parameter, one.unit),)
         ],
-        "Of effects as large as this, half would be named and half be lost in the noise. Estimated from the slopes of the fit "
-        "by the rule that chooses causes; where an effect may have either sign one is listed, the other is about alike.",
+        "Of effects as large as this, nine in ten would be named. Estimated from the slopes of the fit by the rule that "
+        "chooses causes; where an effect may have either sign one is listed, the other is about alike.",
     )  # fmt: skip
 
 

@@ -342,7 +342,19 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         **(
             {}
             if isinstance(found, LineDiagnosis)
-            else {"contributions": _contributions(found), "energies": _energies(found)}
+            else {
+                "contributions": _contributions(found),
+                "energies": _energies(found),
+                "thresholds": [
+                    {
+                        "effect": found.suspects[one.effect].name,
+                        "parameter": found.suspects[one.effect].parameter,
+                        "named_from": None if one.value is None else rounded_number(one.value),
+                        "unit": one.unit,
+                    }
+                    for one in found.thresholds
+                ],
+            }
         ),
         "closure": _closure(found),
         "remainder": None if found.remainder is None else _remainder(found.remainder, words.files_of(found)),
