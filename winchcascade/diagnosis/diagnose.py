@@ -25,6 +25,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     LargestChange,
     Minor,
     NamedCause,
+    Names,
     OwnSimulation,
     Remainder,
     StagePlace,
@@ -38,7 +39,7 @@ from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.stagewise import stagewise
-from winchcascade.diagnosis.thresholds import Threshold, thresholds
+from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -55,7 +56,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
     those of its phases, and `cancelling` are causes that cancel each other. `thresholds` are how large each effect would have
-    to be to be named, where none is.
+    to be to be named, where none is, and `not_visible` those that these logs would not show at any plausible size.
     """
 
     data: Fitted
@@ -69,6 +70,12 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     energies: tuple[PhaseEnergy, ...] = ()
     cancelling: tuple[Alarm, ...] = ()
     thresholds: tuple[Threshold, ...] = ()
+    not_visible: Names = ()
+
+    @property
+    def missing_channels(self) -> list[str]:
+        """Channels of the model that no log has."""
+        return [name for name in CHANNELS if not any(name in run.channels for run in self.runs)]
 
 
 @linear_algebra_on_one_thread()
@@ -129,6 +136,7 @@ def diagnose(
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
         sets=probabilities(found.fits, found.scale),
         energies=energies_of(data, suspects, found.best),
+        not_visible=not_visible(suspects, found),
     )
     return _judged(_with_causes(as_found, windows, on_progress), on_progress)
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.rig.effects.effect import ActiveEffect
 
 SURELY = 1.28
@@ -33,6 +34,12 @@ class Threshold(msgspec.Struct, frozen=True):
     absent: float
     value: float | None
     unit: str
+
+
+def not_visible(suspects: Suspects, found: Found) -> Names:
+    """Effects beside the best set that these logs would not show at any plausible size."""
+    others = (name for name in suspects if name not in found.best.names)
+    return tuple(name for name in others if not _is_named(found.linear, name, found.scale, 1.0))
 
 
 def thresholds(suspects: Suspects, found: Found, relevance: Callable[[ActiveEffect], float]) -> tuple[Threshold, ...]:

@@ -345,6 +345,10 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             else {
                 "contributions": _contributions(found),
                 "energies": _energies(found),
+                "not_visible": {
+                    "missing_channels": found.missing_channels,
+                    "effects": list(dict.fromkeys(found.suspects[name].name for name in found.not_visible)),
+                },
                 "thresholds": [
                     {
                         "effect": found.suspects[one.effect].name,
