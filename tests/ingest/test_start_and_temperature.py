@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from campaign_log import HEAD, NOON, ROWS, T, kinds, read, stamps, text, with_time, write
 
@@ -40,6 +41,19 @@ def heated(header: str, *, slope: float = 0.0) -> str:
 )
 def test_a_run_begins_at_the_date_of_its_first_stamp(form: str, began: float | None, tmp_path: Path) -> None:
     assert read(tmp_path, text(*with_time(stamps(form)))).started == began
+
+
+def test_dates_of_a_frame_a_parquet_file_and_a_workbook_are_a_start(tmp_path: Path) -> None:
+    rows = [[float(cell) for cell in row[1:]] for row in ROWS[:2000]]
+    moments = [NOON + dt.timedelta(seconds=t) for t in T[:2000]]
+    frame = pd.DataFrame(rows, columns=HEAD[1:])
+    frame.insert(0, "Time", moments)
+    frame.to_parquet(tmp_path / "log.parquet")
+    frame.to_excel(tmp_path / "log.xlsx", index=False)
+    for log in (frame, tmp_path / "log.parquet", tmp_path / "log.xlsx"):
+        assert read_run(log).started == pytest.approx(BEGAN, abs=1e-3)
+    frame["Time"] = [moment.time() for moment in moments]
+    assert read_run(frame).started is None
 
 
 def test_a_date_that_may_be_read_in_two_ways_is_no_start(tmp_path: Path) -> None:

@@ -145,6 +145,7 @@ class _Column(msgspec.Struct, frozen=True):
     texts: list[str] | None = None
     stamped: bool = False
     findings: tuple[Finding, ...] = ()
+    began: float | None = None
 
 
 def main() -> None:
@@ -207,7 +208,10 @@ def _answers(order: _Order) -> Iterator[tuple[_Opened | _Column, Signal | None]]
                     f"{order.limits.numbers / MB:.0f} MB were expected of a file of this size; cut the log into shorter "
                     f"files or allow more with the environment variable {MEMORY_SETTING}."
                 )
-            yield _Column(None if column is None else len(column), texts, table.stamped, table.findings), column
+            yield (
+                _Column(None if column is None else len(column), texts, table.stamped, table.findings, table.began),
+                column,
+            )
 
 
 def _end_after(seconds: float) -> None:
@@ -269,7 +273,7 @@ class _Child:
         def receive(answers: IO[bytes]) -> LogTable:
             values = {i: np.asarray(self._column(answers)[1], dtype=np.float64) for i in wanted}
             head, stamps = self._column(answers)
-            return LogTable(values, stamps=stamps, stamped=head.stamped, findings=head.findings)
+            return LogTable(values, stamps=stamps, stamped=head.stamped, findings=head.findings, began=head.began)
 
         return self._ask([([*wanted], time)], receive)
 

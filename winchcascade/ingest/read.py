@@ -222,7 +222,7 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
         simulated=found.simulated,
         table=None if source.table is None else one_line(source.table),
         first_stamp=_first_stamp(table.stamps),
-        started=_started(table.stamps, float(checked.t[0])),
+        started=_started(table.stamps, float(checked.t[0])) if table.began is None else table.began,
         temperature=_temperature(table, found, checked.channels, rig),
     )
 

@@ -35,12 +35,14 @@ class LogTable(msgspec.Struct, frozen=True):
     values : (n,) each, by index of the header, in the file's own unit; NaN where a cell is not a number
     stamps : (n,) numbers in the unit of the time column, or the n texts of stamps, or None without a time column
     stamped : the stamps were dates and times and are now seconds since the first one
+    began : when that was, since 1970, of a local time as if it were UTC; None where the stamps have no date [s]
     """
 
     values: Mapping[int, Signal]
     stamps: Signal | Sequence[str] | None = None
     stamped: bool = False
     findings: tuple[Finding, ...] = ()
+    began: float | None = None
 
 
 class LogSource(msgspec.Struct, frozen=True):

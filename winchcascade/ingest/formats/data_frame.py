@@ -116,7 +116,8 @@ def _load(columns: Sequence[Any], wanted: Sequence[int], time: int | None) -> Lo
         return LogTable(values)
     stamps = _pieces(columns[time])
     if pa.types.is_temporal(stamps.type):
-        return LogTable(values, stamps=seconds_of([stamps], stamps.type), stamped=True)
+        since, began = seconds_of([stamps], stamps.type)
+        return LogTable(values, stamps=since, stamped=True, began=began)
     seconds = _numbers(columns[time])
     if pa.types.is_dictionary(stamps.type) and is_text(stamps.type.value_type):
         stamps = stamps.cast(stamps.type.value_type)

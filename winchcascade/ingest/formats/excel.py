@@ -172,6 +172,10 @@ def cell_numbers(cells: Sequence[Cell]) -> Signal:
     return np.where(np.isfinite(read), read, grouped)
 
 
+_EPOCH = (dt.datetime(1970, 1, 1) - dt.datetime(1899, 12, 30)).total_seconds()
+"""Beginning of 1970 on the calendar of spreadsheets. [s]"""
+
+
 def cell_seconds(cell: Cell) -> float:
     """Read a cell as seconds on the calendar of spreadsheets; NaN for one that is no time. [s]"""
     if isinstance(cell, dt.time):
@@ -312,7 +316,9 @@ def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> LogTa
     cells = [row[time] for row in rows]
     if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
         t = np.array(list(map(cell_seconds, cells)))
-        return without_notes(LogTable(values, stamps=t - t[np.isfinite(t)][0], stamped=True))
+        first = float(t[np.isfinite(t)][0])
+        began = first - _EPOCH if first > _EPOCH else None
+        return without_notes(LogTable(values, stamps=t - first, stamped=True, began=began))
     texts = [str(cell) for cell in cells]
     names = [text for text, cell in zip(texts, cells, strict=True) if is_name(cell)]  # stamps, or notes among numbers
     filled = sum(text.strip() != "" for text in texts)

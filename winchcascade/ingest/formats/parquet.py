@@ -73,7 +73,8 @@ def _load(path: Path, wanted: Sequence[int], time: int | None) -> LogTable:
         kind = file.schema_arrow[time].type
         kind = kind.value_type if pa.types.is_dictionary(kind) else kind
         if pa.types.is_temporal(kind):
-            return LogTable(values, stamps=seconds_of(_pieces(file, time), kind), stamped=True)
+            stamps, began = seconds_of(_pieces(file, time), kind)
+            return LogTable(values, stamps=stamps, stamped=True, began=began)
         return LogTable(values, stamps=texts_of(_pieces(file, time)) if is_text(kind) else _column(file, time))
 
 
@@ -143,8 +144,8 @@ def texts_of(pieces: Iterable[Any]) -> list[str]:
     return [words[k] for words, rows in chunks for k in rows.tolist()]
 
 
-def seconds_of(pieces: Iterable[Any], kind: Any) -> Signal:
-    """Read dates and times as seconds since the first one, NaN for nulls. [s]"""
+def seconds_of(pieces: Iterable[Any], kind: Any) -> tuple[Signal, float | None]:
+    """Read dates and times as seconds since the first one, NaN for nulls, and when that was, None without a date. [s]"""
     unit = "ms" if pa.types.is_date(kind) else kind.unit
     form = pa.timestamp("ms") if pa.types.is_date(kind) else pa.int32() if pa.types.is_time32(kind) else kind
     chunks = [chunk for piece in pieces for chunk in piece.cast(form).cast(pa.int64()).chunks]
@@ -152,4 +153,5 @@ def seconds_of(pieces: Iterable[Any], kind: Any) -> Signal:
     known, ticks = column.is_valid().to_numpy(), pc.fill_null(column, 0).to_numpy()
     first = ticks[known][0] if known.any() else 0
     # Whole ticks are subtracted before they become floats: nanoseconds since 1970 have more digits than a float.
-    return np.where(known, (ticks - first) / _TICKS[unit], np.nan)
+    dated = pa.types.is_date(kind) or pa.types.is_timestamp(kind)
+    return np.where(known, (ticks - first) / _TICKS[unit], np.nan), float(first / _TICKS[unit]) if dated else None

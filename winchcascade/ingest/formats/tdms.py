@@ -383,11 +383,13 @@ def _by_rows(
     values = {i: _numbers(raw[i][:rows]) for i in wanted}
     stamps: Any = None if time is None else raw[time][:rows]
     kind = "" if stamps is None else stamps.dtype.kind
-    if kind == STAMPS:
+    began = None
+    if kind == STAMPS and len(stamps):
+        began = float((stamps[0] - np.datetime64(0, "s")) / np.timedelta64(1, "s"))
         stamps = (stamps - stamps[0]) / np.timedelta64(1, "s")
     elif kind:
         stamps = [*map(str, stamps)] if kind == "O" else _numbers(stamps)
-    return LogTable(values, stamps, kind == STAMPS, findings)
+    return LogTable(values, stamps, kind == STAMPS, findings, began)
 
 
 def _numbers(samples: Any) -> Signal:
