@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.diagnosis.contributions import EFFICIENCIES
 from winchcascade.diagnosis.diagnosis_result import Alarm, Drift, EnergySpot, Spot
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from winchcascade.core.rig_file import ModelAccuracy
     from winchcascade.core.run import Signal
@@ -87,11 +86,21 @@ def unbalanced(energies: Iterable[PhaseEnergy]) -> list[Alarm]:
     ]
 
 
-def left_over(contributions: Sequence[Contribution], accuracy: ModelAccuracy) -> list[Alarm]:
-    """Residuals of efficiencies, whose 95 % intervals lie beyond what the rig file calls relevant."""
+STAGES_OF = {"eta_pto": ("line", "gen"), "eta_trans": ("line", "mech"), "eta_gen": ("mech", "gen")}
+"""Stages whose energies make each efficiency."""
+
+
+def left_over(
+    contributions: Iterable[Contribution], energies: Iterable[PhaseEnergy], accuracy: ModelAccuracy
+) -> list[Alarm]:
+    """Residuals of efficiencies that exceed what the rig file calls relevant, beyond the uncertainty of their energies."""
+    share = {
+        (one.run, one.stage): one.u / abs(one.measured) for one in energies if one.phase == "payout" and one.measured
+    }
     limit, found = accuracy.relevant_efficiency, []
     for one in contributions:
-        part = next((part for part in one.parts if part.kind == "residual"), None)
-        if one.metric in EFFICIENCIES and part is not None and max(part.low, -part.high) > limit:
-            found.append(Alarm("residual", Spot(one.metric, load=one.load), abs(part.value), limit))
+        residual = next((part.value for part in one.parts if part.kind == "residual"), 0.0)
+        first, last = (share.get((one.log, stage), math.inf) for stage in STAGES_OF.get(one.metric, ("", "")))
+        if abs(residual) - WITHIN * abs(one.measured) * math.hypot(first, last) > limit:
+            found.append(Alarm("residual", Spot(one.metric, load=one.load), abs(residual), limit))
     return found

@@ -213,7 +213,7 @@ def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> Model
         *result.cancelling,
         *(made_worse(closure) if closure is not None else []),
         *unbalanced(result.energies),
-        *left_over(result.contributions, data.rig.model),
+        *left_over(result.contributions, result.energies, data.rig.model),
     ]
     causes, minor = result.causes, {one.effect for one in result.minor}
     if not (causes or signs):

@@ -437,7 +437,7 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
         )
         drag = -c.clutch_drag * 0.5 * (1.0 - sign) * abs(sign)
         lost = c.line_friction * sign + c.line_drag * v[n] / c.r_motion + c.stribeck * slow
-        seen = torque[n] + drag if torque[n] > 0.0 else min(torque[n], drag)
+        seen = torque[n] + drag if torque[n] >= 0.0 else min(torque[n], drag)
         force = (screw + seen + lost + c.inertia_drum * a[n] / c.r_motion) / (c.r_drum * (1.0 + c.layering * x[n]))
         if c.loss_share != 0.0:
             force *= 0.5 * (1.0 + sign) / (1.0 - c.loss_share) + 0.5 * (1.0 - sign) * (1.0 - c.loss_share)
