@@ -4,6 +4,7 @@ import pytest
 from loops import failures
 
 from winchcascade.core.errors import RigError
+from winchcascade.core.quantity import Calibrated
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.rig_toml import BUILT_IN, built_in, built_in_text, parse_rig
 from winchcascade.rig.open_rig import load_rig
@@ -207,3 +208,58 @@ def test_a_name_that_is_no_rig_is_reported_with_those_there_are() -> None:
 def test_a_name_that_no_file_can_have_is_no_rig() -> None:
     with pytest.raises(RigError, match="no such file and no built-in rig of that name"):
         load_rig("9" * 5000)
+
+
+SHA256 = "0123456789abcdef" * 4
+
+
+def calibrated(record: str) -> str:
+    """A rig file whose gear mesh has a record of its calibration."""
+    return f'{MINIMAL}[drivetrain]\neta_mesh = {{ value = 94, unit = "%", tolerance = 0.5, calibrated = {record} }}\n'
+
+
+def test_a_calibrated_number_has_its_prior_in_si_units() -> None:
+    record = f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = 95, u = 2, source = "Table 4" }} }}'
+    number = parse_rig(calibrated(record), "mine.toml").drivetrain.eta_mesh
+    assert number is not None
+    assert number.value == pytest.approx(0.94)
+    prior = number.calibrated.prior if number.calibrated else None
+    assert prior is not None
+    assert (prior.value, prior.tolerance) == pytest.approx((0.95, 0.02))
+    assert (prior.unit, prior.source, prior.calibrated) == ("%", "Table 4", None)
+
+
+def test_a_calibrated_number_need_not_have_a_prior_nor_the_prior_an_uncertainty() -> None:
+    bare = parse_rig(calibrated('{ log = "a", sha256 = "" }'), "mine.toml").drivetrain.eta_mesh
+    exact = parse_rig(calibrated('{ log = "a", sha256 = "", prior = { value = 95 } }'), "mine.toml").drivetrain.eta_mesh
+    assert bare is not None
+    assert exact is not None
+    assert bare.calibrated == Calibrated("a", "")
+    assert exact.calibrated is not None
+    assert exact.calibrated.prior is not None
+    assert exact.calibrated.prior.tolerance is None
+
+
+@pytest.mark.parametrize(
+    ("record", "place", "found"),
+    [
+        ("3", "calibrated", "a whole number"),
+        (f'{{ sha256 = "{SHA256}" }}', "calibrated", "log"),
+        ('{ log = "a.csv" }', "calibrated", "sha256"),
+        (f'{{ log = 1, sha256 = "{SHA256}" }}', "calibrated.log", "a whole number"),
+        ('{ log = "a.csv", sha256 = "01AB" }', "calibrated.sha256", "'01AB'"),
+        (f'{{ log = "a.csv", sha256 = "{SHA256}", by = "me" }}', "calibrated", "by"),
+        (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = 0.95 }}', "calibrated.prior", "a number"),
+        (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ u = 2 }} }}', "calibrated.prior", "value"),
+        (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = 95, unit = "%" }} }}', "calibrated.prior", "unit"),
+        (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = 950 }} }}', "calibrated.prior", "9.5"),
+        (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = nan }} }}', "calibrated.prior", "nan"),
+        (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = 95, u = -1 }} }}', "calibrated.prior", "-0.01"),
+    ],
+)
+def test_a_wrong_record_of_a_calibration_is_a_fault_with_its_place(record: str, place: str, found: str) -> None:
+    with pytest.raises(RigError) as fault:
+        parse_rig(calibrated(record), "mine.toml")
+    text = str(fault.value)
+    assert text.startswith(f"mine.toml: [drivetrain] eta_mesh {place}")
+    assert found in text

@@ -6,17 +6,23 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from openlog import NOISE, made_log, motion_run, steady_payouts
+from openlog import NOISE, estimated_rig, made_log, motion_run, steady_payouts
 from rigs import truth_of
 
 from winchcascade import calibrate, read_run, reduce, simulate
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.quantity import Quantity
+from winchcascade.core.quantity import Calibrated, Quantity
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration
-from winchcascade.diagnosis.nuisances import nuisances, shifted
+from winchcascade.diagnosis.nuisances import (
+    before_calibration,
+    nuisances,
+    quantity_of,
+    shifted,
+    with_quantity,
+)
 from winchcascade.report.calibration_sheet import calibration_text
 from winchcascade.rig.baseline import baseline
 
@@ -34,9 +40,9 @@ def number(calibration: Calibration, name: str) -> tuple[float, float, float]:
 
 
 def with_tolerance(section: str, name: str, tolerance: float | None) -> Rig:
-    part = getattr(RIG, section)
-    number = msgspec.structs.replace(getattr(part, name), tolerance=tolerance)
-    return msgspec.structs.replace(RIG, **{section: msgspec.structs.replace(part, **{name: number})})
+    stated = quantity_of(RIG, section, name)
+    assert stated is not None
+    return with_quantity(RIG, section, name, msgspec.structs.replace(stated, tolerance=tolerance))
 
 
 def drawn(seed: int) -> tuple[Run, dict[str, float]]:
@@ -109,11 +115,64 @@ def test_a_fit_that_did_not_come_to_rest_says_so(monkeypatch: pytest.MonkeyPatch
 
 def test_a_number_of_which_the_log_says_nothing_new_is_marked() -> None:
     run = made_log(seed=1)
-    found = calibrate(run, RIG, steady_payouts(run))
+    found = calibrate(run, estimated_rig(), steady_payouts(run))
     assert {n.name for n in found.numbers if n.new} == FOUND
-    kept = next(n for n in found.numbers if not n.new)
-    assert kept.name == "eta_mesh"
-    assert kept.how == "rig file: an open circuit does not determine it"
+    assert [n.name for n in found.numbers if not n.determined] == ["eta_mesh"]
+
+
+def test_a_number_that_the_rig_file_knows_better_stays() -> None:
+    run = made_log(seed=1)
+    found = calibrate(run, RIG, steady_payouts(run))
+    assert not [n.name for n in found.numbers if n.new]
+    assert {n.name for n in found.numbers if n.determined} == FOUND
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "share", "found"),
+    [
+        ("winch", "r_drum", 0.01, "k_e"),
+        ("drivetrain", "gear_ratio", 0.01, "k_e"),
+        ("drivetrain", "eta_mesh", 0.01, "b_rotor"),
+    ],
+)
+def test_an_uncertainty_contains_those_of_numbers_that_act_alike(
+    section: str, name: str, share: float, found: str
+) -> None:
+    """The uncertainty is at least half of the one that is tied to it; the log contains a part of that itself."""
+    run = made_log(seed=1)
+    value = getattr(getattr(RIG, section), name).value
+    calibration = calibrate(run, with_tolerance(section, name, share * value), steady_payouts(run))
+    exact = calibrate(run, with_tolerance(section, name, 1e-6 * value), steady_payouts(run))
+    wide, narrow = (next(n for n in one.numbers if n.name == found) for one in (calibration, exact))
+    assert math.sqrt(wide.u**2 - narrow.u**2) > 0.5 * share * wide.value
+
+
+def test_dry_friction_that_is_not_known_is_in_the_uncertainty(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = made_log(seed=1)
+    wide = {n.name: n.u for n in calibrate(run, RIG, steady_payouts(run)).numbers}
+    monkeypatch.setattr("winchcascade.diagnosis.nuisances.ABSENT", {})
+    narrow = {n.name: n.u for n in calibrate(run, RIG, steady_payouts(run)).numbers}
+    assert wide["mu_screw"] > 3.0 * narrow["mu_screw"]
+    assert wide["b_rotor"] > 1.2 * narrow["b_rotor"]
+
+
+def test_the_limits_of_the_maker_serve_where_the_gain_of_vdc_was_not_calibrated() -> None:
+    run, sensor = made_log(seed=1), RIG.sensors["vdc"]
+    sensors = {**RIG.sensors, "vdc": msgspec.structs.replace(sensor, u_gain=None)}
+    k_e = calibrate(run, msgspec.structs.replace(RIG, sensors=sensors), steady_payouts(run)).numbers[0]
+    assert k_e.u > 0.005 / math.sqrt(3.0) * k_e.value
+
+
+def test_a_calibration_does_not_depend_on_an_earlier_one() -> None:
+    run, rig = made_log(seed=1), estimated_rig()
+    found = calibrate(run, rig, steady_payouts(run))
+    calibrated = rig
+    for n in found.numbers:
+        prior = quantity_of(rig, n.section, n.name)
+        number = Quantity(1.2 * n.value, n.unit, "", 1e-6 * n.value, Calibrated("earlier.csv", "", prior))
+        calibrated = with_quantity(calibrated, n.section, n.name, number)
+    assert before_calibration(calibrated) == rig
+    assert calibrate(run, calibrated, steady_payouts(run)).numbers == found.numbers
 
 
 def test_the_gain_of_the_voltage_is_not_reported_from_the_back_emf_constant() -> None:

@@ -13,6 +13,7 @@ from test_cli import one_sentence, winchcascade
 from test_readme import BLOCK, ROOT, output
 
 from winchcascade import load_rig
+from winchcascade.diagnosis.nuisances import calibrated_numbers
 
 MANUAL = ROOT / "docs" / "calibrate.md"
 BLOCKS = [(command, text) for _, command, text in BLOCK.findall(MANUAL.read_text(encoding="utf-8"))]
@@ -24,8 +25,12 @@ def log(fixtures: Path) -> Path:
 
 
 def test_a_rig_file_is_written_and_can_be_used(log: Path, tmp_path: Path) -> None:
-    rig = tmp_path / "ours.toml"
-    done = winchcascade("calibrate", log, "--write", rig)
+    rig, estimates = tmp_path / "ours.toml", tmp_path / "estimates.toml"
+    estimates.write_text(
+        'based_on = "hsu2026"\nname = "estimates"\n[drivetrain]\n'
+        'b_rotor = { value = 7.5e-4, unit = "N.m.s/rad", tolerance_percent = 10 }\n'
+    )
+    done = winchcascade("calibrate", log, "--rig", estimates, "--write", rig)
     assert done.returncode == 0, done.stderr
     assert f"rig file: {rig}" in done.stdout
     damper = load_rig(rig).drivetrain.b_rotor
@@ -34,6 +39,7 @@ def test_a_rig_file_is_written_and_can_be_used(log: Path, tmp_path: Path) -> Non
     assert winchcascade("reduce", log, "--rig", rig).returncode == 0
     assert winchcascade("simulate", log, "--rig", rig, "--out", tmp_path / "again.csv").returncode == 0
     assert winchcascade("calibrate", log, "--write", rig).returncode == 0  # its own file is replaced
+    assert calibrated_numbers(load_rig(rig)) == {}  # the built-in rig states them better
 
 
 def test_a_rig_file_of_ones_own_is_not_replaced(log: Path, tmp_path: Path) -> None:

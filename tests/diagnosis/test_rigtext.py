@@ -6,14 +6,15 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from openlog import made_log, steady_payouts
+from openlog import estimated_rig, made_log, steady_payouts
 
 from winchcascade import __version__, calibrate, load_rig
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.quantity import Quantity
+from winchcascade.core.quantity import Calibrated, Quantity
 from winchcascade.core.rig_file import EffectNumber, StatedEffect
 from winchcascade.core.rig_toml import built_in, built_in_text, parse_rig
 from winchcascade.diagnosis.calibrate import Calibration
+from winchcascade.diagnosis.nuisances import before_calibration, calibrated_numbers, quantity_of, with_quantity
 from winchcascade.diagnosis.rig_text import CORRECTED, MARK, calibrated_text, corrected_text
 
 NAMES = {"k_e": "generator", "mu_screw": "restoring", "b_rotor": "drivetrain"}
@@ -23,7 +24,7 @@ NAMES = {"k_e": "generator", "mu_screw": "restoring", "b_rotor": "drivetrain"}
 def calibration() -> Calibration:
     run = made_log(seed=1)
     run = msgspec.structs.replace(run, name="open circuit.csv", sha256="0123456789abcdef" * 4)
-    return calibrate(run, built_in(), steady_payouts(run))
+    return msgspec.structs.replace(calibrate(run, estimated_rig(), steady_payouts(run)), rig=built_in())
 
 
 def of_file(text: str, folder: Path) -> Calibration:
@@ -41,8 +42,17 @@ def assert_calibrated(text: str, found: Calibration) -> None:
             assert quantity.value == pytest.approx(n.value, abs=0.01 * n.u)
             assert quantity.tolerance == pytest.approx(n.u, rel=0.01)
             assert quantity.source.startswith("calibrated from open circuit.csv (sha256 0123456789ab, 2800 samples): ")
+            assert (quantity.calibrated.log, quantity.calibrated.sha256) == ("open circuit.csv", "0123456789abcdef" * 4)
+            assert_same(quantity.prior, getattr(getattr(found.rig, n.section), n.name).prior)
         else:
             assert quantity == getattr(getattr(found.rig, n.section), n.name)
+
+
+def assert_same(number: Quantity, other: Quantity) -> None:
+    """Equal but for the last digits, which a file does not hold."""
+    assert number.value == pytest.approx(other.value, rel=1e-11)
+    assert number.tolerance == (None if other.tolerance is None else pytest.approx(other.tolerance, rel=1e-11))
+    assert (number.unit, number.source, number.calibrated) == (other.unit, other.source, other.calibrated)
 
 
 def test_only_the_lines_of_calibrated_numbers_change() -> None:
@@ -59,8 +69,8 @@ def test_only_the_lines_of_calibrated_numbers_change() -> None:
 def test_an_entry_says_how_it_was_found_and_what_it_was() -> None:
     text = calibrated_text(calibration())
     assert_calibrated(text, calibration())
-    assert re.search(r'k_e = .*: regression of Vdc above 1000 rpm, R2 = 0.99\d+; was 0.062" }', text)
-    assert re.search(r'b_rotor = .*: line tension, torque and pressure; was 0.00075" }', text)
+    assert re.search(r'k_e = .*: regression of Vdc above 1000 rpm, R2 = 0.99\d+; was 0.062", ', text)
+    assert re.search(r'b_rotor = .*: line tension, torque and pressure; was 0.00075", ', text)
 
 
 def test_a_number_keeps_digits_down_to_a_hundredth_of_its_uncertainty() -> None:
@@ -111,7 +121,7 @@ def test_keys_on_lines_of_their_own_are_replaced(tmp_path: Path, entry: str) -> 
     text = calibrated_text(found)
     assert_calibrated(text, found)
     assert "tolerance_percent" not in text
-    assert "0.0617" not in text
+    assert text.count("0.0617") == 1  # as the number before
     assert ("# line to line" in text) == (entry is OWN_KEYS)
 
 
@@ -129,6 +139,48 @@ def test_a_calibration_of_a_calibrated_file_replaces_its_first_line(tmp_path: Pa
     again = calibrated_text(found)
     assert again.count(MARK) == 1
     assert_calibrated(again, found)
+
+
+def test_a_number_that_is_calibrated_again_keeps_its_first_prior(tmp_path: Path) -> None:
+    found = of_file(calibrated_text(calibration()), tmp_path)
+    run = msgspec.structs.replace(found.run, name="later.csv", sha256="f" * 64)
+    numbers = [msgspec.structs.replace(n, value=1.01 * n.value) for n in found.numbers]
+    again = parse_rig(calibrated_text(msgspec.structs.replace(found, run=run, numbers=tuple(numbers))), "again")
+    assert set(calibrated_numbers(again)) == {(section, name) for name, section in NAMES.items()}
+    for place, number in calibrated_numbers(again).items():
+        assert number.calibrated == Calibrated("later.csv", "f" * 64, quantity_of(built_in(), *place))
+
+
+def test_a_number_that_the_rig_file_lacked_has_no_prior(tmp_path: Path) -> None:
+    found = calibration()
+    bare = with_quantity(found.rig, "generator", "k_e", None)
+    path = tmp_path / "rig.toml"
+    path.write_text(re.sub(r"k_e = .*\n", "", built_in_text("hsu2026")), encoding="utf-8")
+    again = parse_rig(
+        calibrated_text(msgspec.structs.replace(found, rig=msgspec.structs.replace(bare, path=str(path)))), ""
+    )
+    k_e = again.generator.k_e
+    assert k_e is not None
+    assert k_e.calibrated == Calibrated("open circuit.csv", "0123456789abcdef" * 4)
+    assert before_calibration(again).generator.k_e == msgspec.structs.replace(k_e, calibrated=None)
+
+
+@pytest.mark.parametrize("own", [False, True], ids=["inline", "keys of their own"])
+def test_a_corrected_rig_file_has_the_numbers_before_their_calibration(tmp_path: Path, own: bool) -> None:
+    """The effects were found against those numbers; with the calibrated ones they would count twice."""
+    text = built_in_text("hsu2026")
+    if own:
+        text = re.sub(r"b_rotor = \{ value = (\S+), .*\}", r'b_rotor.value = \1\nb_rotor.unit = "N.m.s/rad"', text)
+    found = of_file(text, tmp_path)
+    before = found.rig
+    calibrated = of_file(calibrated_text(found), tmp_path).rig
+    number = Quantity(0.0612, "V/rpm", "diagnosis of Day 2", 1e-4)
+    again = corrected_text(calibrated, DRAG, {("generator", "k_e"): number}, "Day 2")
+    assert MARK not in again
+    rig = parse_rig(again, before.path)
+    assert calibrated_numbers(rig) == {}
+    expected = with_quantity(before, "generator", "k_e", number)
+    assert rig == msgspec.structs.replace(expected, effects=DRAG)
 
 
 def test_a_name_with_quotes_and_control_characters_is_written_as_text(tmp_path: Path) -> None:

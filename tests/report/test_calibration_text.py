@@ -85,7 +85,9 @@ def test_a_fit_that_does_not_follow_the_log_is_a_finding() -> None:
 def test_the_record_is_plain_json() -> None:
     record = msgspec.json.decode(msgspec.json.encode(calibration_record(calibration())))
     assert set(record) >= {"schema", "log", "rig", "numbers", "regression", "together"}
-    assert set(record["numbers"][0]) == {"section", "name", "unit", "before", "value", "low", "high", "u", "how", "new"}
+    assert set(record["numbers"][0]) == {
+        "section", "name", "unit", "before", "u_before", "value", "low", "high", "u", "how", "new",
+    }  # fmt: skip
     assert set(record["regression"]) == {"k_e", "low", "high", "r2", "samples", "eq8", "lag_s", "u_lag_s"}
     number = calibration().numbers[0]
     assert record["numbers"][0]["value"] == number.value

@@ -238,7 +238,7 @@ def write_corrected_rig(found: ModelDiagnosis | LineDiagnosis, path: Path, *, fo
             f"--write {path}: no model can be made of rig {found.rig.name}, so none can be corrected; leave --write out, or "
             "add the numbers that the rig file lacks."
         )
-    if corrected_rig(found) == found.rig:
+    if corrected_rig(found) == found.data.rig:
         return False
     write_content(path, corrected_rig_text(found), force=force)
     return True

@@ -96,8 +96,9 @@ def diagnose_command(
     The result states where they differ, which effects explain it, how certain that is, what share of the gap they close, and
     which run to make next.
 
-    The numbers of the rig file enter unchanged. Without --withhold and without withheld runs, each load is held out once. A
-    winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are held out in turn.
+    The numbers of the rig file enter as they are, or as before their calibration. Without --withhold and without withheld
+    runs, each load is held out once. A winch without a model is diagnosed from line tension, speed and mechanical power; its
+    cycles are held out in turn.
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions

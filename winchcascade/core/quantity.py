@@ -220,9 +220,28 @@ def unit_names(dimension: str) -> dict[float, str]:
 
 
 class Quantity(msgspec.Struct, frozen=True):
-    """A number in SI units with its source and, where it is known, one standard uncertainty in the same unit."""
+    """A number in SI units with its source and, where it is known, one standard uncertainty in the same unit.
+
+    `calibrated` records where a number comes from that `calibrate` wrote.
+    """
 
     value: float
     unit: str
     source: str = ""
     tolerance: float | None = None
+    calibrated: Calibrated | None = None
+
+    @property
+    def prior(self) -> Quantity:
+        """The number before its first calibration; itself, without a record, where it was not stated before."""
+        if self.calibrated is None:
+            return self
+        return self.calibrated.prior or msgspec.structs.replace(self, calibrated=None)
+
+
+class Calibrated(msgspec.Struct, frozen=True):
+    """Log of a calibrated number, and the number before its first calibration, None where the rig file stated none."""
+
+    log: str
+    sha256: str
+    prior: Quantity | None = None

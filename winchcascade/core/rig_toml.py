@@ -14,7 +14,7 @@ import msgspec
 
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.errors import RigError, check_type
-from winchcascade.core.quantity import Quantity, find_unit, read_as
+from winchcascade.core.quantity import Calibrated, Quantity, find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
     DcLink,
@@ -48,6 +48,22 @@ DEFAULT_RIG = "hsu2026"
 _FOLDER = Path(__file__).parent.parent / "rigfiles"
 
 
+class _Prior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A number before its first calibration, in the unit of the number."""
+
+    value: float
+    u: float | None = None
+    source: str = ""
+
+
+class _Calibrated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where a calibrated number comes from."""
+
+    log: str
+    sha256: str
+    prior: _Prior | None = None
+
+
 class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A number as a rig file writes it."""
 
@@ -56,6 +72,7 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     source: str = ""
     tolerance: float | None = None
     tolerance_percent: float | None = None
+    calibrated: _Calibrated | None = None
 
 
 def built_in_text(name: str) -> str:
@@ -302,7 +319,31 @@ def _quantity(value: object, place: str, measure: Measure) -> Quantity:
         tolerance = abs(in_si) * number.tolerance_percent / 100.0
     if tolerance is not None and not 0 <= tolerance <= HUGE:
         raise RigError(f"{place}: the tolerance is {tolerance:g}; expected a number that is not negative.")
-    return Quantity(in_si, number.unit, number.source, tolerance)
+    return Quantity(in_si, number.unit, number.source, tolerance, _calibrated(number, f"{place} calibrated", measure))
+
+
+_SHA256 = re.compile("([0-9a-f]{64})?")
+
+
+def _calibrated(number: _Number, place: str, measure: Measure) -> Calibrated | None:
+    """The record of a calibrated number, its prior in SI units."""
+    record = number.calibrated
+    if record is None:
+        return None
+    if _SHA256.fullmatch(record.sha256) is None:
+        raise RigError(
+            f"{place}.sha256 is {record.sha256!r}; expected the 64 hexadecimal digits of the SHA-256 of the log, or "
+            '"" where the log is no file.'
+        )
+    if record.prior is None:
+        return Calibrated(record.log, record.sha256)
+    prior = {
+        "value": record.prior.value,
+        "unit": number.unit,
+        "source": record.prior.source,
+        "tolerance": record.prior.u,
+    }
+    return Calibrated(record.log, record.sha256, _quantity(prior, f"{place}.prior", measure))
 
 
 def _possible(value: float, place: str, measure: Measure) -> float:

@@ -16,7 +16,14 @@ from winchcascade.core.rig_file import ModelAccuracy, Rig
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.nuisances import nuisances, quantity_of, sensor_errors, shifted, with_quantity
+from winchcascade.diagnosis.nuisances import (
+    before_calibration,
+    nuisances,
+    quantity_of,
+    sensor_errors,
+    shifted,
+    with_quantity,
+)
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.solve import huber, normal_equations
 from winchcascade.reduction.reduce import reduce
@@ -26,7 +33,7 @@ from winchcascade.rig.baseline import baseline
 
 
 def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> BackEmf:
-    """The regression of the back-EMF, its uncertainties with what the rig file leaves open of machine and DC link.
+    """The regression of the back-EMF, its uncertainties with what is open of the rig and of the Vdc sensor.
 
     The capacitor above all: on a ramp it takes a current whose drop in the bridge looks like a lag of Vdc.
 
@@ -34,17 +41,17 @@ def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> B
     ------
     LogError : no Vdc, or too few samples above 1000 rpm with a conducting bridge
     """
-    gain, _ = sensor_errors(rig.sensors.get("vdc"))
+    gain, zero = sensor_errors(rig.sensors.get("vdc"))
     found = back_emf(run, baseline(rig), payouts, u_gain=gain)
-    k_e = lag = 0.0
-    for n in nuisances(rig, [run]):
-        if n.kind == "rig" and n.section in ("generator", "dc_link") and n.name != "k_e":
-            moved = back_emf(run, baseline(shifted(rig, {(n.section, n.name): n.sd})), payouts)
-            k_e, lag = math.hypot(k_e, moved.k_e - found.k_e), math.hypot(lag, moved.lag - found.lag)
-    u = math.hypot(found.u_fit, found.u_sensor, k_e)
-    return msgspec.structs.replace(
-        found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=math.hypot(found.u_lag, lag)
-    )
+    zeroed = msgspec.structs.replace(run, channels={**run.channels, "vdc": run.channels["vdc"] + zero})
+    open_numbers = (n for n in nuisances(rig, [run]) if n.kind == "rig" and n.name != "k_e")
+    moved = [
+        back_emf(zeroed, baseline(rig), payouts),
+        *(back_emf(run, baseline(shifted(rig, {(n.section, n.name): n.sd})), payouts) for n in open_numbers),
+    ]
+    u = math.hypot(found.u_fit, found.u_sensor, *(one.k_e - found.k_e for one in moved))
+    u_lag = math.hypot(found.u_lag, *(one.lag - found.lag for one in moved))
+    return msgspec.structs.replace(found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=u_lag)
 
 
 FREED = {("drivetrain", "b_rotor"): 0.5, ("restoring", "mu_screw"): 0.5}
@@ -61,10 +68,12 @@ MESH_TOLERANCE = 0.01
 """Standard uncertainty of a mesh efficiency for which the rig file gives none. [1]"""
 
 REDUCED = 0.5
-"""A number is new if its uncertainty is below this share of that before."""
+"""A number is new if its uncertainty is below this share of the one that the rig file states. The weighted mean of both would
+then deviate from it by less than a fifth of their difference, so the two are not combined."""
 
-HELD_TOGETHER = 0.9
-"""Correlation of the errors of two numbers above which they cannot be distinguished."""
+HELD_TOGETHER = 0.866
+"""Correlation of the errors of two numbers above which they cannot be distinguished: to know one would halve the uncertainty of
+the other."""
 
 STRAINED = 4.0
 """Move of a nuisance, in its tolerances, beyond which the fit does not keep to its prior."""
@@ -79,19 +88,38 @@ SETTLED = 1e-3
 class Number(msgspec.Struct, frozen=True):
     """One calibrated number of the rig: value, 95 % interval and standard uncertainty `u` in its SI unit.
 
-    `before` is the number of the rig file, `how` the method. `new`: the log determines it better than the rig file does.
+    `before` is the number before any calibration and `u_before` its standard uncertainty, infinite where none is stated; `how`
+    is the method. `new`: the log determines it better than that.
     """
 
     section: str
     name: str
     unit: str
     before: float
+    u_before: float
     value: float
-    low: float
-    high: float
     u: float
-    new: bool
     how: str
+
+    @property
+    def low(self) -> float:
+        """Lower end of the 95 % interval."""
+        return self.value - COVERED * self.u
+
+    @property
+    def high(self) -> float:
+        """Upper end of the 95 % interval."""
+        return self.value + COVERED * self.u
+
+    @property
+    def new(self) -> bool:
+        """Whether a rig file takes the number over."""
+        return self.u < REDUCED * self.u_before
+
+    @property
+    def determined(self) -> bool:
+        """Whether the log determines the number at all, or its prior does."""
+        return self.new or (self.section, self.name) != TIED
 
 
 class Strain(msgspec.Struct, frozen=True):
@@ -120,7 +148,7 @@ class Calibration(msgspec.Struct, frozen=True):
 
     def __repr__(self) -> str:
         """One line instead of every number."""
-        found = (f"{n.name} = {n.value:.5g} {n.unit}".removesuffix(" 1") for n in self.numbers if n.new)
+        found = (f"{n.name} = {n.value:.5g} {n.unit}".removesuffix(" 1") for n in self.numbers if n.determined)
         return f"Calibration({self.rig.name!r}, {', '.join(found)})"
 
 
@@ -134,7 +162,8 @@ def calibrate(
     """Calibrate a rig from an open-circuit log (Sec. 4.2).
 
     The back-EMF constant is a regression on the DC voltage; damper and screw friction follow from line tension, torque and
-    pressure, fitted with everything else that is known to a tolerance only: precharge, gas volume, piston area, gains, zeros.
+    pressure, fitted with everything else that is known to a tolerance only: precharge, gas volume, piston area, gains, zeros,
+    dry friction. The start is the rig before any calibration, so that the result does not depend on an earlier one.
 
     Parameters
     ----------
@@ -153,15 +182,16 @@ def calibrate(
     if payouts is None:
         payouts = complete_payouts(reduce(run, rig=rig, cycles=cycles))
     _require_open_circuit(run, rig, payouts)
-    freed = _freed(rig)
+    before = before_calibration(rig)
+    freed = _freed(before)
     regression = back_emf_of(run, freed, payouts)
-    k_e = _back_emf_constant(rig, regression)
+    k_e = _back_emf_constant(before, regression)
     with_k_e = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, tolerance=k_e.u)
     exact = msgspec.structs.replace(freed, model=ModelAccuracy(discrepancy=0.0))
     data = Fitted([run], with_quantity(exact, "generator", "k_e", with_k_e), [cycles])
     value, covariance, misfit, settled = _posterior(data)
     at = [k for k, n in enumerate(data.nuisances) if (n.section, n.name) in (*FREED, TIED)]
-    numbers = (k_e, *(_fitted(rig, data, k, value, covariance) for k in at))
+    numbers = (k_e, *(_fitted(before, data, k, value, covariance) for k in at))
     together = tuple(_together(data, covariance, at, regression))
     strained = tuple(
         Strain(str(n), float(x))
@@ -222,36 +252,38 @@ def _back_emf_constant(rig: Rig, regression: BackEmf) -> Number:
         "k_e",
         "V/rpm",
         math.nan if before is None else before.value,
+        _u_of(before),
         regression.k_e,
-        regression.low,
-        regression.high,
         (regression.high - regression.k_e) / COVERED,
-        new=True,
         how=f"regression of Vdc above {RPM_MIN:g} rpm, R2 = {regression.r2:.5f}",
     )
+
+
+def _u_of(number: Quantity | None) -> float:
+    """Standard uncertainty that a rig file states, infinite where it states none."""
+    return math.inf if number is None or number.tolerance is None else number.tolerance
 
 
 def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -> Number:
     """A number of the rig from a fit, by its place among the nuisances."""
     n = data.nuisances[k]
-    before: float = getattr(getattr(rig, n.section), n.name).value
-    share, unit = math.sqrt(covariance[k, k]), find_unit(n.unit)
-    found, u, new = before + n.sd * float(value[k]), n.sd * share, share < REDUCED
+    before: Quantity = getattr(getattr(rig, n.section), n.name)
+    unit, tied = find_unit(n.unit), (n.section, n.name) == TIED
     channels = data.logs[0].run.channels
     *first, last = ("line tension" if name == "force" else name for name in FOUND_FROM if name in channels)
     found_from = f"{', '.join(first)} and {last}" if first else last
-    return Number(
+    number = Number(
         n.section,
         n.name,
         n.unit if unit is None else si_unit(unit.dimension),
-        before,
-        found,
-        found - COVERED * u,
-        found + COVERED * u,
-        u,
-        new,
-        how=found_from if new else "rig file: an open circuit does not determine it",
+        before.value,
+        n.sd if tied else _u_of(before),
+        before.value + n.sd * float(value[k]),
+        n.sd * math.sqrt(covariance[k, k]),
+        how=found_from,
     )
+    kept = "rig file: an open circuit does not determine it"
+    return number if number.determined else msgspec.structs.replace(number, how=kept)
 
 
 def _freed(rig: Rig) -> Rig:
@@ -274,18 +306,15 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
     """
     used = np.array([channel not in ("vdc", "idc") for channel in CHANNELS], dtype=np.float64)
     nu = np.zeros(len(data.nuisances))
-    # the rig as its file has it, without dry friction
-    free = np.array([n.kind != "law" and not (n.kind == "zero" and n.name == "idc") for n in data.nuisances])
     for _ in range(ROUNDS):
         z = data.whiten((data.measured - data.predict(nu, [])) * used)
         curve, slope = normal_equations(z, data.jacobian(nu, [], used), nu)
-        inner = np.where(np.outer(free, free), curve, np.eye(nu.size))
-        own = np.linalg.solve(inner, np.where(free, slope, 0.0)).astype(np.float64)
+        own = np.linalg.solve(curve, slope).astype(np.float64)
         nu, settled = nu + own, float(np.max(np.abs(own))) < SETTLED
         if settled:
             break
     misfit = 2.0 * huber(z) / max(int(np.count_nonzero(z)), 1)
-    return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(inner), dtype=np.float64), misfit, settled
+    return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(curve), dtype=np.float64), misfit, settled
 
 
 def _together(data: Fitted, covariance: Signal, at: Sequence[int], regression: BackEmf) -> Iterator[str]:

@@ -36,6 +36,7 @@ from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.evidence import Found, RigProblem, fit_set, linearise, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.nuisances import before_calibration
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.stagewise import stagewise
@@ -52,7 +53,8 @@ if TYPE_CHECKING:
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of the owner's own simulation
-    where there is one, `fitted_blocks` those of the fit with its causes.
+    where there is one, `fitted_blocks` those of the fit with its causes. `rig` is as its file states it; `data.rig` has the
+    numbers before their calibration, which the causes are found against.
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
     those of its phases, and `cancelling` are causes that cancel each other. `thresholds` are how large each effect would have
@@ -91,7 +93,9 @@ def diagnose(
     seed: int = 0,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> ModelDiagnosis:
-    """Diagnose some runs on one rig, whose file enters unchanged and is not calibrated first.
+    """Diagnose some runs on one rig, each number of which enters as it was before any calibration.
+
+    A calibration explains an open circuit by the numbers of the rig alone, and so absorbs a part of what acts on it.
 
     Parameters
     ----------
@@ -111,7 +115,8 @@ def diagnose(
     """
     Entries(runs, cycles, withheld, title).check_withheld()
     on_progress("simulating the model of the rig file")
-    data, suspects = Fitted(runs, rig, cycles, withheld), bound_to(suspects, rig, runs)
+    before = before_calibration(rig)
+    data, suspects = Fitted(runs, before, cycles, withheld), bound_to(suspects, before, runs)
     if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
         raise LogError(
             f"{data.logs[0].run.name}: no log that takes part has {', '.join(CHANNELS[:-1])} or {CHANNELS[-1]} that the model "

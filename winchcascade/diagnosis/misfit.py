@@ -152,8 +152,8 @@ class Fitted:
         cycles: Sequence[tuple[int, int] | None] | None = None,
         withheld: Collection[int] = (),
     ) -> None:
-        self.rig, self.stated_by_run = _without_changes_by_run(rig)
-        self.nominal, self.withheld = baseline(self.rig), frozenset(withheld)
+        self._same, self.stated_by_run = _without_changes_by_run(rig)
+        self.rig, self.nominal, self.withheld = rig, baseline(self._same), frozenset(withheld)
         self.order = _order(runs)
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs)
         self.cycles = cycles or [None] * len(runs)
@@ -190,7 +190,7 @@ class Fitted:
         Loads and gains are as they are stated, and so are entries that concern one log.
         """
         numbers = {(n.section, n.name): move for n, move in self.moves(nu, "rig") if move}
-        model = baseline(shifted(self.rig, numbers)) if numbers else self.nominal
+        model = baseline(shifted(self._same, numbers)) if numbers else self.nominal
         for n, move in self.moves(nu, "law"):
             model = changed(model, n.path, "add", move) if move else model
         for effect in effects:

@@ -160,10 +160,10 @@ def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
     """
     if sensor is None:
         return 0.0, 0.0
-    if sensor.u_gain is None and sensor.u_zero is None:
-        return part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")
-    gain = sensor.u_gain if sensor.u_gain is not None else (sensor.accuracy_reading or 0.0) / math.sqrt(3.0)
-    return gain, sensor.u_zero or 0.0
+    if sensor.u_gain is None:
+        zero = part_uncertainty(sensor, "zero") if sensor.u_zero is None else sensor.u_zero
+        return part_uncertainty(sensor, "gain"), zero
+    return sensor.u_gain, sensor.u_zero or 0.0
 
 
 def quantity_of(rig: Rig, section: str, name: str) -> Quantity | None:
@@ -176,6 +176,23 @@ def with_quantity(rig: Rig, section: str, name: str, number: Quantity | None) ->
     """A rig with another number."""
     part = msgspec.structs.replace(getattr(rig, section), **{name: number})
     return msgspec.structs.replace(rig, **{section: part})
+
+
+def calibrated_numbers(rig: Rig) -> dict[tuple[str, str], Quantity]:
+    """Numbers of a rig that a calibration wrote, by section and name."""
+    stated = {
+        (section, name): getattr(getattr(rig, section), name)
+        for section in SECTIONS
+        for name in getattr(rig, section).__struct_fields__
+    }
+    return {place: n for place, n in stated.items() if isinstance(n, Quantity) and n.calibrated is not None}
+
+
+def before_calibration(rig: Rig) -> Rig:
+    """The rig with each calibrated number as it was before its first calibration."""
+    for place, number in calibrated_numbers(rig).items():
+        rig = with_quantity(rig, *place, number.prior)
+    return rig
 
 
 def shifted(rig: Rig, by: Mapping[tuple[str, str], float]) -> Rig:

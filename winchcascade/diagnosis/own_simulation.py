@@ -298,7 +298,7 @@ def fit_simulation(
     simulations: Sequence[Run], result: ModelDiagnosis, on_progress: Callable[[str], None]
 ) -> OwnSimulation:
     """Fit an own simulation as if it were a set of logs, with the suspects of a diagnosis and the usual simplifications."""
-    data = Fitted(simulations, result.rig, result.data.cycles)
+    data = Fitted(simulations, result.data.rig, result.data.cycles)
     suspects: Suspects = {**result.suspects, **SIMPLIFICATIONS}
     found = search(data, suspects, lambda step: on_progress(f"your simulation: {step}"))
     nothing = np.zeros(len(data.nuisances))

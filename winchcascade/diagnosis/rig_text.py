@@ -18,7 +18,7 @@ from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
 from winchcascade.core.rig_toml import built_in_text, parse_rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of
-from winchcascade.diagnosis.nuisances import quantity_of, with_quantity
+from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.baseline import stated_effects
 from winchcascade.rig.effects.wrong_entries import SHARED_RADIUS
@@ -41,18 +41,22 @@ CALIBRATED = "calibrated from "
 
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(#.*)?$")
 _KEY = re.compile(r"""\s*([A-Za-z0-9_\-."' \t]+?)\s*=""")
-_TABLE = re.compile(r"""\{(?:[^{}"']|"(?:\\.|[^"\\])*"|'[^']*')*\}""")
+_SIGN = r"""[^{}"']|"(?:\\.|[^"\\])*"|'[^']*'"""
+_PRIOR = rf"\{{(?:{_SIGN})*\}}"
+_CALIBRATED = rf"\{{(?:{_SIGN}|{_PRIOR})*\}}"
+_TABLE = re.compile(rf"\{{(?:{_SIGN}|{_CALIBRATED})*\}}")
 _quoted = partial(json.dumps, ensure_ascii=False)
 """A TOML string; JSON escapes the same characters by the same signs."""
 
-_OF_A_NUMBER = ("value", "unit", "source", "tolerance", "tolerance_percent")
+_OF_A_NUMBER = ("value", "unit", "source", "tolerance", "tolerance_percent", "calibrated")
 
 
 def calibrated_text(calibration: Calibration) -> str:
     """Write the numbers that an open circuit gives into the text of the rig file.
 
-    A number that is found anew gets its value, its standard uncertainty as `tolerance` and a `source` that names the log; a
-    number that the log does not determine better keeps its entry. The first line names this tool, its version and the log.
+    A number that is found anew gets its value, its standard uncertainty as `tolerance`, a `source` that names the log, and as
+    `calibrated` the log and the number before the first calibration; a number that the log does not determine better keeps its
+    entry. The first line names this tool, its version and the log.
 
     Raises
     ------
@@ -69,7 +73,7 @@ def calibrated_text(calibration: Calibration) -> str:
     text = _text_of(calibration.rig)
     for number in found:
         text = _with_entry(text, (number.section, number.name), _entry(number, calibration))
-    text = _marked(text, MARK, log_name(calibration.run), [number.name for number in found])
+    text = _marked(text, MARK, log_name(calibration.run), [number.name for number in found] or ["no number"])
     _check(text, calibration.rig, found)
     return text
 
@@ -78,6 +82,8 @@ def corrected_text(
     rig: Rig, effects: Mapping[str, StatedEffect], entries: Mapping[tuple[str, str], Quantity], title: str
 ) -> str:
     """Write effects into the text of a rig file, in place of those that it states by the same names, and corrected numbers.
+
+    Calibrated numbers are as before their calibration again, since the effects were found against those.
 
     Parameters
     ----------
@@ -89,19 +95,21 @@ def corrected_text(
     RigError : the rig file cannot be read again, or states an effect in a way that cannot be replaced
     """
     text = _text_of(rig)
-    end = _line_end(text)
+    first, _, rest = text.partition("\n")
+    text, end = rest if first.startswith(MARK) else text, _line_end(text)
     for name, effect in effects.items():
         lines = _without_table(text.splitlines(keepends=True), ("effects", name))
         text = f"{''.join(lines).rstrip()}{end}{end}{end.join(_effect_lines(name, effect))}{end}"
-    for place, number in entries.items():
-        text = _with_entry(text, place, _quantity_entry(number))
-    text = _marked(text, CORRECTED, printable_name(title), [*effects, *(name for _, name in entries)])
+    changed = {place: number.prior for place, number in calibrated_numbers(rig).items()} | dict(entries)
+    for place, number in changed.items():
+        text = _with_entry(text, place, _quantity_entry(number) if place in entries else _prior_entry(number))
+    text = _marked(text, CORRECTED, printable_name(title), [*effects, *(name for _, name in changed)])
     expected = msgspec.structs.replace(rig, effects={**rig.effects, **effects})
     try:
         again = parse_rig(text, rig.path)
-        for place, number in entries.items():
+        for place, number in changed.items():
             written = quantity_of(again, *place)
-            if written is not None and written.source == number.source:
+            if written is not None and written.calibrated is None and written.source == number.source:
                 again = with_quantity(again, *place, quantity_of(rig, *place))
     except RigError as fault:
         raise RigError(
@@ -123,6 +131,26 @@ def _quantity_entry(number: Quantity) -> dict[str, str]:
         "tolerance": f"{u / scale.factor:.3g}",
         "source": _quoted(number.source),
     }
+
+
+def _prior_entry(number: Quantity) -> dict[str, str]:
+    """Keys and TOML values of a number as it was before its calibration."""
+    stated = _stated(number, "tolerance")
+    return {"value": stated["value"], "unit": _quoted(number.unit), **stated}
+
+
+def _stated(number: Quantity, u: str) -> dict[str, str]:
+    """Value, standard uncertainty by the key `u` and source of a number, in the unit of its file; none that is not stated."""
+    scale = find_unit(number.unit) or Unit("number", 1.0)
+    entry = {"value": f"{(number.value - scale.offset) / scale.factor:.12g}"}
+    if number.tolerance is not None:
+        entry[u] = f"{number.tolerance / scale.factor:.12g}"
+    return entry | ({"source": _quoted(number.source)} if number.source else {})
+
+
+def _inline(entry: Mapping[str, str]) -> str:
+    """An inline table."""
+    return f"{{ {', '.join(f'{key} = {value}' for key, value in entry.items())} }}"
 
 
 def _effect_lines(name: str, effect: StatedEffect) -> Iterator[str]:
@@ -196,11 +224,16 @@ def _entry(number: Number, calibration: Calibration) -> dict[str, str]:
     scale = find_unit(unit) or Unit("number", 1.0)
     tolerance = number.u / scale.factor
     was = "" if math.isnan(number.before) else f"; was {(number.before - scale.offset) / scale.factor:.6g}"
+    record = {"log": _quoted(printable_name(calibration.run.name)), "sha256": _quoted(calibration.run.sha256)}
+    prior = old if old is None or old.calibrated is None else old.calibrated.prior
+    if prior is not None:
+        record["prior"] = _inline(_stated(prior, "u"))
     return {
         "value": rounded((number.value - scale.offset) / scale.factor, tolerance),
         "unit": _quoted(unit),
         "tolerance": f"{tolerance:.3g}",
         "source": _quoted(f"{CALIBRATED}{log_name(calibration.run)}: {number.how}{was}"),
+        "calibrated": _inline(record),
     }
 
 
@@ -218,7 +251,7 @@ def _with_entry(text: str, wanted: tuple[str, str], entry: dict[str, str]) -> st
     """Replace the entry of a number by section and name, an inline table or keys of their own, or add it if there is none."""
     lines = text.splitlines(keepends=True)
     end = _line_end(text)
-    inline = f"{{ {', '.join(f'{key} = {value}' for key, value in entry.items())} }}"
+    inline = _inline(entry)
     section, own = None, []
     for k, here, key in _keys(lines):
         path = here + _path(key)
@@ -292,8 +325,8 @@ def corrected_rig_text(found: ModelDiagnosis) -> str:
 
 
 def corrected_rig(found: ModelDiagnosis) -> Rig:
-    """The rig of a diagnosis with its named causes as effects."""
-    rig = msgspec.structs.replace(found.rig, effects={**found.rig.effects, **stated_causes(found)})
+    """The rig that a diagnosis started from, with its named causes as effects."""
+    rig = msgspec.structs.replace(found.data.rig, effects={**found.rig.effects, **stated_causes(found)})
     for place, number in corrected_entries(found).items():
         rig = with_quantity(rig, *place, number)
     return rig
@@ -312,7 +345,7 @@ def corrected_entries(found: ModelDiagnosis) -> dict[tuple[str, str], Quantity]:
         if entry is None or not entry.number:
             continue
         section, _, name = entry.number.partition(".")
-        stated = quantity_of(found.rig, section, name)
+        stated = quantity_of(found.data.rig, section, name)
         if stated is not None:
             share = 1.0 + float(fit.x[k])
             source = f"diagnosis of {printable_name(found.title)}: {share:.4g} times the stated number"

@@ -11,7 +11,7 @@ import numpy as np
 
 from winchcascade.core.campaign_file import banner, origin_record
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.quantity import KGF, Quantity
+from winchcascade.core.quantity import KGF
 from winchcascade.core.run import Signal
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import Calibration, Number
@@ -87,6 +87,7 @@ def calibration_record(calibration: Calibration) -> dict[str, Any]:
                 "name": n.name,
                 "unit": n.unit,
                 "before": n.before if math.isfinite(n.before) else None,
+                "u_before": n.u_before if math.isfinite(n.u_before) else None,
                 "value": n.value,
                 "low": n.low,
                 "high": n.high,
@@ -154,11 +155,10 @@ def together_words(calibration: Calibration) -> str:
 
 
 def comparison(calibration: Calibration) -> str:
-    """How the numbers found anew compare with those of the rig file."""
+    """How the numbers found compare with those of the rig file, and which of them stay."""
     agree, differ = [], []
-    for n in (n for n in calibration.numbers if n.new and math.isfinite(n.before)):
-        given: Quantity | None = getattr(getattr(calibration.rig, n.section), n.name)
-        z = (n.value - n.before) / math.hypot(n.u, (given.tolerance if given else None) or 0.0)
+    for n in (n for n in calibration.numbers if n.determined and math.isfinite(n.before)):
+        z = (n.value - n.before) / math.hypot(n.u, n.u_before if math.isfinite(n.u_before) else 0.0)
         share = 100.0 * abs(n.value / n.before - 1.0) if n.before else math.nan
         beyond = (
             f"{n.name} is {significant(share, 2)} % {'above' if z > 0 else 'below'} it, {abs(z):.0f} standard uncertainties of "
@@ -167,7 +167,9 @@ def comparison(calibration: Calibration) -> str:
         agree += [n.name] if abs(z) <= BEYOND else []
         differ += [beyond] if abs(z) > BEYOND else []
     sentences = [f"{_and(agree)} agree{'s' if len(agree) == 1 else ''} within the tolerances"] if agree else []
-    return "; ".join([*sentences, *differ]) or "nothing to compare"
+    kept = [n.name for n in calibration.numbers if n.determined and not n.new]
+    stay = [f"the log does not halve the uncertainty of {_and(kept)}, so the rig file keeps its own"] if kept else []
+    return "; ".join([*sentences, *differ, *stay]) or "nothing to compare"
 
 
 def _and(names: Sequence[str]) -> str:
@@ -177,7 +179,7 @@ def _and(names: Sequence[str]) -> str:
 def findings(calibration: Calibration) -> list[str]:
     """A lag of Vdc that is significant, signs that something else acts on the rig, and a fit that did not come to rest."""
     r, found = calibration.regression, []
-    names = [n.name for n in calibration.numbers if n.new and n.name != "k_e"]
+    names = [n.name for n in calibration.numbers if n.determined and n.name != "k_e"]
     if calibration.misfit > MISFIT:
         found.append(
             f"fit: with the numbers found, force, torque and pressure still differ from the model by "
@@ -237,7 +239,7 @@ def calibration_report(calibration: Calibration, *, command: str = "") -> conten
         kind="Calibration of a rig in open circuit",
         title=rig.name,
         subtitle=" · ".join(part for part in (rig.title, f"log {run.name}", run.about) if part),
-        tiles=tuple(map(_tile, new[:3])),
+        tiles=tuple(_tile(n) for n in calibration.numbers if n.determined),
         points=(
             content.data_point([run.origin]),
             content.Point(

@@ -430,10 +430,11 @@ def _method(texts: Sequence[str]) -> content.Section:
 def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> content.Section:
     rig, sets = found.rig, len(found.sets)
     if isinstance(found, LineDiagnosis):
-        logs, judged, source = line_logs_table(found), "Judged", "Source of the logs and the rig"
+        logs, judged, source, start = line_logs_table(found), "Judged", "Source of the logs and the rig", ""
         fits = f"{sets} sets of suspects, {found.moments.folds} times each"
     else:
         logs, judged, source = tables.diagnosed_logs_table(found), "Withheld", "Source of the rig's numbers"
+        start = words.start_words(found)
         tolerances = sum(n.kind != "discrepancy" for n in found.data.nuisances)
         fits = f"{sets} set{'s' if sets > 1 else ''} of effects; {tolerances} tolerances beside each"
     rows = [
@@ -442,6 +443,7 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> content.
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         (source, rig.source),
         ("SHA-256 of the rig file", content.file_digest(rig.path)),
+        *([("Start of the fit", start)] if start else []),
         ("Suspects", ", ".join(found.suspects)),
         ("Fits", fits),
         ("Seed of the resampled cycles", str(found.seed)),

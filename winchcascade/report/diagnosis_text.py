@@ -12,6 +12,7 @@ import msgspec
 
 from winchcascade.core.campaign_file import joint_origin, origin_record, origin_words
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.rig_file import Rig
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     Alternative,
@@ -25,6 +26,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, LineRemainder
+from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_costs import cost_lines, cost_title, no_energy_words
@@ -106,14 +108,14 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
     ----------
     files : what was written, and what was not
     """
-    note = arises = means = steady = ""
+    note = arises = means = steady = start = ""
     if isinstance(found, LineDiagnosis):
         note, steady, means = flipped_words(found), words.again_words(found), "the samples of those cycles"
         rest = entry("not needed", small_words(found))
         rest += entry("slope", slope_words(found) if "drum_inertia" in found.chosen else "")
     else:
         arises, means = words.arises_words(found) if words.says_more(found) else "", "block means on those logs"
-        steady = trend_words(found)
+        steady, start = trend_words(found), words.start_words(found)
         rest = entry("checked", words.checked_words(found) if found.verdict == "no_gap" else "")
         rest += entry("not needed", words.not_needed_words(found))
     return (
@@ -126,6 +128,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
                     *headed(entry("data", origin_words(words.origins_of(found))), "not measured", "warning"),
                     *entry("note", note),
                     *entry("findings", "\n".join(finding_words(found))),
+                    *entry("start", start),
                     *(
                         line
                         for k, text in enumerate(own_simulation_words(found))
@@ -316,6 +319,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         "simulations": [{"file": run.name, "findings": finding_records(run)} for run in simulations_of(found)],
         "verdict": found.verdict,
         **_baseline(found),
+        "calibrated": [] if isinstance(found, LineDiagnosis) else _calibrated(found.rig),
         "where": _where(found),
         "causes": [
             {
@@ -395,6 +399,20 @@ def _baseline(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         for form in own.forms
     ]
     return {"baseline": "own_simulation", "model_form": forms}
+
+
+def _calibrated(rig: Rig) -> list[dict[str, Any]]:
+    """Calibrated numbers, and what a diagnosis starts from in their place, null where the rig file had no number before."""
+    return [
+        {
+            "number": ".".join(place),
+            "log": record.log,
+            "value": rounded_number(number.value),
+            "prior": None if record.prior is None else rounded_number(record.prior.value),
+        }
+        for place, number in calibrated_numbers(rig).items()
+        if (record := number.calibrated) is not None
+    ]
 
 
 def _part(part: CyclePart) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_diagnose import BURST, SLOW, LineDiagnosis, LineRemainder
 from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
+from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.diagnosis.solve import HUBER
 from winchcascade.diagnosis.stability import CHANCE
 from winchcascade.report.cause_words import alternatives_words, cause_words, cycles_of, part_words, slope_words
@@ -158,6 +159,18 @@ def not_needed_words(found: DiagnosisResult) -> str:
     chosen = {effect_name(name) for name in found.chosen}
     others = dict.fromkeys(effect_name(name) for name in found.suspects if effect_name(name) not in chosen)
     return ", ".join(others) if found.causes else ""
+
+
+def start_words(found: ModelDiagnosis) -> str:
+    """Calibrated numbers in whose place a diagnosis starts from those before; empty without any."""
+    logs: dict[str, list[str]] = {}
+    for (_, name), stated in calibrated_numbers(found.rig).items():
+        if stated.calibrated is not None and stated.calibrated.prior is not None:
+            logs.setdefault(stated.calibrated.log, []).append(name)
+    return " ".join(
+        f"The diagnosis starts from {', '.join(names)} before the calibration from {log}."
+        for log, names in logs.items()
+    )
 
 
 # ----------------------------------------------------------------------------------------------------------- the verdict
