@@ -68,8 +68,7 @@ MESH_TOLERANCE = 0.01
 """Standard uncertainty of a mesh efficiency for which the rig file gives none. [1]"""
 
 REDUCED = 0.5
-"""A number is new if its uncertainty is below this share of the one that the rig file states. The weighted mean of both would
-then deviate from it by less than a fifth of their difference, so the two are not combined."""
+"""The log determines a number if its uncertainty is below this share of the width that the fit leaves it."""
 
 HELD_TOGETHER = 0.866
 """Correlation of the errors of two numbers above which they cannot be distinguished: to know one would halve the uncertainty of
@@ -89,7 +88,7 @@ class Number(msgspec.Struct, frozen=True):
     """One calibrated number of the rig: value, 95 % interval and standard uncertainty `u` in its SI unit.
 
     `before` is the number before any calibration and `u_before` its standard uncertainty, infinite where none is stated; `how`
-    is the method. `new`: the log determines it better than that.
+    is the method. `new`: the log determines it, so that a rig file takes it over; a diagnosis starts from the number before.
     """
 
     section: str
@@ -113,13 +112,11 @@ class Number(msgspec.Struct, frozen=True):
 
     @property
     def new(self) -> bool:
-        """Whether a rig file takes the number over."""
-        return self.u < REDUCED * self.u_before
-
-    @property
-    def determined(self) -> bool:
-        """Whether the log determines the number at all, or its prior does."""
-        return self.new or (self.section, self.name) != TIED
+        """Whether the log determines the number, or its prior does."""
+        if (self.section, self.name) == TIED:
+            return False
+        freed = FREED.get((self.section, self.name))
+        return freed is None or self.u < REDUCED * freed * abs(self.before)
 
 
 class Strain(msgspec.Struct, frozen=True):
@@ -148,7 +145,7 @@ class Calibration(msgspec.Struct, frozen=True):
 
     def __repr__(self) -> str:
         """One line instead of every number."""
-        found = (f"{n.name} = {n.value:.5g} {n.unit}".removesuffix(" 1") for n in self.numbers if n.determined)
+        found = (f"{n.name} = {n.value:.5g} {n.unit}".removesuffix(" 1") for n in self.numbers if n.new)
         return f"Calibration({self.rig.name!r}, {', '.join(found)})"
 
 
@@ -283,7 +280,7 @@ def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -
         how=found_from,
     )
     kept = "rig file: an open circuit does not determine it"
-    return number if number.determined else msgspec.structs.replace(number, how=kept)
+    return number if number.new else msgspec.structs.replace(number, how=kept)
 
 
 def _freed(rig: Rig) -> Rig:

@@ -155,9 +155,9 @@ def together_words(calibration: Calibration) -> str:
 
 
 def comparison(calibration: Calibration) -> str:
-    """How the numbers found compare with those of the rig file, and which of them stay."""
+    """How the numbers found compare with those of the rig file."""
     agree, differ = [], []
-    for n in (n for n in calibration.numbers if n.determined and math.isfinite(n.before)):
+    for n in (n for n in calibration.numbers if n.new and math.isfinite(n.before)):
         z = (n.value - n.before) / math.hypot(n.u, n.u_before if math.isfinite(n.u_before) else 0.0)
         share = 100.0 * abs(n.value / n.before - 1.0) if n.before else math.nan
         beyond = (
@@ -167,9 +167,7 @@ def comparison(calibration: Calibration) -> str:
         agree += [n.name] if abs(z) <= BEYOND else []
         differ += [beyond] if abs(z) > BEYOND else []
     sentences = [f"{_and(agree)} agree{'s' if len(agree) == 1 else ''} within the tolerances"] if agree else []
-    kept = [n.name for n in calibration.numbers if n.determined and not n.new]
-    stay = [f"the log does not halve the uncertainty of {_and(kept)}, so the rig file keeps its own"] if kept else []
-    return "; ".join([*sentences, *differ, *stay]) or "nothing to compare"
+    return "; ".join([*sentences, *differ]) or "nothing to compare"
 
 
 def _and(names: Sequence[str]) -> str:
@@ -179,7 +177,7 @@ def _and(names: Sequence[str]) -> str:
 def findings(calibration: Calibration) -> list[str]:
     """A lag of Vdc that is significant, signs that something else acts on the rig, and a fit that did not come to rest."""
     r, found = calibration.regression, []
-    names = [n.name for n in calibration.numbers if n.determined and n.name != "k_e"]
+    names = [n.name for n in calibration.numbers if n.new and n.name != "k_e"]
     if calibration.misfit > MISFIT:
         found.append(
             f"fit: with the numbers found, force, torque and pressure still differ from the model by "
@@ -239,7 +237,7 @@ def calibration_report(calibration: Calibration, *, command: str = "") -> conten
         kind="Calibration of a rig in open circuit",
         title=rig.name,
         subtitle=" · ".join(part for part in (rig.title, f"log {run.name}", run.about) if part),
-        tiles=tuple(_tile(n) for n in calibration.numbers if n.determined),
+        tiles=tuple(_tile(n) for n in calibration.numbers if n.new),
         points=(
             content.data_point([run.origin]),
             content.Point(
