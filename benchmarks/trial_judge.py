@@ -116,6 +116,8 @@ def family_lines(campaigns: Path, diagnoses: Path, family: str) -> Iterator[str]
     kinds = sorted({truth["kind"] for _, truth, _, _ in rows})
     for kind in [None, *kinds] if len(kinds) > 1 else [None]:
         judged = [judgement for _, truth, _, judgement in rows if kind in (None, truth["kind"])]
+        if not judged:
+            continue
         named = [j.named for j in judged if j.named is not None]
         yield (
             f"{f'  {kind}' if kind else family:<34} {len(judged):>3} diagnosed  honest {sum(j.honest for j in judged):>3}"

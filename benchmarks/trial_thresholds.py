@@ -1,7 +1,5 @@
 """Whether effects are named from the thresholds that a diagnosis states: above them nearly always, below them at most half.
 
-python benchmarks/trial_thresholds.py [--cases N] [--first K] [--jobs J] [--out FOLDER] [--score]
-
 The diagnosis of a campaign without any effect states from which size each effect alone would have been named. The model of
 the rig then simulates the same motions with one effect of 1.2 times (odd numbers) and 0.6 times (even numbers) that size.
 Numbers of the rig, loads, gains, zeros and noise are drawn anew for each case, within their stated uncertainties.
@@ -9,17 +7,16 @@ Numbers of the rig, loads, gains, zeros and noise are drawn anew for each case, 
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import numpy as np
-from measure import CAMPAIGN, ROOT
+from measure import CAMPAIGN
 from trial_cases import Found, commit
+from trial_progress import Printed
 from trial_scores import Bar, Figure, counted, table
-from trials import Printed
 
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign
 from winchcascade.blind.cases import campaign_toml, log_text
@@ -28,7 +25,7 @@ from winchcascade.blind.injected import INJECTED
 from winchcascade.blind.twin import TETHER_NOISE, TETHER_WIDTH, smooth_noise
 from winchcascade.blind.twin_numbers import LOAD_SCATTER, LOADS, SENSORS
 from winchcascade.core.campaign_file import load_campaign
-from winchcascade.core.jobs import Workers, one_thread_each, processes
+from winchcascade.core.jobs import Workers
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
@@ -48,7 +45,9 @@ SEED = 18_020
 FACTORS = (1.2, 0.6)
 """Size of an effect over its threshold, in turn. [1]"""
 
-CASES, BASE_CASES = 80, 20
+RESULTS = "thresholds.jsonl"
+
+THRESHOLD_CASES, BASE_CASES = 80, 20
 """Number of cases, and of those that share the thresholds of one campaign without an effect."""
 
 
@@ -161,7 +160,7 @@ def do_threshold_case(order: ThresholdOrder) -> str:
         write_simulated_campaign(folder, [sized(name, value)], np.random.default_rng([SEED, 2, order.number]))
         record = diagnose_campaign(folder / "campaign.toml", suspects=EFFECTS, seed=0, predictions=None)
     result = ThresholdResult(order.number, name, factor, value, msgspec.convert(record, Found), commit())
-    with (Path(order.out) / "thresholds.jsonl").open("ab") as lines:
+    with (Path(order.out) / RESULTS).open("ab") as lines:
         lines.write(msgspec.json.encode(result) + b"\n")
     return name
 
@@ -193,35 +192,21 @@ def threshold_lines(results: list[ThresholdResult]) -> Iterator[str]:
             yield f"  {r.number:>4}  {r.effect:<18} x {r.factor:g} = {r.value:<10.4g} -> {r.found.verdict}: {causes}"
 
 
-def read_done(path: Path) -> list[ThresholdResult]:
+def read_done(out: Path) -> list[ThresholdResult]:
     """Results that are there."""
+    path = out / RESULTS
     lines = path.read_bytes().splitlines() if path.is_file() else []
     return [msgspec.json.decode(line, type=ThresholdResult) for line in lines]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=CASES, help="number of cases")
-    parser.add_argument("--first", type=int, default=1, help="number of the first case, from 1 on")
-    parser.add_argument("--jobs", type=int, default=processes(), help="processes")
-    parser.add_argument("--out", type=Path, default=ROOT / "build" / "trials", help="folder of the results")
-    parser.add_argument("--score", action="store_true", help="do no cases, print the scores of those that are done")
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    one_thread_each()
-    path = options.out / "thresholds.jsonl"
-    done = {result.number for result in read_done(path)}
-    numbers = [] if options.score else range(options.first, options.first + options.cases)
-    orders = [ThresholdOrder(n, (n - 1) // BASE_CASES, str(options.out)) for n in numbers if n not in done]
+def run_thresholds(out: Path, first: int, count: int, jobs: int) -> None:
+    """Do the cases that are not done yet, after the campaigns without an effect that state their thresholds."""
+    done = {result.number for result in read_done(out)}
+    orders = [ThresholdOrder(n, (n - 1) // BASE_CASES, str(out)) for n in range(first, first + count) if n not in done]
     bases = {order.base: order for order in orders if not _base_path(order).is_file()}
     for work, named in (
-        (do_base, {f"campaign {base} without an effect": order for base, order in bases.items()}),
+        (do_base, {f"thresholds of campaign {base}": order for base, order in bases.items()}),
         (do_threshold_case, {f"thresholds {order.number}": order for order in orders}),
     ):
-        for _ in Workers(options.jobs).run(work, named, Printed()):
+        for _ in Workers(jobs).run(work, named, Printed()):
             pass
-    print("\n".join(threshold_lines(read_done(path))))
-
-
-if __name__ == "__main__":
-    main()

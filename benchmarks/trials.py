@@ -11,7 +11,6 @@ FOLDER/family/number; trial_judge.py scores their diagnoses. Every seed is fixed
 from __future__ import annotations
 
 import argparse
-import time
 from pathlib import Path
 
 import msgspec
@@ -19,23 +18,15 @@ from measure import ROOT
 from trial_cases import Order, Result, do_case
 from trial_made import Made, make_case
 from trial_plans import FAMILIES, plan_case
+from trial_progress import Printed
 from trial_scores import all_intervals, report, table
 from trial_speed import speed_lines
+from trial_thresholds import THRESHOLD_CASES, read_done, run_thresholds, threshold_lines
 
-from winchcascade.core.jobs import Nobody, Workers, one_thread_each, processes
+from winchcascade.core.jobs import Workers, one_thread_each, processes
 
-SPEED = "speed"
-
-
-class Printed(Nobody):
-    """Prints each case as it is done."""
-
-    def __init__(self) -> None:
-        self._begin = time.perf_counter()
-
-    def done(self, name: str, fault: str | None) -> None:
-        """Print a case."""
-        print(f"{time.perf_counter() - self._begin:7.0f} s  {name}{': ' + fault if fault else ''}", flush=True)
+SPEED, THRESHOLDS = "speed", "thresholds"
+"""Families that are measured apart."""
 
 
 def read_results(path: Path) -> dict[int, Result]:
@@ -75,7 +66,7 @@ def make_family(name: str, options: argparse.Namespace) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    families = [*FAMILIES, SPEED]
+    families = [*FAMILIES, THRESHOLDS, SPEED]
     parser.add_argument("--family", action="append", choices=families, help="a family; may be repeated; default all")
     parser.add_argument("--cases", type=int, help="number of cases of each family; its own number by default")
     parser.add_argument("--first", type=int, default=1, help="number of the first case, from 1 on")
@@ -89,12 +80,12 @@ def main() -> None:
     asked = options.family or families
     if options.make:
         for name in asked:
-            if name != SPEED:
+            if name in FAMILIES:
                 make_family(name, options)
         return
     options.out.mkdir(parents=True, exist_ok=True)
     for name in asked:
-        if not options.score and name != SPEED:
+        if not options.score and name in FAMILIES:
             run_family(name, options)
     everything: list[Result] = []
     for name in FAMILIES:
@@ -104,6 +95,10 @@ def main() -> None:
             print("\n" + "\n".join(report(name, results)))
     if everything:
         print("\n".join(("\nintervals of all families", *table(all_intervals(everything)))))
+    if THRESHOLDS in asked:
+        if not options.score:
+            run_thresholds(options.out, options.first, options.cases or THRESHOLD_CASES, options.jobs)
+        print("\n" + "\n".join(threshold_lines(read_done(options.out))))
     if SPEED in asked:
         print("\n" + "\n".join(speed_lines(options.out / "speed.json", measure=not options.score)))
 
