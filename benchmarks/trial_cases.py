@@ -6,7 +6,7 @@ import math
 import re
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -14,16 +14,19 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 from measure import ROOT
-from trial_plans import FAMILIES, Plan, WrongEntry
+from trial_plans import FAMILIES, Plan
 from trial_simulators import noise_free, simulated_log
 
-from winchcascade import read_run, reduce
+from winchcascade import load_rig, read_run, reduce
 from winchcascade.blind.cases import STATED_LOADS, campaign_toml, log_text
+from winchcascade.blind.history import in_run, run_changes
 from winchcascade.blind.injected import Hidden, draw_hidden
 from winchcascade.blind.twin import FIXED, Solved, Twin, draw_motion, draw_twin, read_log, solve_twin
-from winchcascade.blind.twin_numbers import Numbers
+from winchcascade.blind.twin_numbers import SCATTER, Numbers
 from winchcascade.core.run import Signal
 from winchcascade.core.scratch import scratch_folder
+from winchcascade.diagnosis.calibrate import calibrate
+from winchcascade.diagnosis.rig_text import calibrated_text
 
 RIG_FILE = ROOT / "winchcascade" / "rigfiles" / "hsu2026.toml"
 
@@ -49,17 +52,25 @@ class Alternative(msgspec.Struct, frozen=True):
 
 
 class NamedCause(msgspec.Struct, frozen=True):
-    """A cause that the diagnosis names; of a wrong load with its run."""
+    """A cause that the diagnosis names; of a wrong load with its run.
+
+    `look_alikes` is None where the diagnosis does not write them. `trends` and `ablation` are kept as they are written.
+    """
 
     effect: str
+    probability: float = 1.0
     run: str | None = None
+    look_alikes: tuple[Alternative, ...] | None = None
+    trends: object = None
+    ablation: object = None
     parameters: dict[str, Number] = {}
     rivals: tuple[Alternative, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effect and its alternatives."""
-        return (self.effect, *(rival.effect for rival in self.rivals))
+        """The effect and its alternatives: look-alikes, then rivals."""
+        others = (*(self.look_alikes or ()), *self.rivals)
+        return tuple(dict.fromkeys((self.effect, *(other.effect for other in others))))
 
 
 class Minor(msgspec.Struct, frozen=True):
@@ -93,10 +104,19 @@ class Account(msgspec.Struct, frozen=True):
     parts: tuple[Part, ...] = ()
 
 
+class Claimed(msgspec.Struct, frozen=True):
+    """Kind and size of the share of the gap that the causes close."""
+
+    kind: str | None = None
+    share_closed: float | None = None
+
+
 class Found(msgspec.Struct, frozen=True):
     """The part of a diagnosis that the trials score."""
 
     verdict: str
+    closure: Claimed | None = None
+    fitted: object = None
     causes: tuple[NamedCause, ...] = ()
     minor: tuple[Minor, ...] = ()
     model_form: tuple[ModelForm, ...] | None = None
@@ -109,6 +129,7 @@ class Result(msgspec.Struct, frozen=True):
     Parameters
     ----------
     shares : true contribution of the effect to eta_pto by load in ohm, where the family compares it [1]
+    plain : diagnosis with the built-in rig file, where the family compares two rig files
     commit : of the checkout that diagnosed it
     """
 
@@ -120,6 +141,7 @@ class Result(msgspec.Struct, frozen=True):
     commit: str
     shares: dict[str, float] = {}
     fault: str | None = None
+    plain: Found | None = None
 
 
 @cache
@@ -133,35 +155,63 @@ def commit() -> str:
 def draw(plan: Plan) -> tuple[Hidden, Twin, np.random.Generator]:
     """Injected values and the twin of a case, and the generator from which the logs are drawn next."""
     rng = np.random.default_rng([FAMILIES[plan.family].seed, plan.number])
-    hidden = draw_hidden(plan.effects, None, rng)
-    return hidden, draw_twin(hidden, rng), rng
+    hidden = msgspec.structs.replace(draw_hidden(plan.effects, None, rng), physics=plan.physics)
+    return hidden, draw_twin(hidden, rng, plan.scatter), rng
 
 
 def write_campaign(plan: Plan, folder: Path) -> None:
-    """Write the logs of a case, its campaign.toml, and its rig file where an entry of it is wrong."""
+    """Write the logs of a case, its campaign.toml, and its rig file where that is not the built-in one."""
     _, twin, rng = draw(plan)
     stated, entry = dict(STATED_LOADS), plan.entry
     if entry is not None and entry.log is not None:
         stated[entry.log] = round(stated[entry.log] * entry.factor, 3)
-    loads = {}
-    for repeat in range(1, plan.repeats + 1):
-        for log, load in stated.items():
-            name = log if plan.repeats == 1 else f"{log}_{repeat:02d}"
-            x, v, resting = draw_motion(log, rng)
-            columns = read_log(twin, solve_twin(twin, log, x, v, resting), rng, plan.logger)
-            if entry is not None and entry.shared:
-                columns |= {key: np.round(columns[key] * entry.factor, 4) for key in ("displacement", "velocity")}
-            _write_log(folder / f"{name}.csv", columns)
-            if plan.simulator is not None:
-                _write_log(folder / SIMULATED / f"{name}.csv", simulated_log(plan.simulator, log, x, v))
-            loads[name] = load
+    loads, order = {}, (plan.order or tuple(stated)) * plan.repeats
+    for k, (log, change) in enumerate(zip(order, run_changes(plan.history, order), strict=True)):
+        name = log if plan.repeats == 1 else f"{log}_{k // len(stated) + 1:02d}"
+        x, v, resting = draw_motion(log, rng)
+        here = in_run(twin, change)
+        columns = read_log(here, solve_twin(here, log, x, v, resting), rng, plan.logger)
+        if entry is not None and entry.shared:
+            columns |= {key: np.round(columns[key] * entry.factor, 4) for key in ("displacement", "velocity")}
+        _write_log(folder / f"{name}.csv", columns)
+        if plan.simulator is not None:
+            _write_log(folder / SIMULATED / f"{name}.csv", simulated_log(plan.simulator, log, x, v))
+        loads[name] = stated[log]
     text = campaign_toml(f"{plan.family} {plan.number}", loads)
     if plan.simulator is not None:
         text = re.sub(r'(?m)^file = "(.*)"$', rf'file = "\1"\nsimulated = "{SIMULATED}/\1"', text)
-    if entry is not None and entry.log is None:
-        (folder / "rig.toml").write_text(rig_text(entry), encoding="utf-8")
+    rig = _rig_file(plan, folder)
+    if rig is not None:
+        (folder / PLAIN).write_text(text, encoding="utf-8")
+        (folder / "rig.toml").write_text(rig, encoding="utf-8")
         text = f'rig = "rig.toml"\n{text}'
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
+
+
+PLAIN = "plain.toml"
+"""The same campaign with the built-in rig file."""
+
+
+def _rig_file(plan: Plan, folder: Path) -> str | None:
+    """The rig file of a campaign whose logs are written, None for the built-in one."""
+    if plan.calibrated:
+        rig = load_rig("hsu2026")
+        return calibrated_text(calibrate(read_run(folder / "open_circuit.csv", load=math.inf), rig))
+    if plan.bias:
+        return rig_text({BIASED_KEYS[name]: 1.0 + by * _stated_share(name) for name, by in plan.bias.items()})
+    if plan.entry is not None and plan.entry.log is None:
+        return rig_text({ENTRIES[plan.entry.effect].key: plan.entry.factor})
+    return None
+
+
+BIASED_KEYS = {"k_e": "k_e", "b_rotor": "b_rotor", "mu": "mu_screw", "eta_mesh": "eta_mesh"}
+"""Entry of the rig file for a number of the twin."""
+
+
+def _stated_share(name: str) -> float:
+    """Stated uncertainty of a number as a share of it. [1]"""
+    u, value = (float(getattr(numbers, name)) for numbers in (SCATTER, NOMINAL))
+    return u / value
 
 
 SIMULATED = "simulated"
@@ -240,17 +290,16 @@ def true_numbers(plan: Plan) -> dict[str, dict[str, float]]:
     return {entry.effect: {stated.parameter: stated.truth(twin.numbers, entry.factor)}}
 
 
-def rig_text(entry: WrongEntry) -> str:
-    """The built-in rig file with one wrong value."""
-    text, key = RIG_FILE.read_text(encoding="utf-8"), ENTRIES[entry.effect].key
-    changed, times = re.subn(
-        rf"(?m)^({key} = {{ value = )([0-9.e+-]+)",
-        lambda found: f"{found[1]}{float(found[2]) * entry.factor:.6g}",
-        text,
-    )
-    if times != 1:
-        raise SystemExit(f"{RIG_FILE}: expected one entry {key}, found {times}")
-    return changed
+def rig_text(factors: Mapping[str, float]) -> str:
+    """The built-in rig file with wrong values: factor on each, by key."""
+    text = RIG_FILE.read_text(encoding="utf-8")
+    for key, factor in factors.items():
+        entries = re.findall(rf"(?m)^{key} = {{ value = [0-9.e+-]+", text)
+        if len(entries) != 1:
+            raise SystemExit(f"{RIG_FILE}: expected one entry {key}, found {len(entries)}")
+        start, value = entries[0].rsplit(" ", 1)
+        text = text.replace(entries[0], f"{start} {float(value) * factor:.6g}")
+    return text
 
 
 class Order(msgspec.Struct, frozen=True):
@@ -282,13 +331,16 @@ def _result(plan: Plan, folder: Path) -> Result:
     begin = time.perf_counter()
     write_campaign(plan, folder)
     made = time.perf_counter()
-    found, fault = None, None
+    found, plain, fault = None, None, None
     try:
         record = diagnose_campaign(folder / "campaign.toml", suspects=EFFECTS, seed=0, predictions=None)
         found = msgspec.convert(record, Found)
         (folder / "diagnosis.json").write_bytes(msgspec.json.encode(record))
+        if plan.calibrated:
+            record = diagnose_campaign(folder / PLAIN, suspects=EFFECTS, seed=0, predictions=None)
+            plain = msgspec.convert(record, Found)
     except Exception as error:  # a diagnosis that fails is a result, too
         fault = f"{type(error).__name__}: {error}"
     end = time.perf_counter()
     shares = true_shares(plan, folder) if plan.family == "contributions" else {}
-    return Result(plan, true_numbers(plan), found, made - begin, end - made, commit(), shares, fault)
+    return Result(plan, true_numbers(plan), found, made - begin, end - made, commit(), shares, fault, plain)

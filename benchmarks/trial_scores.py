@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
+import msgspec
 from trial_cases import NamedCause, Result
+from trial_judge import Judgement, is_certain, judge
+from trial_truth import truth_of
 
 from winchcascade.blind.score import MAX_ALTERNATIVES
 
@@ -56,8 +60,8 @@ def names_all(result: Result) -> bool:
 
 
 def counted(cause: NamedCause) -> tuple[str, ...]:
-    """The effect of a cause and the alternatives that count."""
-    return cause.names[: 1 + MAX_ALTERNATIVES]
+    """The effect of a cause and the alternatives that count: all look-alikes, and the first rivals."""
+    return cause.names[: 1 + len(cause.look_alikes or ()) + MAX_ALTERNATIVES]
 
 
 def quiet(result: Result) -> bool:
@@ -212,13 +216,68 @@ def _none_false(result: Result) -> bool:
     return all(set(counted(cause)) & set(result.plan.effects) for cause in causes)
 
 
-FIGURES = {
+def judged(result: Result) -> Judgement:
+    """Judgement of a case by what an honest answer may be; a diagnosis that failed is not honest and names nothing."""
+    truth = truth_of(result.plan)
+    if result.found is None:
+        return Judgement((), honest=False, named=False if truth["named"] else None)
+    other = None if result.plain is None else msgspec.to_builtins(result.plain)
+    return judge(truth, msgspec.to_builtins(result.found), other)
+
+
+class HonestBars(NamedTuple):
+    """Bars of a family whose truth the model may lack: words and shares of honest answers, and of the truth named."""
+
+    honest: Bar | None = None
+    named: Bar | None = None
+    kinds: tuple[str, ...] = ()
+
+
+def honest_figures(results: Sequence[Result], bars: HonestBars) -> list[Figure]:
+    """Honest answers and named truths; `bars.kinds` are the kinds of cases whose truth must be named, all if empty."""
+    found = [(r.plan.kind, judged(r)) for r in results]
+    wanted = [j for kind, j in found if j.named is not None and (not bars.kinds or kind in bars.kinds)]
+    figures = [
+        _count("honest", [j.honest for _, j in found], bars.honest),
+        _count("no cause named falsely with certainty", [not j.false for _, j in found]),
+        _count("truth named, or a declared alternative of it", [bool(j.named) for j in wanted], bars.named),
+    ]
+    for kind in sorted({kind for kind, _ in found if kind}):
+        figures.append(_count(f"  {kind}: honest", [j.honest for name, j in found if name == kind]))
+        figures.append(_count(f"  {kind}: named", [j.named for n, j in found if n == kind and j.named is not None]))
+    return figures
+
+
+def honest_and_named(result: Result) -> bool:
+    """Whether a case is honest and its truth is named where the catalogue has it."""
+    judgement = judged(result)
+    return judgement.honest and judgement.named is not False
+
+
+HONEST = {
+    "wide": HonestBars(Bar("no false certainty, 38 of 40", 38 / 40, 40), Bar("90 % of 40", 0.9, 40)),
+    "biased": HonestBars(Bar("no false certainty, 19 of 20", 19 / 20, 20), Bar("90 % of 20", 0.9, 20)),
+    "calibrated": HonestBars(Bar("same causes in 14 of 15", 14 / 15, 15), Bar("90 % of 15", 0.9, 15)),
+    "warming": HonestBars(
+        Bar("39 of 40", 39 / 40, 40),
+        Bar("90 % of those shuffled", 0.9, 20),
+        ("warming shuffled", "warming magnets shuffled"),
+    ),
+    "rolloff_order": HonestBars(Bar("all", 1.0, 20), Bar("90 % of those shuffled", 0.9, 10), ("rolloff shuffled",)),
+    "rope": HonestBars(Bar("all", 1.0, 20), Bar("90 % of 20", 0.9, 20)),
+    "leak": HonestBars(Bar("all", 1.0, 20), Bar("90 % of 20", 0.9, 20)),
+    "other_physics": HonestBars(Bar("57 of 60", 57 / 60, 60), Bar("80 % of 30", 0.8, 30)),
+}
+"""Bars of the families whose rigs or physics differ from the model of the diagnosis."""
+
+FIGURES: dict[str, Callable[[Sequence[Result]], list[Figure]]] = {
     "nothing": nothing_figures,
     "single": single_figures,
     "coverage": coverage_figures,
     "entries": entries_figures,
     "contributions": contributions_figures,
     "own_simulation": simulation_figures,
+    **{family: partial(honest_figures, bars=bars) for family, bars in HONEST.items()},
 }
 WELL = {
     "nothing": quiet,
@@ -227,6 +286,7 @@ WELL = {
     "entries": entry_named,
     "contributions": all_shares_hold,
     "own_simulation": simulation_well,
+    **dict.fromkeys(HONEST, honest_and_named),
 }
 """Figures of each family, and whether a case of it went as it should."""
 
@@ -261,8 +321,9 @@ def _answer(result: Result) -> str:
     causes = []
     for cause in found.causes:
         numbers = ", ".join(f"{n.value:.3g} [{_end(n.low)}, {_end(n.high)}]" for n in cause.parameters.values())
-        rivals = f" or {'/'.join(cause.names[1:])}" if cause.rivals else ""
-        causes.append(f"{cause.effect}{rivals} {numbers}")
+        rivals = f" or {'/'.join(cause.names[1:])}" if cause.names[1:] else ""
+        sure = "!" if is_certain(msgspec.to_builtins(cause), found.verdict) else ""
+        causes.append(f"{cause.effect}{sure}{rivals} {numbers}")
     minor = f"; minor: {', '.join(m.effect for m in found.minor)}" if found.minor else ""
     return f"{found.verdict}: {'; '.join(causes) or 'no cause'}{minor}"
 

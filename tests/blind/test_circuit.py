@@ -36,7 +36,7 @@ def steady(
     volt = square = energy = 0.0
     steps = int(periods * 2.0 * math.pi / turn / dt)
     for n in range(steps):
-        source = BridgeSource(angle, turn, amplitude, v_dc + 2.0 * v_diode, r_s, l_s)
+        source = BridgeSource(angle, turn, amplitude, v_dc + 2.0 * v_diode, r_s, l_s, -1)
         charge, joule, ampere = bridge_step(i, on, source, dt, work)
         angle = (angle + turn * dt) % (2.0 * math.pi)
         fade = 0.5 * dt / (load * c_dc)

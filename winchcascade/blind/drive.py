@@ -52,6 +52,12 @@ _LEAK_VOLT, _LEAK_POWER = 300.0, 4.0
 _COOLING = 60.0
 """Time in which a load gives its heat away. [s]"""
 
+_NO_CURRENT = 1e-3
+"""Current at which the logarithmic law of a silicon diode ends. [A]"""
+
+_SLIP = 0.02
+"""The drag of an overrunning clutch is reached within this speed of the drum. [rad/s]"""
+
 
 class Drive(NamedTuple):
     """Numbers of the drive, SI units; an effect or an outsider that has a field here is absent at its default.
@@ -63,6 +69,12 @@ class Drive(NamedTuple):
     law, knee, width, power : of the roll-off [one of `KNEE`, `LINE`, `BELL`; A, A or 1/A, 1]
     warming : rise of the load with the heat in it [1/J]
     leak : current across the DC link before the sensor at 300 V [A]
+    gear_slope, gear_curve : fall of the mesh efficiency with the torque of the slow shaft and with its square [1/N m, 1/(N m)2]
+    dead_phase : number of the phase whose upper diode never conducts, -1 where all conduct
+    r_diode : slope of a diode [ohm]
+    diode_scale : rise of the voltage of a diode per factor e of its current, `Fixed.v_diode` at 1 A [V]
+    r_cable : resistance between the DC link and the sensor of Vdc [ohm]
+    overrun : torque of the clutch at the slow shaft while the rotor is faster than the drum [N m]
     """
 
     fixed: Fixed
@@ -76,13 +88,21 @@ class Drive(NamedTuple):
     power: float = 1.0
     warming: float = 0.0
     leak: float = 0.0
+    gear_slope: float = 0.0
+    gear_curve: float = 0.0
+    dead_phase: int = -1
+    r_diode: float = 0.0
+    diode_scale: float = 0.0
+    r_cable: float = 0.0
+    overrun: float = 0.0
 
 
 COLUMNS = ("torque", "vdc", "idc", "omega")
 """Output of the drive, means over each interval: torque at the sensor [N m], Vdc [V], Idc [A], speed of the rotor [rad/s]."""
 
 LEDGER = (
-    "shaft", "mesh", "damper", "rotor_drag", "copper", "diodes", "leak", "load", "spring", "rotor", "field", "link",
+    "shaft", "mesh", "damper", "rotor_drag", "copper", "diodes", "leak", "load", "cable", "clutch", "spring", "rotor", "field",
+    "link",
 )  # fmt: skip
 """Energy until the end: in at the shaft, then lost, delivered and stored; all but the first add up to it. [J]"""
 
@@ -95,7 +115,8 @@ class BridgeSource(NamedTuple):
     angle, turn : electrical angle, and its speed [rad, rad/s]
     amplitude : peak of the back-EMF of a phase [V]
     v_total : voltage of the DC link and of two diodes [V]
-    r_s, l_s : of a phase [ohm, H]
+    r_s, l_s : of a phase, r_s with the slope of a diode [ohm, H]
+    dead_phase : phase whose upper diode never conducts, -1 where all conduct
     """
 
     angle: float
@@ -104,6 +125,7 @@ class BridgeSource(NamedTuple):
     v_total: float
     r_s: float
     l_s: float
+    dead_phase: int
 
 
 @njit(cache=True)
@@ -153,15 +175,15 @@ def _opening(i: Signal, then: Signal, on: Switches) -> tuple[int, float]:
 
 @njit(cache=True)
 def _closing(
-    before: Signal, after: Signal, on: Switches, v_total: float, phase: int, share: float
+    before: Signal, after: Signal, on: Switches, source: BridgeSource, phase: int, share: float
 ) -> tuple[int, int, float]:
     """Phase whose diode closes first as its terminal passes a rail, to which rail, and at which share; unless another one
     opens before, which is given as `_opening` returns it.
     """
-    rail = 0
+    rail, v_total = 0, source.v_total
     low, high = _star(before, on, v_total), _star(after, on, v_total)
     for k in range(3):
-        if on[k] != 0:
+        if on[k] != 0 or (k == source.dead_phase and after[k] + high > v_total):
             continue
         first, last = before[k] + low, after[k] + high
         to, past, end = (1, first - v_total, last - v_total) if last > v_total else (-1, -first, -last)
@@ -172,9 +194,11 @@ def _closing(
 
 
 @njit(cache=True)
-def _wake(before: Signal, after: Signal, v_total: float) -> tuple[int, int, float]:
+def _wake(before: Signal, after: Signal, v_total: float, dead_phase: int) -> tuple[int, int, float]:
     """Upper and lower phase that begin to conduct from rest within a step, and at which share; -1 if none do."""
     high, low = int(np.argmax(after)), int(np.argmin(after))
+    if high == dead_phase:
+        high = 3 - high - low  # the phase between the other two
     end = after[high] - after[low] - v_total
     if end <= 0.0:
         return -1, -1, 1.0
@@ -221,7 +245,7 @@ def bridge_step(i: Signal, on: Switches, source: BridgeSource, dt: float, work: 
         if idle:
             _emf(amplitude, angle, before)
         if not np.any(on):
-            high, low, share = _wake(before, after, v_total)
+            high, low, share = _wake(before, after, v_total, source.dead_phase)
             angle += turn * share * left
             left -= share * left
             if high < 0:
@@ -233,7 +257,7 @@ def bridge_step(i: Signal, on: Switches, source: BridgeSource, dt: float, work: 
         phase, share = _opening(i, then, on)
         rail = 0
         if idle:
-            phase, rail, share = _closing(before, after, on, v_total, phase, share)
+            phase, rail, share = _closing(before, after, on, source, phase, share)
         h = share * left
         if share < 1.0:
             _emf(amplitude, angle + 0.5 * turn * h, half)
@@ -280,6 +304,20 @@ def _link(v_dc: float, charge: float, load: float, dt: float, d: Drive) -> tuple
 
 
 @njit(cache=True)
+def _mesh_share(torque: float, share: float, d: Drive) -> float:
+    """Torque at the rotor over the torque at the slow shaft; a gear whose efficiency falls under load loses some of it. [1]"""
+    return share - (d.gear_slope + d.gear_curve * torque) * torque / d.fixed.gear
+
+
+@njit(cache=True)
+def _diode(current: float, d: Drive) -> float:
+    """Threshold of a diode at the mean current of the bridge: v = v_1 + n V_t ln(i / 1 A), its slope apart. [V]"""
+    if d.diode_scale == 0.0:
+        return d.fixed.v_diode
+    return d.fixed.v_diode + d.diode_scale * math.log(max(current, _NO_CURRENT))
+
+
+@njit(cache=True)
 def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal, ledger: Signal) -> None:
     """Step the drive from rest.
 
@@ -288,46 +326,56 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
     omega_drum : (n + 1,) speed of the drum at the ends of the intervals, payout positive [rad/s]
     mesh : (n,) factor on the torque that the gear needs, 1 where it meshes evenly
     fine : steps of an interval while a diode may conduct
-    out, ledger : zeros, (n, 4) and (12,), that are filled with `COLUMNS` and `LEDGER`
+    out, ledger : zeros, (n, 4) and (14,), that are filled with `COLUMNS` and `LEDGER`
     """
     f, c = d.fixed, d.numbers
     i, on, work = np.zeros(3), np.zeros(3, dtype=np.int64), np.zeros((4, 3))
-    twist = omega = v_dc = angle = heat = mean_square = 0.0
+    twist = omega = v_dc = angle = heat = mean_square = mean_dc = 0.0
     emf, share = c.k_e * 30.0 / math.pi, c.eta_mesh / f.gear
     for n in range(out.shape[0]):
-        awake = np.any(on) or emf * omega * math.sqrt(2.0) > _QUIET * (v_dc + 2.0 * f.v_diode)
+        awake = np.any(on) or emf * omega * math.sqrt(2.0) > _QUIET * (v_dc + 2.0 * _diode(mean_dc, d))
         steps = fine if awake else COARSE
         dt = GRID / steps
         for m in range(steps):
             drum = omega_drum[n] + (omega_drum[n + 1] - omega_drum[n]) * (m + 0.5) / steps
-            torque, rate = _clutch(twist, drum - omega / f.gear, f)
+            slip = drum - omega / f.gear
+            torque, rate = _clutch(twist, slip, f)
+            dragging = d.overrun * slip / math.sqrt(slip * slip + _SLIP**2) if torque == 0.0 and slip < 0.0 else 0.0
             # generator and bridge
             turn = f.pole_pairs * omega
             charge = energy = square = 0.0
+            v_diode = _diode(mean_dc, d)
             if awake and omega > 0.0:
                 amplitude = PEAK * emf * omega * weakened(math.sqrt(mean_square), d.law, d.knee, d.width, d.power)
-                source = BridgeSource(angle, turn, amplitude, v_dc + 2.0 * f.v_diode, c.r_s, c.l_s)
+                source = BridgeSource(
+                    angle, turn, amplitude, v_dc + 2.0 * v_diode, c.r_s + d.r_diode, c.l_s, d.dead_phase
+                )
                 charge, energy, square = bridge_step(i, on, source, dt, work)
             mean_square += (square / 3.0 - dt * mean_square) / _FADE
+            mean_dc += (charge - dt * mean_dc) / _FADE
             angle = (angle + turn * dt) % (2.0 * math.pi)
             brake = energy / (omega * dt) if omega > 1e-6 else 0.0
             # fast shaft
             drag = omega * (c.b_rotor + d.windage * abs(omega)) + d.friction * omega / math.sqrt(omega**2 + _TURN**2)
-            driving = torque * share / mesh[n]
-            then = max(omega + dt * (driving - brake - drag) / f.j_rotor, 0.0)
+            driving = torque * _mesh_share(torque, share, d) / mesh[n]
+            then = max(omega + dt * (driving + dragging / f.gear - brake - drag) / f.j_rotor, 0.0)
             load = d.load * (1.0 + d.warming * heat)
-            v_then, leaking = _link(v_dc, charge, load, dt, d)
+            path = load + d.r_cable
+            v_then, leaking = _link(v_dc, charge, path, dt, d)
             middle = 0.5 * (v_dc + v_then)
-            heat += dt * (middle * middle / load - heat / _COOLING)
+            seen_v = middle * (load / path)
+            heat += dt * (seen_v * seen_v / load - heat / _COOLING)
+            mean_omega = 0.5 * (omega + then)
             booked = (
-                dt * torque * drum, dt * (torque * omega / f.gear - driving * omega), dt * f.c_shaft * rate * rate,
-                dt * drag * 0.5 * (omega + then), c.r_s * square, 2.0 * f.v_diode * charge, dt * leaking * middle,
-                dt * middle * middle / load,
+                dt * (torque + dragging) * drum, dt * (torque * omega / f.gear - driving * omega),
+                dt * f.c_shaft * rate * rate, dt * drag * mean_omega, c.r_s * square,
+                2.0 * v_diode * charge + d.r_diode * square, dt * leaking * middle, dt * seen_v * seen_v / load,
+                dt * seen_v * (middle - seen_v) / load, dt * dragging * (drum - mean_omega / f.gear),
             )  # fmt: skip
-            for k in range(8):
+            for k in range(10):
                 ledger[k] += booked[k]
-            seen = (torque, middle, middle / load, omega)
+            seen = (torque + dragging, seen_v, seen_v / load, omega)
             for k in range(4):
                 out[n, k] += seen[k] / steps
             twist, omega, v_dc = twist + dt * rate, then, v_then
-    ledger[8:] = 0.5 * np.array((f.k_shaft * twist**2, f.j_rotor * omega**2, c.l_s * np.sum(i**2), c.c_dc * v_dc**2))
+    ledger[10:] = 0.5 * np.array((f.k_shaft * twist**2, f.j_rotor * omega**2, c.l_s * np.sum(i**2), c.c_dc * v_dc**2))

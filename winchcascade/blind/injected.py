@@ -82,16 +82,34 @@ sensor [kg/cm2], delay of the force cell [s], deficit of the torque sensor at 50
 [A], gas lost in 100 s [1], ripple of the gear three times a turn [1], deficit of the current sensor at 15 A [1]."""
 
 
+PHYSICS: dict[str, tuple[float, float]] = {
+    "rope_loss": (0.01, 0.06),
+    "gear_slope": (0.02, 0.06),
+    "gear_curve": (0.02, 0.06),
+    "dead_diode": (1.0, 3.0),
+    "diode_extra": (0.0, 0.3),
+    "diode_slope": (0.02, 0.12),
+    "diode_scale": (0.04, 0.06),
+    "cable": (0.05, 0.4),
+    "overrunning_drag": (0.8, 5.0),
+}
+"""Further physics that a seed does not deal, each with its range: share of the tension that the rope loses [1], fall of the
+mesh efficiency at full torque, linear or quadratic [1], number of the phase without an upper diode, further threshold of a
+diode [V], its slope [ohm], rise of its voltage per factor e of the current [V], cable before the sensor of Vdc [ohm], drag of
+the overrunning clutch [N m]."""
+
+
 class Hidden(msgspec.Struct, frozen=True):
-    """Causes injected in one case: value of each effect, numbers of their laws, and size of an outsider."""
+    """Causes injected in one case: value of each effect, numbers of their laws, size of an outsider, and further physics."""
 
     effects: dict[str, float] = msgspec.field(default_factory=dict)
     laws: dict[str, float] = msgspec.field(default_factory=dict)
     outsiders: dict[str, float] = msgspec.field(default_factory=dict)
+    physics: dict[str, float] = msgspec.field(default_factory=dict)
 
     def get(self, name: str) -> float:
-        """Value of an effect or size of an outsider, 0 where it is absent."""
-        return self.effects.get(name, self.outsiders.get(name, 0.0))
+        """Value of an effect, size of an outsider or of further physics, 0 where it is absent."""
+        return self.effects.get(name, self.outsiders.get(name, self.physics.get(name, 0.0)))
 
     def reported(self) -> dict[str, dict[str, float]]:
         """True value of the parameter that a diagnosis reports, by effect."""

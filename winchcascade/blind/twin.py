@@ -108,12 +108,16 @@ TETHER_NOISE, TETHER_WIDTH = 3.4, 0.14
 
 
 class Twin(msgspec.Struct, frozen=True):
-    """Rig of one campaign: its numbers, its loads, the gains of its sensors, and what is injected."""
+    """Rig of one campaign, or of one run of it: its numbers, its loads, the gains of its sensors, and what is injected.
+
+    `zeros` are zeros of sensors by channel beside those that a log draws, in the unit of the log.
+    """
 
     numbers: Numbers
     loads: dict[str, float]
     gains: dict[str, float]
     hidden: Hidden
+    zeros: dict[str, float] = {}
 
 
 class Solved(msgspec.Struct, frozen=True):
@@ -175,7 +179,8 @@ def noiseless(twin: Twin, solved: Solved, stamps: Signal) -> dict[str, Signal]:
             true = true - TETHER_MASS * ring(np.diff(solved.v) / GRID)
         gain, delay, zero = (twin.hidden.get(names.get(name, "")) for names in (_GAINS, _DELAYS, _ZEROS))
         value = np.interp(stamps - delay, solved.t, _averaged(true)) / sensor.unit
-        found[name] = value * twin.gains[name] * (1.0 + gain) + _distortion(twin.hidden, name, value) + zero
+        reading = value * twin.gains[name] * (1.0 + gain) + _distortion(twin.hidden, name, value)
+        found[name] = reading + zero + twin.zeros.get(name, 0.0)
     return found
 
 
@@ -226,6 +231,9 @@ def _stepped(value: Signal, step: float, decimals: int) -> Signal:
 
 
 FIXED = Fixed()
+FULL_TORQUE = 500.0
+"""Torque at the slow shaft against which a loss of the gear under load is stated. [N m]"""
+
 REST = 0.01
 """Friction of screw, seals and line changes its sign within this speed of the line. [m/s]"""
 
@@ -233,14 +241,19 @@ RESTING, RESTING_MEAN = 0.22, -0.06
 """Friction at rest lies between its values in the two directions, -1 and 1: scatter from log to log, and mean. [1]"""
 
 
-def draw_twin(hidden: Hidden, rng: np.random.Generator) -> Twin:
-    """Draw the rig of a campaign within the uncertainties of its numbers."""
+def draw_twin(hidden: Hidden, rng: np.random.Generator, scatter: float = 1.0) -> Twin:
+    """Draw the rig of a campaign within the uncertainties of its numbers.
+
+    Parameters
+    ----------
+    scatter : true standard deviation of its numbers and of the gains of its sensors over the stated uncertainty [1]
+    """
     return Twin(
-        numbers=Numbers(*(rng.normal(mean, u) for mean, u in zip(Numbers(), SCATTER, strict=True))),
+        numbers=Numbers(*(rng.normal(mean, scatter * u) for mean, u in zip(Numbers(), SCATTER, strict=True))),
         loads={
             log: rng.normal(1.0, LOAD_SCATTER if log != "open_circuit" else 0.0) * ohm for log, ohm in LOADS.items()
         },
-        gains={name: rng.normal(1.0, LOAD_SCATTER) for name in SENSORS},
+        gains={name: rng.normal(1.0, scatter * LOAD_SCATTER) for name in SENSORS},
         hidden=hidden,
     )
 
@@ -255,7 +268,8 @@ def drive_of(twin: Twin, log: str) -> Drive:
         r_s=n.r_s * (1.0 + hidden.get("copper_heating")),
         l_s=n.l_s * (1.0 + hidden.get("sync_inductance")),
     )
-    rotor, diodes = FIXED.j_rotor * (1.0 + hidden.get("rotor_inertia")), FIXED.v_diode + hidden.get("diode_drop")
+    rotor = FIXED.j_rotor * (1.0 + hidden.get("rotor_inertia"))
+    diodes = FIXED.v_diode + hidden.get("diode_drop") + hidden.get("diode_extra")
     return Drive(
         fixed=FIXED._replace(j_rotor=rotor, v_diode=diodes),
         numbers=numbers,
@@ -264,6 +278,13 @@ def drive_of(twin: Twin, log: str) -> Drive:
         friction=hidden.get("rotor_friction"),
         warming=hidden.get("warming_load") / 40e3,
         leak=hidden.get("leaking_link"),
+        gear_slope=hidden.get("gear_slope") / FULL_TORQUE,
+        gear_curve=hidden.get("gear_curve") / FULL_TORQUE**2,
+        dead_phase=round(hidden.get("dead_diode")) - 1,
+        r_diode=hidden.get("diode_slope"),
+        diode_scale=hidden.get("diode_scale"),
+        r_cable=hidden.get("cable"),
+        overrun=hidden.get("overrunning_drag"),
         **{name: hidden.laws[name] for name in ("law", "knee", "width", "power") if name in hidden.laws},
     )
 
@@ -324,7 +345,7 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
     )
     eccentric = hidden.get("eccentric_drum") * np.cos(middle / r + hidden.laws.get("phase", 0.0))
     radius = r * (1.0 + hidden.get("drum_layering") * middle / 10.0) * (1.0 + eccentric)
-    force = (screw + torque + inertia + lost) / radius
+    force = (screw + torque + inertia + lost) / radius * np.exp(-math.log1p(-hidden.get("rope_loss")) * way)
     channels = {"pressure": gauge, "force": force, "torque": torque, "vdc": out[:, 1], "idc": out[:, 2]}
     channels |= {"omega": out[:, 3], "screw": screw}
     return Solved(t, x, v, channels, dict(zip(LEDGER, ledger.tolist(), strict=True)))
