@@ -22,6 +22,7 @@ class WinchModel(msgspec.Struct, frozen=True):
     exp(-(v / stribeck_speed)^2) with the speed of the line [m/s].
     `layering` is the relative change of the effective radius of the rope for each metre that is paid out [1/m]. The encoder
     turns with the drum, so that layering changes the line tension but not the logged motion.
+    `loss_share` is the share of the tension that is lost between line and torque sensor [1].
     """
 
     r_drum: float
@@ -29,6 +30,7 @@ class WinchModel(msgspec.Struct, frozen=True):
     friction: float = 0.0
     drag: float = 0.0
     layering: float = 0.0
+    loss_share: float = 0.0
     stribeck: float = 0.0
     stribeck_speed: float = 0.1
 

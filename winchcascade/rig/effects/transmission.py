@@ -74,6 +74,19 @@ TRANSMISSION = (
         law=Change("winch.drag", "add"),
     ),
     Effect(
+        name="load_proportional_loss",
+        label="Loss over tension",
+        stage="transmission",
+        summary="Loss between line and torque sensor in proportion to the line tension: rope hysteresis, sheaves, chain.",
+        shows_as="force above the baseline in payout and below it in haul-in, by the same share of the tension; torque and "
+        "pressure agree.",
+        taken_for="a gain error of the force cell (force_gain), which costs no energy and does not turn round with the motion.",
+        source="Physics of rope drives: F_line = F_drum / (1 - s) in payout, F_drum (1 - s) in haul-in; plausible range.",
+        fields=(Field("share", "1", 0.0, 0.15, (0.0, 0.9), "share of the tension; plausible range"),),
+        display=Display("loss over tension", 100.0, "%", signed=False),
+        law=Change("winch.loss_share", "add"),
+    ),
+    Effect(
         name="stribeck",
         label="Stribeck friction",
         stage="transmission",
