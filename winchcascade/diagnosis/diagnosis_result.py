@@ -210,7 +210,8 @@ class Stability(msgspec.Struct, frozen=True):
 class NamedCause(msgspec.Struct, frozen=True):
     """An effect that is needed: its probability, its numbers, its alternatives, and how much of the objective it carries.
 
-    `stability` is its number run by run; None without a model.
+    `stability` is its number run by run. `look_alikes` are all suspects that can take its place, `rivals` the first of them;
+    `ablation` is the share of the gap that is closed without it, NaN where it is not computed.
     """
 
     effect: str
@@ -220,6 +221,30 @@ class NamedCause(msgspec.Struct, frozen=True):
     rivals: tuple[Alternative, ...]
     weight: float
     stability: Stability | None = None
+    look_alikes: tuple[Alternative, ...] = ()
+    ablation: float = math.nan
+
+
+class FittedEffect(msgspec.Struct, frozen=True):
+    """An effect with its numbers as the final fit has them; `chosen` ones are in it, others were tried beside it."""
+
+    effect: str
+    named: bool
+    parameters: dict[str, Reported]
+    chosen: bool = True
+
+
+class PhaseEnergy(msgspec.Struct, frozen=True):
+    """Signed energy of a stage in one phase of one cycle: measured, predicted before and after, standard uncertainty. [J]"""
+
+    run: str
+    cycle: int
+    phase: str
+    stage: str
+    measured: float
+    before: float
+    after: float
+    u: float
 
 
 ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]
@@ -293,7 +318,7 @@ class GapClosure(msgspec.Struct, frozen=True):
 class Alarm(msgspec.Struct, frozen=True):
     """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
 
-    kind: Literal["structure", "scatter", "ripple", "nuisance", "slow"]
+    kind: Literal["structure", "scatter", "ripple", "nuisance", "slow", "energy"]
     about: Spot | Nuisance
     size: float
     limit: float
@@ -378,6 +403,7 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     experiment: Experiment | None = None
     sets: dict[Names, float]
     places: tuple[Place, ...]
+    energies: tuple[PhaseEnergy, ...] = ()
 
     def to_pandas(self, table: DiagnosisTable, units: Units = "si") -> pd.DataFrame:
         """One table as a frame: causes, parts of the metrics of each run, places of the map, or causes run by run."""

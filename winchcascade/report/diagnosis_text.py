@@ -14,6 +14,7 @@ from winchcascade.core.campaign_file import joint_origin, origin_record, origin_
 from winchcascade.core.plain_text import one_line
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
+    Alternative,
     DiagnosisResult,
     Minor,
     NamedCause,
@@ -32,6 +33,7 @@ from winchcascade.report.cause_words import (
     CauseNumber,
     check_words,
     flipped_words,
+    items_of,
     minor_words,
     numbers_of,
     samples_of,
@@ -135,6 +137,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
                     *entry("how sure", words.sure_words(found)),
                     *entry("minor", minor_words(found)),
                     *_how_far(found, means),
+                    *_energies(found),
                     *entry("steady", steady),
                     *entry("what next", words.experiment_words(found)),
                     *_residual(found),
@@ -190,7 +193,7 @@ def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
 def _causes(found: DiagnosisResult) -> list[str]:
     """A table of the causes, one below the other where it would be too wide, then their alternatives."""
     if not found.causes:
-        return []
+        return entry("fitted", words.fitted_words(found)) if isinstance(found, LineDiagnosis) else []
     numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
     wide = _fitting([("cause", "effect", *_HEAD), *((n.label, n.effect, *_values(n)) for n in numbers)])
     stacked = [
@@ -216,7 +219,8 @@ def _causes(found: DiagnosisResult) -> list[str]:
             lines += entry(
                 "", f"or {rival.effect} for {cause.effect} (probability {likely}); the two differ most in {differs}."
             )
-    return [*lines, *entry("", f"not named, though fitted: {', '.join(found.unnamed)}" if found.unnamed else "")]
+    hidden = words.fitted_words(found) if isinstance(found, LineDiagnosis) else ", ".join(found.unnamed)
+    return [*lines, *entry("", f"not named, though fitted: {hidden}" if hidden else "")]
 
 
 def _costs(found: ModelDiagnosis) -> list[str]:
@@ -276,6 +280,13 @@ def _how_far(found: ModelDiagnosis | LineDiagnosis, means: str) -> list[str]:
     ]
 
 
+def _energies(found: ModelDiagnosis | LineDiagnosis) -> list[str]:
+    """Energies of the judged cycles by phase, of a winch without a model: predictions against what was measured."""
+    rows = words.energy_rows(found) if isinstance(found, LineDiagnosis) and found.closure is not None else []
+    head = ("energy", "measured", "before", "after", "worst cycle")
+    return table_lines([head, *rows], left=(0,), indent=" " * INDENT) if rows else []
+
+
 def _residual(found: DiagnosisResult) -> list[str]:
     """What the causes leave, and the signs of something unexplained."""
     if found.remainder is None:
@@ -325,7 +336,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             for cause in found.causes
         ],
         "minor": [_minor(one) for one in found.minor],
-        **({} if isinstance(found, LineDiagnosis) else {"contributions": _contributions(found)}),
+        **(_line_record(found) if isinstance(found, LineDiagnosis) else {"contributions": _contributions(found)}),
         "closure": _closure(found),
         "remainder": None if found.remainder is None else _remainder(found.remainder),
         "next_experiment": None
@@ -422,7 +433,7 @@ def _place(place: Place | StagePlace, files: list[str] | None = None) -> dict[st
 
 
 def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
-    effect = found.suspects[cause.effect]
+    effect, line = found.suspects[cause.effect], isinstance(found, LineDiagnosis)
     return {
         "effect": effect.name,
         **_entry(found, cause),
@@ -430,22 +441,50 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
         "stage": cause.stage,
         "probability": rounded_number(cause.probability),
         "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},
-        "rivals": [
+        "rivals": [_alternative(one, found) for one in cause.rivals],
+        **({"look_alikes": [_alternative(r, found) for r in cause.look_alikes]} if line else {}),
+        **({"ablation": rounded_number(cause.ablation)} if line else {}),
+    }
+
+
+def _alternative(one: Alternative, found: DiagnosisResult) -> dict[str, Any]:
+    return {
+        "effect": found.suspects[one.effect].name,
+        "probability": rounded_number(one.probability),
+        "told_apart_by": differs_text(one.differs),
+    }
+
+
+def _line_record(found: LineDiagnosis) -> dict[str, Any]:
+    """Of a winch without a model, every effect that was fitted, and the energies of the judged cycles."""
+    return {
+        "fitted": [
             {
-                "effect": found.suspects[r.effect].name,
-                "probability": rounded_number(r.probability),
-                "told_apart_by": differs_text(r.differs),
+                "effect": one.effect,
+                "named": one.named,
+                "in_final_fit": one.chosen,
+                "parameters": {name: _numbers(x) for name, x in one.parameters.items()},
             }
-            for r in cause.rivals
+            for one in found.fitted_effects
+        ],
+        "energies": [
+            {
+                "run": one.run,
+                "cycle": one.cycle,
+                "phase": one.phase,
+                "stage": one.stage,
+                **{f"{name}_j": rounded_number(getattr(one, name)) for name in ("measured", "before", "after", "u")},
+            }
+            for one in found.energies
         ],
     }
 
 
 def _stability(found: DiagnosisResult, cause: NamedCause) -> dict[str, Any]:
-    """The number of a cause run by run, and what differs between the runs; nothing without a model."""
+    """The number of a cause run by run, or cycle by cycle without a model, and what differs between them."""
     if cause.stability is None:
         return {}
-    files = words.files_of(found)
+    files = items_of(found)
     return {
         "stability": [
             {
@@ -523,7 +562,7 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     in_turn, beyond = {}, {}
     if isinstance(found, LineDiagnosis):
         withheld = [_part(part) for part in found.lines.parts if part.withheld]
-        in_turn = {"left_out_in_turn": not withheld}
+        in_turn = {"kind": "held_out" if withheld else "leave_one_out", "left_out_in_turn": not withheld}
         beyond = {"share_closed_beyond_noise": rounded_number(found.closure.beyond_noise)}
     else:
         withheld = [_load(found.runs[k].load) for k in found.closure.withheld]
@@ -560,10 +599,11 @@ def _choice(found: LineDiagnosis) -> dict[str, Any]:
             {
                 "effects": list(names),
                 "error": rounded_number(choice.error(names)),
+                "evidence": rounded_number(choice.evidence[names] - choice.evidence[choice.chosen]),
                 "probability": rounded_number(choice.probability[names]),
                 "as_good_as_the_best": choice.as_good(names),
             }
-            for names in sorted(choice.errors, key=choice.error)
+            for names in sorted(choice.errors, key=lambda names: -choice.evidence[names])
         ],
         "acceleration": {
             "samples": samples_of(found),

@@ -305,6 +305,8 @@ def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
         "scatter": f"{upper(where)}: the scatter is {size} times what noise explains {limit}",
         "ripple": f"{upper(where)}: the means scatter about a smooth course {size} times as much as noise explains {limit}",
         "nuisance": f"{upper(where)} had to move by {size} of its standard uncertainties {limit}",
+        "energy": f"{upper(where)}: the predicted energy deviates by {number(100.0 * alarm.size, 1)} % from the measured "
+        f"one (limit {number(100.0 * alarm.limit, 0)} %)",
         "slow": f"{number(100.0 * alarm.size, 0)} % of the squared residual lasts longer than a second (limit "
         f"{number(100.0 * alarm.limit, 0)} %)",
     }[alarm.kind]
