@@ -83,7 +83,7 @@ def blocks_of(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Bloc
     if cycles is not None:
         check_cycles(cycles, found, run.name)
     first, last = cycles or (-math.inf, math.inf)
-    counted = [stretch for stretch in _stretches(run, found) if first <= max(stretch[3], 1) <= last]
+    counted = [stretch for stretch in stretches_of(run, found) if first <= max(stretch[3], 1) <= last]
     table = np.vstack([np.zeros((0, 5), dtype=np.intp), *(_cut(run, *stretch) for stretch in counted)])
     start, stop, phase, cycle, joined = table.T
     return Blocks(start, stop, phase, cycle, joined.astype(bool))
@@ -116,7 +116,7 @@ def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], min
     return GAUSS * median(second) if k.size >= minimum else math.nan
 
 
-def _stretches(run: Run, cycles: list[Cycle]) -> list[tuple[float, float, int, int]]:
+def stretches_of(run: Run, cycles: list[Cycle]) -> list[tuple[float, float, int, int]]:
     """Stretches of one phase: beginning, end [s], phase, cycle."""
     begins = [(float(run.t[0]), 1, 0)]
     for number, cycle in enumerate(cycles, 1):

@@ -234,6 +234,28 @@ class NamedCause(msgspec.Struct, frozen=True):
         return self.look_alikes[:RIVALS]
 
 
+class FittedEffect(msgspec.Struct, frozen=True):
+    """An effect with its numbers as the final fit has them; `chosen` ones are in it, others were tried beside it."""
+
+    effect: str
+    named: bool
+    parameters: dict[str, Reported]
+    chosen: bool = True
+
+
+class CycleEnergy(msgspec.Struct, frozen=True):
+    """Signed energy of a stage in one phase of one cycle: measured, predicted before and after, standard uncertainty. [J]"""
+
+    run: str
+    cycle: int
+    phase: str
+    stage: str
+    measured: float
+    before: float
+    after: float
+    u: float
+
+
 ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]
 """What a part of a difference is: a cause that costs energy, one that changes only what is read, a wrong entry; the fitted
 numbers and sensors of the rig within their tolerances, the difference between two models, and the rest."""

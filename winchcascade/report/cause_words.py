@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from winchcascade.core.quantity import Unit, find_unit
-from winchcascade.core.run import Run
 from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Reported, Trend
 from winchcascade.diagnosis.line.line_data import CyclePart, beside
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.line.line_stability import cycle_names
 from winchcascade.diagnosis.stability import MIN_RUNS
 from winchcascade.report.digits import significant, upper
 from winchcascade.report.gap_words import NAMES, display_of, number_words, phase_words, probability_words
@@ -22,6 +22,7 @@ LINE_NUMBERS = {
     "drum_inertia": Display("inertia, as a mass on the line", 1.0, "kg", signed=False),
     "line_friction": Display("constant friction", 1.0, "N", signed=False),
     "line_drag": Display("drag over speed", 1.0, "N·s/m", signed=False),
+    "load_proportional_loss": Display("loss over tension", 100.0, "%", signed=False),
     "force_gain": Display("gain of the force cell", 100.0, "%"),
     "force_zero": Display("zero of the force cell", 1.0, "N"),
 }
@@ -32,6 +33,7 @@ LINE_MEANINGS = {
     "back.",
     "line_friction": "A constant friction between line and shaft, against the motion.",
     "line_drag": "A drag between line and shaft in proportion to the speed.",
+    "load_proportional_loss": "A share of the tension is lost between line and shaft, as over sheaves.",
     "force_gain": "The force cell reads too much or too little, by the same share everywhere.",
     "force_zero": "The force cell reads too much or too little, by the same force everywhere.",
 }
@@ -65,7 +67,7 @@ def small_words(found: LineDiagnosis) -> str:
     rest = [name for name in found.lines.names if name not in found.chosen]
     if not found.causes or not rest:
         return ""
-    more = 100.0 * (found.choice.error(found.chosen) - found.choice.error(found.choice.best))
+    more = 100.0 * max(found.choice.error(found.chosen) - found.choice.error(found.lines.names), 0.0)
     size = "less than 0.1 %" if more < 0.1 else f"{significant(more, 1)} %"
     return f"{', '.join(rest)}: {'it' if len(rest) == 1 else 'together they'} would close {size} more"
 
@@ -180,7 +182,7 @@ def meaning_words(found: DiagnosisResult, effect: str) -> str:
 
 def alternatives_words(cause: NamedCause, conjunction: str) -> str:
     """Names of the alternatives to a cause."""
-    return conjunction.join(rival.effect for rival in cause.rivals)
+    return conjunction.join(one.effect for one in cause.look_alikes or cause.rivals)
 
 
 CHECK = "Check this entry before other causes."
@@ -223,6 +225,11 @@ def check_words(found: DiagnosisResult, cause: NamedCause) -> str:
     return "" if entry is None else entry_sentence(cause, entry, explained=found.verdict == "explained")
 
 
+def items_of(found: DiagnosisResult) -> list[str]:
+    """Names of what the number of a cause is estimated from one by one: the runs or, without a model, their cycles."""
+    return [*cycle_names(found.lines.parts)] if isinstance(found, LineDiagnosis) else [run.name for run in found.runs]
+
+
 ALONG = {"order": "the order of the runs", "load": "their loads"}
 """What a number may change along, as a sentence calls it."""
 
@@ -230,9 +237,11 @@ SILENT = {False: "the run hardly depends on this cause", True: "withheld"}
 """Why a run gives no number, by whether it is withheld."""
 
 
-def shown_as(cause: NamedCause) -> Display:
+def shown_as(found: DiagnosisResult, cause: NamedCause) -> Display:
     """How the number of a cause is shown that is estimated run by run, the first one that is reported."""
     name, value = next(iter(cause.parameters.items()))
+    if isinstance(found, LineDiagnosis):
+        return LINE_NUMBERS[cause.effect]
     return display_of(cause.effect, name, value.unit)
 
 
@@ -260,26 +269,30 @@ def stability_words(found: DiagnosisResult) -> str:
 
 def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> str:
     """What differs between the numbers of a cause from single runs."""
-    how = shown_as(cause)
+    how = shown_as(found, cause)
     name = f"{found.suspects[cause.effect].label} ({cause.effect}): {how.what}"
     if trend.along == "scatter":
         size = f"{significant(trend.change * how.factor, 2)} {how.unit}".rstrip()
-        return f"{name} differs from run to run by up to {size}, more than its intervals allow."
+        item = "cycle" if isinstance(found, LineDiagnosis) else "run"
+        return f"{name} differs from {item} to {item} by up to {size}, more than its intervals allow."
     half = COVERED * trend.u
     change = Reported(trend.change, trend.change - half, trend.change + half, "")
     value, interval = number_words(how, change)
     sign = "+" if trend.change > 0.0 and not how.signed else ""
     instead = "" if trend.instead is None else f" {upper(ALONG[trend.instead])} would explain it as well."
     return (
-        f"{name} changes by {sign}{value} (95 %: {interval}) {_ends(found.runs, cause, trend)}, more than its intervals "
+        f"{name} changes by {sign}{value} (95 %: {interval}) {_ends(found, cause, trend)}, more than its intervals "
         f"allow.{instead}"
     )
 
 
-def _ends(runs: Sequence[Run], cause: NamedCause, trend: Trend) -> str:
+def _ends(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> str:
     """From where to where a number changes."""
-    own = [runs[k] for k in runs_with_number(cause)]
+    numbers = runs_with_number(cause)
     if trend.along == "order":
-        return f"from {own[0].name} to {own[-1].name}, in the order of the runs"
+        names = items_of(found)
+        what = "cycles" if isinstance(found, LineDiagnosis) else "runs"
+        return f"from {names[numbers[0]]} to {names[numbers[-1]]}, in the order of the {what}"
+    own = [found.runs[k] for k in numbers]
     by_load = sorted(own, key=lambda run: -math.inf if run.load is None else -run.load)
     return f"from {load_words(by_load[0].load)} to {load_words(by_load[-1].load)}"

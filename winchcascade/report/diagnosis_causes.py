@@ -376,7 +376,7 @@ def stability_figure(found: DiagnosisResult) -> Figure | None:
 
 def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
     """Draw the numbers of one cause over the runs."""
-    how, joint, stability = shown_as(cause), next(iter(cause.parameters.values())), cause.stability
+    how, joint, stability = shown_as(found, cause), next(iter(cause.parameters.values())), cause.stability
     if stability is None:
         return
     table = np.array([(one.value, one.low, one.high) for one in stability.runs]) * how.factor

@@ -35,6 +35,7 @@ from winchcascade.report.cause_words import (
     CauseNumber,
     check_words,
     flipped_words,
+    items_of,
     minor_words,
     numbers_of,
     samples_of,
@@ -141,6 +142,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
                     *entry("how sure", words.sure_words(found)),
                     *entry("minor", minor_words(found)),
                     *_how_far(found, means),
+                    *_cycle_energies(found),
                     *entry("steady", steady),
                     *entry("what next", words.experiment_words(found)),
                     *_residual(found),
@@ -196,7 +198,7 @@ def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
 def _causes(found: DiagnosisResult) -> list[str]:
     """A table of the causes, one below the other where it would be too wide, then their alternatives."""
     if not found.causes:
-        return []
+        return entry("fitted", words.fitted_words(found)) if isinstance(found, LineDiagnosis) else []
     numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
     wide = _fitting([("cause", "effect", *_HEAD), *((n.label, n.effect, *_values(n)) for n in numbers)])
     stacked = [
@@ -222,7 +224,8 @@ def _causes(found: DiagnosisResult) -> list[str]:
             lines += entry(
                 "", f"or {rival.effect} for {cause.effect} (probability {likely}); the two differ most in {differs}."
             )
-    return [*lines, *entry("", f"not named, though fitted: {', '.join(found.unnamed)}" if found.unnamed else "")]
+    hidden = words.fitted_words(found) if isinstance(found, LineDiagnosis) else ", ".join(found.unnamed)
+    return [*lines, *entry("", f"not named, though fitted: {hidden}" if hidden else "")]
 
 
 def _costs(found: ModelDiagnosis) -> list[str]:
@@ -280,6 +283,38 @@ def _how_far(found: ModelDiagnosis | LineDiagnosis, means: str) -> list[str]:
         *table_lines([("channel", "before", "after", "noise", ""), *rows], left=(0, 4), indent=" " * INDENT),
         *entry("", f"(root mean squares of {means})"),
     ]
+
+
+def _line_record(found: LineDiagnosis) -> dict[str, Any]:
+    """Of a winch without a model, every effect that was fitted, and the energies of the judged cycles."""
+    return {
+        "fitted": [
+            {
+                "effect": one.effect,
+                "named": one.named,
+                "in_final_fit": one.chosen,
+                "parameters": {name: _numbers(x) for name, x in one.parameters.items()},
+            }
+            for one in found.fitted_effects
+        ],
+        "energies": [
+            {
+                "run": one.run,
+                "cycle": one.cycle,
+                "phase": one.phase,
+                "stage": one.stage,
+                **{f"{name}_j": rounded_number(getattr(one, name)) for name in ("measured", "before", "after", "u")},
+            }
+            for one in found.energies
+        ],
+    }
+
+
+def _cycle_energies(found: ModelDiagnosis | LineDiagnosis) -> list[str]:
+    """Energies of the judged cycles by phase, of a winch without a model: predictions against what was measured."""
+    rows = words.energy_rows(found) if isinstance(found, LineDiagnosis) and found.closure is not None else []
+    head = ("energy", "measured", "before", "after", "worst cycle")
+    return table_lines([head, *rows], left=(0,), indent=" " * INDENT) if rows else []
 
 
 def _residual(found: DiagnosisResult) -> list[str]:
@@ -344,7 +379,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         ],
         "minor": [_minor(one) for one in found.minor],
         **(
-            {}
+            _line_record(found)
             if isinstance(found, LineDiagnosis)
             else {
                 "contributions": _contributions(found),
@@ -515,10 +550,10 @@ def _energies(found: ModelDiagnosis) -> list[dict[str, Any]]:
 
 
 def _stability(found: DiagnosisResult, cause: NamedCause) -> dict[str, Any]:
-    """The number of a cause run by run, and what differs between the runs; nothing without a model."""
+    """The number of a cause run by run, or cycle by cycle without a model, and what differs between them."""
     if cause.stability is None:
         return {}
-    files = words.files_of(found)
+    files = items_of(found)
     return {
         "stability": [
             {
@@ -597,7 +632,7 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     in_turn, beyond, kind = {}, {}, "held_out"
     if isinstance(found, LineDiagnosis):
         withheld = [_part(part) for part in found.lines.parts if part.withheld]
-        in_turn = {"left_out_in_turn": not withheld}
+        in_turn = {"kind": "held_out" if withheld else "leave_one_out", "left_out_in_turn": not withheld}
         beyond = {"share_closed_beyond_noise": rounded_number(found.closure.beyond_noise)}
     else:
         withheld = [_load(found.runs[k].load) for k in found.closure.withheld]
@@ -636,10 +671,11 @@ def _choice(found: LineDiagnosis) -> dict[str, Any]:
             {
                 "effects": list(names),
                 "error": rounded_number(choice.error(names)),
+                "evidence": rounded_number(choice.evidence[names] - choice.evidence[choice.chosen]),
                 "probability": rounded_number(choice.probability[names]),
                 "as_good_as_the_best": choice.as_good(names),
             }
-            for names in sorted(choice.errors, key=choice.error)
+            for names in sorted(choice.errors, key=lambda names: -choice.evidence[names])
         ],
         "acceleration": {
             "samples": samples_of(found),

@@ -21,11 +21,20 @@ from winchcascade.diagnosis.evidence import CLEARLY
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_diagnose import BURST, SLOW, LineDiagnosis, LineRemainder
-from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
+from winchcascade.diagnosis.line.line_energies import SMALL_ENERGY
+from winchcascade.diagnosis.line.line_selection import FOLDS, MATERIAL
 from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.diagnosis.solve import HUBER
 from winchcascade.diagnosis.stability import CHANCE
-from winchcascade.report.cause_words import alternatives_words, cause_words, cycles_of, part_words, slope_words
+from winchcascade.report.cause_words import (
+    LINE_NUMBERS,
+    alternatives_words,
+    cause_words,
+    cycles_of,
+    part_words,
+    slope_words,
+    trend_words,
+)
 from winchcascade.report.digits import number, upper
 from winchcascade.report.gap_words import (
     alarm_meaning,
@@ -33,6 +42,7 @@ from winchcascade.report.gap_words import (
     apart_words,
     arises_sentence,
     has_own_simulation,
+    number_words,
     phase_words,
     probability_words,
     share_words,
@@ -115,10 +125,13 @@ LINE = Phrases(
         "held-out cycles any better.",
         "no_cause": "The power of the winch differs from that of its line by more than noise, but no suspect explains it: "
         "neither inertia nor losses in units of the line nor the force cell.",
+        "tried": "No cause is named: all sets of {tried} were fitted, and the best of them ({set}) closes only {share} of "
+        "the squared error on held-out cycles.",
         "noise": "{closes}; the residual is no more than noise.",
         "quiet": "{closes}; the residual has no structure.",
         "structure": "{closes}, but the residual has a structure: something else acts too, and part of it may be in these "
         "numbers.",
+        "energies": "{closes}, but the energies of {places} are not explained.",
         "more": "{closes}; the residual exceeds noise.",
     },
 )
@@ -184,6 +197,11 @@ def verdict_words(found: DiagnosisResult) -> str:
             return "What these logs show beyond noise and tolerances is too small to matter: no cause is named."
         return phrases.verdicts["no_gap" if found.verdict == "no_gap" else "no_cause"]
     count, more = len(found.causes), len(found.unnamed)
+    if isinstance(found, LineDiagnosis) and not count:
+        share = share_words(max(closure.share, 0.0))
+        return phrases.verdicts["tried"].format(
+            tried=", ".join(found.lines.names), set=" + ".join(found.chosen), share=share
+        )
     named = "The named cause closes" if count == 1 else f"The {count} named causes close"
     if has_own_simulation(found):
         named = f"The rig's model with the named cause{'s' if count > 1 else ''} closes"
@@ -194,6 +212,12 @@ def verdict_words(found: DiagnosisResult) -> str:
         alarms = found.remainder is not None and found.remainder.alarms
         explained = "noise" if closure.share < EXPLAINED else "quiet"
         state = explained if state == "explained" else "structure" if alarms else "more"
+        if places := energy_places(found):
+            state = "energies"
+            return phrases.verdicts[state].format(
+                closes=f"{named} {share_words(max(closure.share, 0.0)).replace('>', 'more than')} of the {phrases.closes}",
+                places=places,
+            )
     share = share_words(max(closure.share, 0.0)).replace(">", "more than")
     return phrases.verdicts[state].format(closes=f"{named} {share} of the {phrases.closes}", share=share)
 
@@ -279,7 +303,7 @@ def sure_words(found: DiagnosisResult) -> str:
     parts += alike or [f"no other {phrases.suspect} would {phrases.alike} as well"]
     text = "; ".join(parts)
     if isinstance(found, LineDiagnosis):
-        return f"{text}. A probability is a share of {DRAWS} resampled sets of cycles."
+        return f"{text}. A probability is the posterior within the catalogue."
     effects = (found.suspects[cause.effect] for cause in found.causes)
     unlisted = [f"{effect.unlisted} would look like {effect.name}" for effect in effects if effect.unlisted]
     return f"{text}. Not in the catalogue: {'; '.join(unlisted)}." if unlisted else f"{text}."
@@ -399,19 +423,65 @@ def _line_remainder(found: LineDiagnosis, left: LineRemainder) -> str:
 
 
 # --------------------------------------------------------------------------------------------- of a winch without a model
+PLURAL = {"payout": "payouts", "hold": "holds", "haul_in": "haul-ins"}
+"""Phases of several cycles."""
+
+
+def energy_places(found: LineDiagnosis) -> str:
+    """Phases whose energies are not explained; empty without any."""
+    alarms = () if found.remainder is None else found.remainder.alarms
+    phases = [alarm.about.phase for alarm in alarms if alarm.kind == "energy" and isinstance(alarm.about, Spot)]
+    return " and ".join(PLURAL[phase] for phase in phases if phase is not None)
+
+
+def energy_rows(found: LineDiagnosis) -> list[tuple[str, ...]]:
+    """Of payouts and haul-ins the energy of all judged cycles, how far predictions deviate, and that of the worst cycle."""
+    rows = []
+    for phase in ("payout", "haul_in"):
+        own = [one for one in found.energies if one.phase == phase and one.measured]
+        measured = sum(one.measured for one in own)
+        if not measured:
+            continue
+        totals = [
+            100.0 * (sum(energies) / measured - 1.0)
+            for energies in zip(*((e.before, e.after) for e in own), strict=True)
+        ]
+        worst = max((e.after / e.measured - 1.0 for e in own), key=abs)
+        shares = [f"{number(share, 1)} %" for share in (*totals, 100.0 * worst)]
+        rows.append((PLURAL[phase], f"{number(measured * 1e-3, 0)} kJ", *shares))
+    return rows
+
+
+def fitted_words(found: LineDiagnosis) -> str:
+    """Effects that were fitted but are not named, with their numbers."""
+    texts = []
+    for one in found.fitted_effects:
+        if not one.named:
+            value = next(iter(one.parameters.values()))
+            text, interval = number_words(LINE_NUMBERS[one.effect], value, 3)
+            where = "" if one.chosen else ", not needed beside the others but not ruled out"
+            texts.append(f"{one.effect} {text} (95 %: {interval}{where})")
+    return "; ".join(texts)
+
+
 def again_words(found: LineDiagnosis) -> str:
-    """Whether the withheld cycles alone give the same numbers."""
-    if not found.again:
+    """What differs between the cycles, and whether the withheld cycles alone give the same numbers."""
+    trends = trend_words(found)
+    if not found.causes:
         return ""
+    if not found.again:
+        return trends
     pairs = {cause.effect: (found.again[cause.effect], *cause.parameters.values()) for cause in found.causes}
     apart = [effect for effect, (alone, fitted) in pairs.items() if alone.low > fitted.high or alone.high < fitted.low]
     numbers = "; ".join(cause_words(found, cause, again=True) for cause in found.causes)
     steady = (
         f"The intervals of {' and '.join(apart)} do not overlap: the number changes in the course of the logs."
         if apart
-        else "The intervals overlap: the numbers are steady."
+        else ""
+        if trends
+        else "The intervals overlap, and no number differs between the cycles by more than its intervals allow."
     )
-    return f"Fitted to the withheld cycles alone: {numbers}. {steady}"
+    return " ".join(filter(None, (f"Fitted to the withheld cycles alone: {numbers}.", steady, trends)))
 
 
 METHOD = (
@@ -471,27 +541,36 @@ YARDSTICKS = (
 def line_method(found: LineDiagnosis) -> tuple[str, ...]:
     """Paragraphs on the method without a model."""
     return (
-        "Balance. The power of the shaft follows from the line by P = v (F − m dv/dt − F₀ sgn v − b v), with the line's speed "
-        "v and force F, positive in reel-out: m is what turns with the line, as a mass on it, F₀ a constant friction and b a "
-        "drag over speed. A gain or a zero of the force cell changes F. The power is linear in all of them, and none is known "
-        "beforehand: no drum radius, inertia or loss of the rig file enters.",
+        "Balance. The power of the shaft follows from the line by P = v (F − m dv/dt − F₀ sgn v − b v) − s |v F|, with "
+        "the line's speed v and force F, positive in reel-out: m is what turns with the line, as a mass on it, F₀ a "
+        "constant friction, b a drag over speed, s a loss over tension. A gain or a zero of the force cell changes F. The "
+        "power is linear in all of them: no drum radius, inertia or loss of the rig file enters.",
         f"Acceleration. It is the {slope_words(found)}; at most 0.4 s, as more would blur what the winch does. Withheld "
         "cycles do not take part in that choice.",
-        "Choice. Each of the sets of suspects is fitted by least squares within its bounds (m, F₀, b not negative; the force "
-        "cell within the catalogue) without each cycle in turn, and predicts that cycle. Of the sets whose error is within one "
-        f"standard error over cycles of the minimum (Breiman et al. 1984), or within {100.0 * MATERIAL:g} % of the gap, the "
-        f"smallest is chosen; a cause that closes less than {100.0 * MATERIAL:g} % is left out. With fewer than {FOLDS} cycles "
-        "each is cut into pieces.",
-        f"Probability. The cycles are resampled {DRAWS} times, with the errors that each set made of them, and the same rule "
-        "chooses: the probability of a set is how often it is chosen, that of a cause how often a set with it is. It shows how "
-        "far the choice depends on which cycles were logged, not whether the list of suspects is complete.",
+        "Weights. Each phase of each cycle is split into its mean and into differences between neighbouring stretches of "
+        "1, 2, 4 ... samples (Haar's transform). Each phase and length has a variance of its own, from the residual of "
+        "all suspects together; so energies count by how well they repeat, and rest has no influence.",
+        "Choice. Each set of suspects is fitted by weighted least squares within its bounds (m, F₀, b, s not negative). "
+        "Its evidence is minus half of the weighted squares, less what its numbers cost over their plausible ranges "
+        "(Laplace), less the logarithm of the number of suspects for each cause. The squares are divided by how many "
+        f"coefficients make an independent one, from the scatter of the cycles. A larger set must have more by {CLEARLY:g} "
+        f"for each cause. A cause that closes less than {100.0 * MATERIAL:g} % of the gap and takes less than "
+        f"{100.0 * MATERIAL:g} % of the energy of a phase is fitted but not named. With fewer than {FOLDS} cycles each is "
+        "cut into pieces.",
+        "Probability. It is the posterior within the catalogue: the share of the evidence of all sets that contain the "
+        "cause; at most 0.95 where another suspect can take its place.",
         "Intervals. 95 %, from the scatter of each cycle's scores, so correlation within a cycle is allowed for (Liang and "
         "Zeger 1986), with Student's t. The effect of the width of the slope is estimated with another width and added.",
         "Closure. 1 − Σ after² ÷ Σ before² over the samples of held-out cycles; its interval resamples them.",
         f"Structure. The residual has a structure if more than {100.0 * SLOW:.0f} % of its squares last longer than a "
         f"second, or if means of blocks are more than {ROUGH:g} times their noise by second differences in a phase, and "
         "either makes more than 1 % of the squared gap.",
-        "Limits. A loss that grows with the line tension alone looks like a gain of the force cell. Inertia that changes with "
-        "the tether on the drum, and losses that change with temperature, are reported as a mean; the numbers of the withheld "
-        "cycles alone show how far they move. What is faster than the samples is seen as noise.",
+        f"Energies. Not explained is a phase whose held-out energies deviate by more than {100.0 * SMALL_ENERGY:g} % of "
+        "the measured ones, and by more than the noise within the phase or, all together, the scatter of the cycles "
+        "allows.",
+        "Cycle by cycle. Each cause gets a number for each cycle, the others common to all. A straight line over the "
+        f"order of the cycles, or else their scatter, is reported at a probability of {CHANCE:g}. The verdict depends on "
+        "what this does to the energies.",
+        "Limits. Inertia that changes with the tether on the drum, and losses that change with temperature, are reported as a "
+        "mean. What is faster than the samples is seen as noise.",
     )

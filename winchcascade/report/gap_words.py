@@ -322,12 +322,22 @@ def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
         "range": f"{where}: its number lies beyond what is plausible",
         "cancelling": f"{where}: the two cancel each other, so that one may only undo the other",
         "worse": f"{where}: the held-out predictions with the causes are worse than without, by {size} times the noise",
-        "energy": f"{upper(where)}: the fit leaves {size} standard uncertainties {limit}",
+        "energy": _energy_words(alarm, where),
         "residual": f"{where}{_at(alarm.about.load) if isinstance(alarm.about, Spot) else ''}: {alarm.size:.4f} of it is not "
         f"explained (relevant from {alarm.limit:g})",
         "slow": f"{number(100.0 * alarm.size, 0)} % of the squared residual lasts longer than a second (limit "
         f"{number(100.0 * alarm.limit, 0)} %)",
     }[alarm.kind]
+
+
+def _energy_words(alarm: Alarm, where: str) -> str:
+    """An energy that is not explained: of a model in standard uncertainties, of a winch without one as a share."""
+    if isinstance(alarm.about, EnergySpot):
+        return f"{upper(where)}: the fit leaves {alarm.size:.1f} standard uncertainties (limit {alarm.limit:g})"
+    return (
+        f"{upper(where)}: the predicted energy deviates by {number(100.0 * alarm.size, 1)} % from the measured one (limit "
+        f"{number(100.0 * alarm.limit, 0)} %)"
+    )
 
 
 def alarm_meaning(alarm: Alarm) -> str:

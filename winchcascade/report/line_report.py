@@ -6,8 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
+from winchcascade.diagnosis.causes import AS_GOOD
+from winchcascade.diagnosis.evidence import CLEARLY
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.line.line_energies import SMALL_ENERGY
 from winchcascade.report import content
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import LINE_MEANINGS, set_words
@@ -63,6 +66,7 @@ def line_how_far(found: LineDiagnosis) -> content.Section:
     return content.section(
         "how-far", "How far the gap closes",
         line_closure_table(found),
+        energies_table(found),
         content.picture(
             power_scatter(found, word), "scatter",
             f"{upper(word)} over predicted power, samples spread over the judged cycles; on the line both "
@@ -155,29 +159,52 @@ def line_closure_table(found: LineDiagnosis) -> content.Table | None:
     )  # fmt: skip
 
 
+def energies_table(found: LineDiagnosis) -> content.Table | None:
+    """Energies of every judged cycle by phase: measured, predicted before and after."""
+    return content.formatted_table(
+        "energies",
+        f"Energy of the winch by cycle and phase, {words.judged_words(found)}.",
+        (
+            text_column("Run"), number_column("Cycle"), text_column("Phase"), number_column("Measured", "kJ"),
+            number_column("Before", "kJ"), number_column("After", "kJ"), number_column("u", "kJ"),
+        ),
+        [
+            (
+                one.run, f"{one.cycle}", phase_words(one.phase),
+                *(significant(x * KILO, 4) for x in (one.measured, one.before, one.after)), significant(one.u * KILO, 2),
+            )
+            for one in found.energies
+        ],
+        "Before: line tension times speed. u: one standard uncertainty of the prediction, of noise, scatter of the cycles and "
+        f"coefficients. A difference below {100.0 * SMALL_ENERGY:g} % has no effect on the verdict.",
+    )  # fmt: skip
+
+
 def sets_table(found: LineDiagnosis) -> content.Table | None:
     """The sets of suspects that predict best, and the single ones."""
     choice = found.choice
-    ranked = sorted(choice.errors, key=choice.error)
+    ranked = sorted(choice.errors, key=lambda names: -choice.evidence[names])
     shown = ranked[:MAX_SETS] + [names for names in ranked[MAX_SETS:] if len(names) < 2]
     return content.formatted_table(
         "sets",
-        f"Sets of suspects by the squared error that remains on held-out cycles: {len(shown)} of {len(ranked)}.",
+        f"Sets of suspects by their evidence, with the squared error on held-out cycles: {len(shown)} of {len(ranked)}.",
         (
             text_column("Set"), number_column("Suspects"), number_column("Error", "of the gap"),
             text_column("As good", "as the best"),
-            number_column("Probability"), text_column("Chosen"),
+            number_column("Evidence", "against the chosen set"), number_column("Probability"), text_column("Chosen"),
         ),
         [
             (
                 set_words(names), f"{len(names)}", f"{number(100.0 * choice.error(names), 2)} %",
-                "yes" if choice.as_good(names) else "no", probability_words(choice.probability[names]),
+                "yes" if choice.as_good(names) else "no",
+                signed(choice.evidence[names] - choice.evidence[found.chosen]),
+                probability_words(choice.probability[names]),
                 "yes" if names == found.chosen else "",
             )
             for names in shown
         ],
-        f"As good: within {number(100.0 * choice.tolerance / max(choice.gap, 1e-300), 2)} % of the minimum, the larger of "
-        "one standard error over cycles and one per cent of the gap. The smallest of these is chosen.",
+        f"As good: the evidence is not lower by more than {AS_GOOD:g}. The smallest set that no larger one beats by "
+        f"{CLEARLY:g} for each further suspect is chosen.",
     )  # fmt: skip
 
 

@@ -13,20 +13,43 @@ import numpy as np
 from winchcascade.core.accuracy import student
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Names, Reported, Spot
-from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, Lines, beside, block_means_of, columns_of, with_span
-from winchcascade.diagnosis.line.line_selection import Choice, Moments, coefficients, moments_of
+from winchcascade.diagnosis.diagnosis_result import (
+    Alternative,
+    Experiment,
+    FittedEffect,
+    NamedCause,
+    Names,
+    Reported,
+    Spot,
+)
+from winchcascade.diagnosis.line.line_data import (
+    NUMBERS,
+    POWER,
+    RANGED,
+    Lines,
+    block_means_of,
+    columns_of,
+    reported_number,
+)
+from winchcascade.diagnosis.line.line_selection import (
+    MATERIAL,
+    Choice,
+    Moments,
+    coefficients,
+    errors_of,
+    line_covariance,
+    moments_of,
+)
+from winchcascade.diagnosis.line.line_stability import stability_of
+from winchcascade.rig.stages import line_power
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.diagnosis.suspects import Suspects
 
-RIVALS = 2
-"""Maximum number of alternatives of each cause that are named."""
-
-LIKELY = 0.05
-"""Share of resampled sets of cycles that choose an alternative from which it is named even if the logged cycles exclude it."""
+AMBIGUOUS = 0.95
+"""Maximum probability of a cause that another suspect can replace: the list of suspects is not complete. [1]"""
 
 STEP, RAMP = 10.0, 1.0
 """Length of a step of a planned motion, and of the ramp to it. [s]"""
@@ -42,89 +65,120 @@ NEARLY = 0.7
 
 
 def line_causes(lines: Lines, m: Moments, choice: Choice, suspects: Suspects) -> tuple[NamedCause, ...]:
-    """Every cause of the chosen set, the one that closes most first."""
-    numbers = reported(lines, m, choice.chosen)
-    causes = [
-        NamedCause(
-            effect=name,
-            stage=suspects[name].stage,
-            probability=sum(p for names, p in choice.probability.items() if name in names),
-            parameters={NUMBERS[name][0]: numbers[name]},
-            look_alikes=_alternatives(lines, m, choice, name),
-            weight=choice.error(tuple(n for n in choice.chosen if n != name)) - choice.error(choice.chosen),
+    """Every material cause of the chosen set, the one that closes most first."""
+    numbers, everything = reported(lines, m, choice.chosen), moments_of(lines, lines.parts)
+    named = [name for name in choice.chosen if is_material(lines, m, choice, name)]
+    causes = []
+    for name in named:
+        alike = _look_alikes(lines, m, choice, name)
+        without = tuple(n for n in choice.chosen if n != name)
+        causes.append(
+            NamedCause(
+                effect=name,
+                stage=suspects[name].stage,
+                probability=min(choice.share_with(name), AMBIGUOUS if alike else 1.0),
+                parameters={NUMBERS[name][0]: numbers[name]},
+                weight=choice.error(without) - choice.error(choice.chosen),
+                stability=stability_of(lines, everything, choice.chosen, name),
+                look_alikes=alike,
+                ablation=1.0 - squared_error(lines, m, without) / max(squared_error(lines, m, ()), 1e-300),
+            )
         )
-        for name in choice.chosen
-    ]
     return tuple(sorted(causes, key=lambda cause: -cause.weight))
+
+
+def squared_error(lines: Lines, m: Moments, names: Names) -> float:
+    """Squared error of a set on the judged parts by a fit without them. [W2]"""
+    if not lines.judged[0].withheld:
+        return float(errors_of(m, lines, names).sum())
+    x = coefficients(m, lines, names)
+    return float(sum(np.sum((part.gap - part.columns @ x) ** 2) for part in lines.judged))
+
+
+def is_material(lines: Lines, m: Moments, choice: Choice, name: str) -> bool:
+    """Whether a cause closes a share of the gap, or takes a share of the energy of payouts or haul-ins, that matters."""
+    without = tuple(n for n in choice.chosen if n != name)
+    if choice.error(without) - choice.error(choice.chosen) >= MATERIAL * (1.0 - choice.error(choice.chosen)):
+        return True
+    own = lines.names.index(name)
+    taken = coefficients(m, lines, choice.chosen)[own]
+    for number, phase in enumerate(PHASES):
+        here = [(part, part.phase == number) for part in lines.fitted]
+        energy = sum(float(np.sum((part.width * part.columns[:, own])[at])) for part, at in here) * taken
+        line, gap = (
+            sum(float(np.sum((part.width * power)[at])) for (part, at), power in zip(here, powers, strict=True))
+            for powers in (
+                [line_power(part.run)[part.here] for part in lines.fitted],
+                [part.gap for part in lines.fitted],
+            )
+        )
+        if phase != "hold" and abs(energy) >= MATERIAL * max(abs(line), abs(line + gap)) > 0.0:
+            return True
+    return False
+
+
+def fitted_effects(lines: Lines, m: Moments, choice: Choice, named: Sequence[str]) -> tuple[FittedEffect, ...]:
+    """Every suspect of the final fit with its number, then each that was left out though its fit closes more, with its number.
+
+    One that was left out counts if it closes `MATERIAL` more of the gap on held-out cycles and its interval excludes zero.
+    """
+    numbers = reported(lines, m, choice.chosen)
+    found = [FittedEffect(name, name in named, {NUMBERS[name][0]: numbers[name]}) for name in choice.chosen]
+    for name in lines.names:
+        if name in choice.chosen:
+            continue
+        larger = tuple(n for n in lines.names if n in (*choice.chosen, name))
+        number = reported(lines, m, larger)[name]
+        more = choice.error(choice.chosen) - choice.error(larger)
+        apart = number.low > 0.0 or number.high < 0.0
+        if apart and (more >= MATERIAL or choice.evidence[larger] > choice.evidence[choice.chosen]):
+            found.append(FittedEffect(name, False, {NUMBERS[name][0]: number}, chosen=False))
+    return tuple(found)
 
 
 def again_alone(lines: Lines, names: Names) -> dict[str, Reported]:
     """The numbers of a set from the withheld parts alone, by effect; none where no part is withheld."""
     parts = tuple(msgspec.structs.replace(part, withheld=False) for part in lines.parts if part.withheld)
-    return reported(msgspec.structs.replace(lines, parts=parts), moments_of(parts), names) if parts else {}
+    alone = msgspec.structs.replace(lines, parts=parts)
+    return reported(alone, moments_of(alone, parts), names) if parts else {}
 
 
 def reported(lines: Lines, m: Moments, names: Names) -> dict[str, Reported]:
     """The number of each suspect of a set with its 95 % interval; Student's t for few folds."""
-    x = coefficients(m, lines, names)
+    x, bounds = coefficients(m, lines, names), lines.bounds
     u = np.sqrt(np.diag(line_covariance(lines, m, names))) * student(m.folds - 1)
-    ends = np.array([x, np.maximum(x - u, lines.low), np.minimum(x + u, lines.high)])
-    found = dict(zip(lines.names, ends.T.tolist(), strict=True))
-    gain = found.get("force_gain", [0.0])[0]
-    if "force_zero" in found:
-        found["force_zero"] = [end / (1.0 + gain) for end in found["force_zero"]]
-    if "force_gain" in found:  # F_read = (1 + g) F reverses the order of the ends of h = 1 / (1 + g) - 1
-        value, low, high = (-h / (1.0 + h) for h in found["force_gain"])
-        found["force_gain"] = [value, high, low]
-    numbers = ((name, *found[name]) for name in names)
-    return {name: Reported(value, low, high, NUMBERS[name][1]) for name, value, low, high in numbers}
-
-
-def line_covariance(lines: Lines, m: Moments, names: Names) -> Signal:
-    """Covariance of the coefficients of a set, (suspects, suspects), 0 for those outside it or at a bound.
-
-    Samples of one fold are no independent numbers: the sum of its scores varies (Liang and Zeger 1986), with G / (G - 1) for G
-    folds. A wider span for the slope of the velocity moves the numbers too, as either smooths fast motion: the error of the
-    span in use follows from two of them and is added as a standard uncertainty, in the diagonal.
-    """
-    x = coefficients(m, lines, names)
-    free = (lines.low < x) & (x < lines.high) & [name in names for name in lines.names]
-    inside, found = np.flatnonzero(free), np.zeros((x.size, x.size))
-    if inside.size:
-        within = np.ix_(inside, inside)
-        scores = (m.slope - m.curve @ x)[:, inside]
-        inverse = np.linalg.pinv(m.curve.sum(axis=0)[within], hermitian=True)
-        found[within] = m.folds / (m.folds - 1.0) * inverse @ scores.T @ scores @ inverse
-        found[inside, inside] += (_error_of_span(lines, names) ** 2)[inside]
+    ends = np.array([x, np.maximum(x - u, bounds.low), np.minimum(x + u, bounds.high)])
+    gain = 0.0
+    if "force_gain" in names:
+        gain = reported_number("force_gain", float(x[lines.names.index("force_gain")]))
+    found = {}
+    for name in names:
+        k = lines.names.index(name)
+        value, *interval = (reported_number(name, end) for end in ends[:, k].tolist())
+        if name == "force_zero":
+            value, *interval = (end / (1.0 + gain) for end in (value, *interval))
+        eps = 1e-9 * float(bounds.inner_high[k] - bounds.inner_low[k])
+        over, at = x[k] - bounds.inner_high[k], min(abs(x[k] - bounds.low[k]), abs(x[k] - bounds.high[k]))
+        beyond = name in RANGED and bool(max(over, bounds.inner_low[k] - x[k]) > eps)
+        side: Literal["low", "high"] = "low" if abs(value) < eps else "high"
+        found[name] = Reported(
+            value, min(interval), max(interval), NUMBERS[name][1], side if at <= eps else None, beyond_range=beyond
+        )
     return found
 
 
-def _error_of_span(lines: Lines, names: Names) -> Signal:
-    """Error of each coefficient due to the span of the slope, (suspects,), from its change with another span.
-
-    The error of the slope of a quadratic over k samples on either side is the third derivative times (3 k^2 + 3 k - 1) / 5, in
-    squares of the step (Savitzky and Golay 1964).
-    """
-    other = next((span for span in lines.spans if span > lines.span), lines.spans[max(len(lines.spans) - 2, 0)])
-    if other == lines.span or "drum_inertia" not in names:
-        return np.zeros(len(lines.names))
-    there = with_span(lines, other)
-    counts = (beside(lines.parts[0].run, span) for span in (lines.span, other))
-    own, its = ((3.0 * k * k + 3.0 * k - 1.0) / 5.0 for k in counts)
-    moved = coefficients(moments_of(there.fitted), there, names) - coefficients(moments_of(lines.fitted), lines, names)
-    return moved * (own / (its - own))
-
-
-def _alternatives(lines: Lines, m: Moments, choice: Choice, name: str) -> tuple[Alternative, ...]:
-    """Suspects in place of a cause with which the set predicts as well, best first."""
-    found = [
-        (choice.error(swapped), other, swapped)
-        for other, swapped in _swaps(lines, choice, name)
-        if choice.as_good(swapped) and (choice.even(swapped) or choice.probability[swapped] >= LIKELY)
-    ]
+def _look_alikes(lines: Lines, m: Moments, choice: Choice, name: str) -> tuple[Alternative, ...]:
+    """Suspects of the smallest sets without a cause for which the evidence is not clearly lower, the most likely first."""
+    good = [names for names in choice.evidence if name not in names and choice.as_good(names)]
+    smallest = [names for names in good if not any(set(other) < set(names) for other in good)]
+    best: dict[str, Names] = {}
+    for names in sorted(smallest, key=lambda names: -choice.evidence[names]):
+        for other in names:
+            if other not in choice.chosen:
+                best.setdefault(other, names)
     return tuple(
-        Alternative(other, choice.probability[swapped], _difference(lines, m, choice.chosen, swapped))
-        for _, other, swapped in sorted(found)[:RIVALS]
+        Alternative(other, choice.share_with(other), _difference(lines, m, choice.chosen, names))
+        for other, names in best.items()
     )
 
 
@@ -164,7 +218,7 @@ def plan(lines: Lines, m: Moments, choice: Choice, named: Sequence[str]) -> Expe
     ----------
     named : causes that may be the one
     """
-    swaps = [(choice.error(s), name, other, s) for name in named for other, s in _swaps(lines, choice, name)]
+    swaps = [(-choice.evidence[s], name, other, s) for name in named for other, s in _swaps(lines, choice, name)]
     if not swaps:
         return None
     _, name, other, swapped = min(swaps)

@@ -1,8 +1,9 @@
 """Logs of a winch without a model: which samples count, cycle by cycle, and how each suspect changes the power.
 
-The power of the shaft follows from the line by P = v (F - m dv/dt - F_0 sgn v - b v), as `rig.stages.line_power` has it. A
-force cell that reads (1 + g) F + o gives F = (1 + h) F_read - o', with h = 1 / (1 + g) - 1 and o' = o / (1 + g). So measured
-power minus v F_read is linear in m, F_0, b, h and o': the coefficients of a fit.
+The power of the shaft follows from the line by P = v (F - m dv/dt - F_0 sgn v - b v) - s |v F|, as `rig.stages.line_power` has
+it but for the share s of the tension that is lost. A force cell that reads (1 + g) F + o gives F = (1 + h) F_read - o', with
+h = 1 / (1 + g) - 1 and o' = o / (1 + g). So measured power minus v F_read is linear in m, F_0, b, s, h and o': the coefficients
+of a fit.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK, Index, Run, Signal
-from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row
+from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row, stretches_of
+from winchcascade.diagnosis.solve import Bounds
+from winchcascade.diagnosis.suspects import TAIL
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.stages import acceleration, line_power
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnosis_result import Entries
@@ -36,6 +39,7 @@ NUMBERS = {
     "drum_inertia": ("mass_extra", "kg"),
     "line_friction": ("force", "N"),
     "line_drag": ("b_line", "N.s/m"),
+    "load_proportional_loss": ("share", "1"),
     "force_gain": ("gain_error", "relative"),
     "force_zero": ("offset", "N"),
 }
@@ -48,7 +52,13 @@ EVERYWHERE = 0.9
 """A span serves if it gives a slope at this share of the stamps."""
 
 MIN_SAMPLES = 100
-"""Minimum number of samples: fewer do not determine five coefficients."""
+"""Minimum number of samples: fewer do not determine six coefficients."""
+
+RANGED = ("load_proportional_loss", "force_gain", "force_zero")
+"""Suspects whose number is a field of the catalogue, and its range that of the field."""
+
+LONGEST_STEP = 2.0
+"""Maximum time that a sample stands for, in steps of the log: a longer gap is not bridged. [1]"""
 
 AGAINST = -0.2
 """Correlation of power and line tension times speed below which one of them has the other sign."""
@@ -57,14 +67,17 @@ AGAINST = -0.2
 class CyclePart(msgspec.Struct, frozen=True):
     """The cycles of one log that one entry of a campaign names.
 
-    `here` (k,) are the samples of `run` that count, `cycle` (k,) the payout each belongs to, `gap` (k,) the measured power
-    minus line tension times speed [W], `columns` (k, suspects) the predicted power per unit of each coefficient.
+    `here` (k,) are the samples of `run` that count, `cycle` (k,) the payout each belongs to, `phase` (k,) an index of `PHASES`,
+    `width` (k,) the time that each stands for [s], `gap` (k,) the measured power minus line tension times speed [W], `columns`
+    (k, suspects) the predicted power per unit of each coefficient.
     """
 
     run: Run
     withheld: bool
     here: Index
     cycle: Index
+    phase: Index
+    width: Signal
     gap: Signal
     columns: Signal
     blocks: Blocks
@@ -78,14 +91,14 @@ class CyclePart(msgspec.Struct, frozen=True):
 
 
 class Lines(msgspec.Struct, frozen=True):
-    """All parts of a campaign. `names` of the suspects, `low` and `high` (suspects,) bound their coefficients.
+    """All parts of a campaign. `names` of the suspects, `bounds` (suspects,) those of their coefficients.
 
-    The slope of the velocity is that of a local quadratic over the samples within `span`, one of the `spans` that differ [s].
+    The inner bounds are what is plausible. The slope of the velocity is that of a local quadratic over the samples within
+    `span`, one of the `spans` that differ [s].
     """
 
     names: tuple[str, ...]
-    low: Signal
-    high: Signal
+    bounds: Bounds
     parts: tuple[CyclePart, ...]
     span: float
     spans: tuple[float, ...]
@@ -115,29 +128,54 @@ def lines_of(entries: Entries, rig: Rig, suspects: Suspects) -> Lines:
             f"none of the suspects ({', '.join(suspects)}) acts between line and shaft, all that this rig has; suspect "
             f"{', '.join(NUMBERS)}."
         )
-    low, high = np.array([_bounds(suspects, name) for name in names]).T
     gaps = [measured_power(run, rig) - line_power(run) for run in entries.runs]
     spans, parts, cycles = spans_of(entries.runs[0]), [], entries.cycles or [None] * len(gaps)
     for k, (run, gap, asked) in enumerate(zip(entries.runs, gaps, cycles, strict=True)):
-        here, cycle = _samples(run, rig, gap, asked)
+        here, cycle, phase = _samples(run, rig, gap, asked)
         columns = columns_of(run, names, spans[0])
         here = here[np.isfinite(columns[here]).all(axis=1)]
         _check_part(run, gap, here, asked, int(cycle.max()))
-        parts.append(
-            CyclePart(
-                run, k in entries.withheld, here, cycle[here], gap[here], columns[here], blocks_of(run, rig, asked)
-            )
-        )
+        blocks, width = blocks_of(run, rig, asked), _widths(run)
+        own = (cycle[here], phase[here], width[here], gap[here], columns[here])
+        parts.append(CyclePart(run, k in entries.withheld, here, *own, blocks))
     _check_overlap(parts)
-    return Lines(names, low, high, tuple(parts), spans[0], spans)
+    return Lines(names, _bounds(suspects, names, parts), tuple(parts), spans[0], spans)
 
 
-def _bounds(suspects: Suspects, name: str) -> tuple[float, float]:
-    """Bounds of a coefficient: no effect is a source of power, and a sensor errs within the catalogue."""
-    field = suspects[name].fields[0]
-    if name == "force_gain":
-        return 1.0 / (1.0 + field.high) - 1.0, 1.0 / (1.0 + field.low) - 1.0
-    return (field.low, field.high) if name == "force_zero" else (0.0, math.inf)
+def _widths(run: Run) -> Signal:
+    """Time that each sample stands for, (n,): half of the steps on either side, a lost row counting as a step. [s]"""
+    return np.minimum(np.gradient(run.t), LONGEST_STEP * median(np.diff(run.t)))
+
+
+def _bounds(suspects: Suspects, names: Sequence[str], parts: Sequence[CyclePart]) -> Bounds:
+    """Bounds of the coefficients, the inner ones of what is plausible.
+
+    No loss is a source of power. In units of the line no range of an inertia, a friction or a drag is known beforehand: at most
+    it takes as much power as the winch has.
+    """
+    power = np.concatenate([part.gap + line_power(part.run)[part.here] for part in parts if not part.withheld])
+    columns = np.vstack([part.columns for part in parts if not part.withheld])
+    largest = np.linalg.norm(power) / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    rows = []
+    for name, most in zip(names, largest.tolist(), strict=True):
+        field = suspects[name].fields[0]
+        if name == "force_gain":
+            low, high, first, last = (1.0 / (1.0 + g) - 1.0 for g in (field.high, field.low, *field.possible[::-1]))
+        elif name in RANGED:
+            low, high, (first, last) = field.low, field.high, field.possible
+        else:
+            low, high, first, last = 0.0, most, 0.0, math.inf
+        rows.append((first, last, low, high, 0.0 if math.isinf(last) else 1.0 / (TAIL * (high - low))))
+    return Bounds(*np.array(rows).T.copy())
+
+
+def reported_number(name: str, coefficient: float) -> float:
+    """Number that is reported of a coefficient; F_read = (1 + g) F reverses h = 1 / (1 + g) - 1.
+
+    >>> round(reported_number("force_gain", -0.2), 12), reported_number("line_drag", 300.0)
+    (0.25, 300.0)
+    """
+    return -coefficient / (1.0 + coefficient) if name == "force_gain" else coefficient
 
 
 def with_span(lines: Lines, span: float) -> Lines:
@@ -170,8 +208,8 @@ def measured_power(run: Run, rig: Rig) -> Signal:
     return found
 
 
-def _samples(run: Run, rig: Rig, gap: Signal, asked: tuple[int, int] | None) -> tuple[Index, Index]:
-    """Samples at which line tension, velocity and power were logged, (k,), and the payout of every sample, (n,) from 1.
+def _samples(run: Run, rig: Rig, gap: Signal, asked: tuple[int, int] | None) -> tuple[Index, Index, Index]:
+    """Samples at which line tension, velocity and power were logged, (k,), and payout (from 1) and phase of every one, (n,).
 
     The slope of the velocity needs samples on either side, so those next to a gap of the velocity do not count.
     """
@@ -179,11 +217,13 @@ def _samples(run: Run, rig: Rig, gap: Signal, asked: tuple[int, int] | None) -> 
     for channel, margin in {CLOCK: half_width, "velocity": half_width, "force": 0.0, POWER: 0.0, "torque": 0.0}.items():
         for a, b in run.gaps.get(channel, np.zeros((0, 2))).tolist():
             good &= ~((run.t > a - margin) & (run.t < b + margin))
-    onsets = [cycle.onset for cycle in detect(run, smoothed_velocity(run, rig.thresholds), rig.thresholds)]
-    cycle = np.maximum(np.searchsorted(np.array(onsets), run.t, side="right"), 1)  # rest before the first is its own
+    stretches = stretches_of(run, detect(run, smoothed_velocity(run, rig.thresholds), rig.thresholds))
+    begins = np.array([stretch[0] for stretch in stretches[1:]])
+    number = np.searchsorted(begins, run.t, side="right")
+    cycle = np.maximum(np.array([stretch[3] for stretch in stretches])[number], 1)  # rest before the first is its own
     if asked is not None:
         good &= (cycle >= asked[0]) & (cycle <= asked[1])
-    return np.flatnonzero(good), cycle
+    return np.flatnonzero(good), cycle, np.array([stretch[2] for stretch in stretches])[number]
 
 
 def _check_part(run: Run, gap: Signal, here: Index, asked: tuple[int, int] | None, cycles: int) -> None:
@@ -240,10 +280,11 @@ def spans_of(run: Run) -> tuple[float, ...]:
 def columns_of(run: Run, names: Sequence[str], span: float) -> Signal:
     """What one unit of each coefficient adds to the power that the line gives, (n, suspects) [W]; NaN without a slope."""
     given = line_power(run)
-    made = {
+    made: dict[str, Callable[[], Signal]] = {
         "drum_inertia": lambda: line_power(run, mass_extra=1.0, width=width_of(run, span)) - given,
         "line_friction": lambda: line_power(run, force=1.0) - given,
         "line_drag": lambda: line_power(run, b_line=1.0) - given,
+        "load_proportional_loss": lambda: -np.abs(given),
         "force_gain": lambda: given,
         "force_zero": lambda: -run.channels["velocity"],
     }

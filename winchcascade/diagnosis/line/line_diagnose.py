@@ -15,10 +15,11 @@ from winchcascade.diagnosis.closure import DRAWS, ROUGH
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     MOSTLY,
-    NAMED,
     Alarm,
+    CycleEnergy,
     DiagnosisResult,
     Entries,
+    FittedEffect,
     GapClosure,
     Names,
     Place,
@@ -30,8 +31,9 @@ from winchcascade.diagnosis.diagnosis_result import (
     Where,
 )
 from winchcascade.diagnosis.gap_map import weigh
-from winchcascade.diagnosis.line.line_causes import again_alone, line_causes, plan
+from winchcascade.diagnosis.line.line_causes import again_alone, fitted_effects, line_causes, plan
 from winchcascade.diagnosis.line.line_data import POWER, CyclePart, Lines, block_means_of, lines_of
+from winchcascade.diagnosis.line.line_energies import energy_alarms, energy_rows, energy_table
 from winchcascade.diagnosis.line.line_selection import (
     Choice,
     Moments,
@@ -71,11 +73,13 @@ NOISY = 1.25
 class LineClosure(GapClosure, frozen=True):
     """Share of the squared gap that the causes close on the parts that they are tested on: 1 - sum(after^2) / sum(gap^2).
 
-    `after` are, part by part, measured minus predicted at the samples that count, (k,) each [W], by a fit without them.
+    `after` are, part by part, measured minus predicted at the samples that count, (k,) each [W], by a fit without them. It is
+    `quiet` where it is no more than white noise while the line moves.
     """
 
     parts: tuple[CyclePart, ...]
     after: tuple[Signal, ...]
+    quiet: bool
 
     @property
     def power(self) -> Shrunk:
@@ -98,7 +102,7 @@ class LineRemainder(Remainder, frozen=True):
     """The residual of the causes on the parts that they are tested on: signs of structure, and how bursty it is.
 
     `slow` is the share of its squares that lasts longer than a second, `bursts` that of the largest `BURST` of the samples,
-    `in_worst` that of the phase that holds most of them.
+    `in_worst` that of the worst phase: the one whose energy deviates most, else the one that holds most of the squares.
     """
 
     slow: float
@@ -142,29 +146,43 @@ def judge(lines: Lines, m: Moments, names: Names, seed: int) -> LineClosure:
     share = float(1.0 - new.sum() / max(old.sum(), 1e-300))
     low, high = np.quantile(shares, (0.025, 0.975)).tolist()
     before, after_rms = (float(np.sqrt(np.mean(x**2))) for x in (gap, left))
+    noise, quiet = noise_of(parts, after)
     return LineClosure(
-        channels={POWER: Shrunk(before, after_rms, white_noise(left))},
+        channels={POWER: Shrunk(before, after_rms, noise)},
         share=share,
         low=min(low, share),
         high=max(high, share),
         parts=parts,
         after=tuple(after),
+        quiet=quiet,
     )
 
 
-def left_in(parts: Sequence[CyclePart], after: Sequence[Signal], share: float) -> LineRemainder:
+def noise_of(parts: Sequence[CyclePart], after: Sequence[Signal]) -> tuple[float, bool]:
+    """White noise of a residual, phase by phase, and whether the residual is no more than that where the machine works. [W]"""
+    left, phase = np.concatenate(after), np.concatenate([part.phase for part in parts])
+    own = [white_noise(left[phase == p]) ** 2 * np.count_nonzero(phase == p) for p in range(len(PHASES))]
+    works = [p for p, name in enumerate(PHASES) if name != "hold"]
+    squares = float(np.sum(left[np.isin(phase, works)] ** 2))
+    return math.sqrt(sum(own) / left.size), squares < NOISY**2 * sum(own[p] for p in works)
+
+
+def left_in(
+    parts: Sequence[CyclePart], after: Sequence[Signal], share: float, energies: tuple[Alarm, ...] = ()
+) -> LineRemainder:
     """Distinguish the residual from noise.
 
     Parameters
     ----------
     after : measured minus predicted, part by part, (k,) each [W]
     share : of the squared gap that stays open
+    energies : phases whose energies are not explained
     """
     blocks, mean = block_means_of(parts, after)
     square = np.concatenate(after) ** 2
     matters = PART_OF_GAP * float(sum(np.sum(part.gap**2) for part in parts))
     slow = _lasting(blocks, mean, float(np.mean(square)))
-    alarms = []
+    alarms = list(energies)
     if slow > SLOW and slow * float(square.sum()) > matters:
         alarms.append(Alarm("slow", Spot(POWER), slow, SLOW))
     for phase, name in enumerate(PHASES):
@@ -176,7 +194,7 @@ def left_in(parts: Sequence[CyclePart], after: Sequence[Signal], share: float) -
             alarms.append(Alarm("structure", Spot(POWER, name), ratio, ROUGH))
     largest, (_, squares) = np.sort(square)[::-1], block_means_of(parts, [x**2 for x in after])
     by_phase = np.bincount(blocks.phase, np.nan_to_num(squares) * blocks.count, len(PHASES))
-    worst = int(np.argmax(by_phase))
+    worst = _phase_of(energies[0]) if energies else int(np.argmax(by_phase))
     return LineRemainder(
         share=share,
         alarms=tuple(sorted(alarms, key=lambda alarm: -alarm.size / alarm.limit)),
@@ -185,6 +203,11 @@ def left_in(parts: Sequence[CyclePart], after: Sequence[Signal], share: float) -
         bursts=float(largest[: max(int(BURST * square.size), 1)].sum() / max(square.sum(), 1e-300)),
         in_worst=float(by_phase[worst] / max(by_phase.sum(), 1e-300)),
     )
+
+
+def _phase_of(alarm: Alarm) -> int:
+    """Number of the phase that an alarm of an energy is about."""
+    return PHASES.index(alarm.about.phase) if isinstance(alarm.about, Spot) and alarm.about.phase else 0
 
 
 def _lasting(blocks: Blocks, mean: Signal, mean_square: float) -> float:
@@ -201,7 +224,8 @@ def _lasting(blocks: Blocks, mean: Signal, mean_square: float) -> float:
 class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis of a winch without a model.
 
-    `places` map the gap phase by phase; `again` are the numbers of the causes as the withheld cycles alone give them.
+    `places` map the gap phase by phase; `again` are the numbers of the causes as the withheld cycles alone give them;
+    `fitted_effects` are the suspects of the final fit, and those that it leaves out though they close more.
     """
 
     lines: Lines
@@ -210,6 +234,8 @@ class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     closure: LineClosure | None = None
     remainder: LineRemainder | None = None
     again: dict[str, Reported]
+    fitted_effects: tuple[FittedEffect, ...]
+    energies: tuple[CycleEnergy, ...] = ()
 
 
 @linear_algebra_on_one_thread()
@@ -238,18 +264,17 @@ def diagnose_line(
     on_progress("taking the samples that count")
     lines = with_best_span(lines_of(entries, rig, suspects))
     on_progress("leaving each cycle out in turn")
-    moments = moments_of(lines.fitted)
-    choice = choose(lines, moments, seed)
+    moments = moments_of(lines, lines.fitted)
+    choice = choose(lines, moments)
     closure = judge(lines, moments, choice.chosen, seed) if choice.chosen else None
     on_progress("looking for alternative explanations")
     causes = line_causes(lines, moments, choice, suspects)
-    if closure is None:
-        remainder = left_in(lines.parts, [part.gap for part in lines.parts], 1.0)
-    else:
-        remainder = left_in(closure.parts, closure.after, max(1.0 - closure.share, 0.0))
-    verdict = _verdict(closure, remainder)
-    causes = causes if verdict == "explained" else causes[:NAMED]
-    places, no_gap = map_of(lines.parts), verdict == "no_gap"
+    after = [part.gap for part in lines.judged] if closure is None else closure.after
+    table = energy_table(moments, lines.judged, after)
+    energies = energy_alarms(lines, moments, choice.chosen, table)
+    remainder = left_in(lines.judged, after, 1.0 if closure is None else max(1.0 - closure.share, 0.0), energies)
+    verdict = _verdict(closure, remainder, named=bool(causes))
+    causes, places, no_gap = () if verdict == "unexplained" else causes, map_of(lines.parts), verdict == "no_gap"
     largest = max(places, key=lambda place: place.share)
     return LineDiagnosis(
         title=entries.title,
@@ -261,7 +286,7 @@ def diagnose_line(
         where=None if no_gap else Where(causes[0].stage if causes else "transmission", largest),
         chosen=choice.chosen,
         causes=causes,
-        closure=closure,
+        closure=None if no_gap else closure,
         remainder=None if no_gap else remainder,
         experiment=plan(lines, moments, choice, [cause.effect for cause in causes]),
         sets=dict(choice.probability),
@@ -270,14 +295,19 @@ def diagnose_line(
         choice=choice,
         places=places,
         again=again_alone(lines, choice.chosen),
+        fitted_effects=fitted_effects(lines, moments, choice, [cause.effect for cause in causes]),
+        energies=energy_rows(lines, moments, choice.chosen, table),
     )
 
 
-def _verdict(closure: LineClosure | None, remainder: LineRemainder) -> Verdict:
-    """Explained when at least `MOSTLY` is closed and no structure remains, or when the residual is no more than noise."""
-    if closure is None:
+def _verdict(closure: LineClosure | None, remainder: LineRemainder, *, named: bool) -> Verdict:
+    """Explained when no alarm remains and at least `MOSTLY` is closed, or when the residual is no more than noise.
+
+    A number that changes from cycle to cycle does not forbid it by itself: what it does to the energies of held-out cycles
+    does.
+    """
+    if closure is None or not named:
         return "unexplained" if remainder.alarms else "no_gap"
-    quiet = closure.power.after < NOISY * closure.power.noise
-    if not remainder.alarms and (quiet or closure.share >= MOSTLY):
+    if not remainder.alarms and (closure.quiet or closure.share >= MOSTLY):
         return "explained"
     return "partly_explained" if closure.share >= HALF or not remainder.alarms else "unexplained"
