@@ -95,7 +95,7 @@ def test_contributions_are_the_split_of_simulated_metrics() -> None:
 
 def test_the_order_of_the_causes_changes_no_part() -> None:
     diagnosis = found()
-    again = contributions_of(diagnosis.data, diagnosis.suspects, diagnosis.found, diagnosis.causes[::-1])
+    again = contributions_of(diagnosis.data, diagnosis.suspects, diagnosis.found, diagnosis.causes[::-1])[0]
     for one, other in zip(diagnosis.contributions, again, strict=True):
         values = {(p.effect, p.kind): p.value for p in other.parts}
         assert values == {(p.effect, p.kind): pytest.approx(p.value, rel=1e-9, abs=1e-12) for p in one.parts}
@@ -172,7 +172,7 @@ def test_a_law_errs_also_where_a_contribution_passes_zero() -> None:
     def split(share: float, u: float) -> Split:
         values = np.full(len(QUANTITIES), share), np.full(len(QUANTITIES), u)
         nothing = np.zeros(len(QUANTITIES)), np.zeros(len(QUANTITIES))
-        return Split(nothing[0], np.full(len(QUANTITIES), 0.5), {"sync_inductance": values}, nothing, nothing)
+        return Split(nothing[0], np.full(len(QUANTITIES), 0.5), {"sync_inductance": values}, nothing, nothing, {})
 
     of_law, of_model = LAW * 0.03, OF_DISCREPANCY * 0.002 * 0.5
     splits = [split(0.0, 0.0), split(-0.03, 4e-4), split(0.2, 0.0)]
@@ -183,5 +183,7 @@ def test_a_law_errs_also_where_a_contribution_passes_zero() -> None:
 
 def test_what_changes_nothing_has_no_uncertain_law() -> None:
     nothing = np.zeros(len(QUANTITIES))
-    split = Split(nothing, nothing + 0.5, {"torque_gain": (nothing, nothing)}, (nothing, nothing), (nothing, nothing))
+    split = Split(
+        nothing, nothing + 0.5, {"torque_gain": (nothing, nothing)}, (nothing, nothing), (nothing, nothing), {}
+    )
     assert not np.any(with_uncertain_laws([split], [True], 0.002)[0].causes["torque_gain"][1])

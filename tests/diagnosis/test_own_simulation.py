@@ -88,7 +88,7 @@ def test_an_effect_that_the_simulation_contains_already_is_reported_with_its_num
     assert [form.likely for form in found.own_simulation.forms] == ["copper_heating"]
     (sentence,) = own_simulation_words(found)
     assert sentence.startswith(
-        "Your simulation already contains Copper heating (copper_heating, generator stage): stator"
+        "Your simulation already contains Stator resistance (copper_heating, generator stage): stator"
     )
     value = found.own_simulation.numbers["copper_heating"]["r_s_change"]
     assert value.low < 0.3 < value.high

@@ -22,8 +22,8 @@ MODEL = baseline(RIG)
 NUMBERS = constants(MODEL, 18.0)
 
 OF_THE_LINE = (
-    "inertia_drum", "line_friction", "line_drag", "layering", "stribeck", "stribeck_speed", "lead", "eta_forward",
-    "eta_reverse", "area", "pressure", "volume", "exponent", "cooling", "seal_friction", "seal_stribeck",
+    "inertia_drum", "line_friction", "line_drag", "layering", "stribeck", "stribeck_speed", "loss_share", "lead",
+    "eta_forward", "eta_reverse", "area", "pressure", "volume", "exponent", "cooling", "seal_friction", "seal_stribeck",
 )  # fmt: skip
 
 COARSELY = 2e-3
