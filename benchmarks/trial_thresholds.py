@@ -35,7 +35,6 @@ from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.nuisances import SECTIONS, shifted
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.ingest.read import read_run
-from winchcascade.report.diagnosis_causes import thresholds
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import ActiveEffect
@@ -137,7 +136,7 @@ def do_base(order: ThresholdOrder) -> str:
         write_simulated_campaign(folder, [], np.random.default_rng([SEED, 0, order.base]))
         runs = [read_run(entry.file, load=entry.load) for entry in load_campaign(folder).runs]
         found = diagnose(runs, built_in(), EFFECTS)
-    values = {one.effect: one.value for one in thresholds(found) if one.value is not None}
+    values = {one.effect: one.value for one in found.thresholds if one.value is not None}
     stated = Stated(order.base, found.verdict, values)
     _base_path(order).write_bytes(msgspec.json.encode(stated))
     return str(order.base)

@@ -117,14 +117,7 @@ def test_a_number_of_which_the_log_says_nothing_new_is_marked() -> None:
     run = made_log(seed=1)
     found = calibrate(run, estimated_rig(), steady_payouts(run))
     assert {n.name for n in found.numbers if n.new} == FOUND
-    assert [n.name for n in found.numbers if not n.determined] == ["eta_mesh"]
-
-
-def test_a_number_that_the_rig_file_knows_better_stays() -> None:
-    run = made_log(seed=1)
-    found = calibrate(run, RIG, steady_payouts(run))
-    assert not [n.name for n in found.numbers if n.new]
-    assert {n.name for n in found.numbers if n.determined} == FOUND
+    assert [n.name for n in found.numbers if not n.new] == ["eta_mesh"]
 
 
 @pytest.mark.parametrize(

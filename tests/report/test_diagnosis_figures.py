@@ -18,7 +18,6 @@ from winchcascade.report.diagnosis_causes import (
     profile_figure,
     profile_of,
     set_odds,
-    thresholds,
     tolerance_of,
 )
 from winchcascade.report.diagnosis_figures import (
@@ -282,7 +281,7 @@ def test_every_cause_is_among_the_effects_whose_probability_is_drawn(name: str) 
 
 def test_a_larger_effect_would_be_named_and_a_smaller_one_would_not() -> None:
     found = diagnosed("nothing")
-    named = {one.effect: one.value for one in thresholds(found)}
+    named = {one.effect: one.value for one in found.thresholds}
     assert set(named) == set(SUSPECTS)
     assert named["copper_heating"] is not None
     assert (
@@ -297,7 +296,7 @@ def test_a_larger_effect_would_be_named_and_a_smaller_one_would_not() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("times", "named"), [(2.0, True), (0.4, False)])
 def test_what_is_said_of_the_smallest_effect_holds_in_logs(times: float, named: bool) -> None:
-    (minimum,) = (one.value for one in thresholds(diagnosed("nothing")) if one.effect == "copper_heating")
+    (minimum,) = (one.value for one in diagnosed("nothing").thresholds if one.effect == "copper_heating")
     assert minimum is not None
     runs = [one.run for one in made_logs({"copper_heating": {"r_s_change": times * minimum}})]
     found: ModelDiagnosis = diagnose(runs, load_rig("hsu2026"), {suspect: EFFECTS[suspect] for suspect in SUSPECTS})
