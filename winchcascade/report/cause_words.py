@@ -144,7 +144,8 @@ def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False
 
 def minor_words(found: DiagnosisResult) -> str:
     """Effects that are significant but too small to matter, each with its number and what it changes most."""
-    texts = []
+    texts: list[str] = []
+    hints: list[str] = []
     for one in found.minor:
         (name, value), effect, largest = next(iter(one.parameters.items())), found.suspects[one.effect], one.largest
         text, _ = number_words(display_of(one.effect, name, value.unit), value)
@@ -152,8 +153,11 @@ def minor_words(found: DiagnosisResult) -> str:
         if largest.phase is not None:
             what = f"the mean of {NAMES[largest.name]} in {phase_words(largest.phase)}"
             size = f"{100.0 * abs(largest.change):.2g} %"
-        texts.append(f"{effect.label} ({one.effect}), {text}, changes {what} by {size} at most")
-    return f"Significant but too small to matter: {'; '.join(texts)}." if texts else ""
+        several = texts if math.isnan(one.hint) else hints
+        several.append(f"{effect.label} ({one.effect}), {text}, changes {what} by {size} at most")
+    small = f"Significant but too small to matter: {'; '.join(texts)}." if texts else ""
+    hinted = f"A hint, with less evidence than a cause needs: {'; '.join(hints)}." if hints else ""
+    return f"{small} {hinted}".strip()
 
 
 def range_words(value: Reported) -> str:

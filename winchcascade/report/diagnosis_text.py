@@ -119,6 +119,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         steady, start = trend_words(found), words.start_words(found)
         rest = entry("checked", words.checked_words(found) if found.verdict == "no_gap" else "")
         rest += entry("not needed", words.not_needed_words(found))
+        rest += entry("not shown", words.not_visible_words(found))
     return (
         plain(
             "\n".join(

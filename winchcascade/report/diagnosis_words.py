@@ -253,6 +253,14 @@ def _signs(text: str) -> str:
     return text.replace("cm2", "cm²").replace(" ohm", " Ω").replace(" -", " −")
 
 
+def not_visible_words(found: ModelDiagnosis) -> str:
+    """Effects that logs without some channels cannot show at any plausible size; nothing where no channel is missing."""
+    names = dict.fromkeys(effect_name(name) for name in found.not_visible)
+    if not found.missing_channels or not names:
+        return ""
+    return f"without {', '.join(found.missing_channels)} these logs cannot show {', '.join(names)}"
+
+
 def checked_words(found: ModelDiagnosis) -> str:
     """What was checked where no gap was found."""
     out, alone = (sum(abs(place.z) > STANDS_OUT for place in places) for places in (found.places, found.stages))
@@ -281,6 +289,8 @@ def sure_words(found: DiagnosisResult) -> str:
     phrases, count, others = phrases_of(found), len(found.causes), len(found.sets) - 1
     if shared := _shared_words(found):
         return f"By the rig's model, the numbers of {shared} agree within their intervals in the logs and in your simulation."
+    if not count and found.verdict == "unexplained":
+        return f"Sets of effects that were fitted: {others or 'none'}. None is named, as each may imitate what acts."
     if not count:
         fitted = f"; {others or 'no'} other set{'' if others == 1 else 's'} of effects came near enough to be fitted"
         likely = f"Probability of {phrases.none}: {probability_words(found.sets.get((), 0.0))}"
