@@ -50,10 +50,10 @@ def names_groups(causes: Sequence[Record], groups: Sequence[Sequence[str]], *, a
     """Whether for each group of effects another cause has all of them among its name and alternatives."""
     if len(causes) < len(groups) or (alone and len(causes) > len(groups)):
         return False
-    told = [{cause["effect"], *alternatives(cause)} for cause in causes]
+    declared = [{cause["effect"], *alternatives(cause)} for cause in causes]
     return any(
         all(set(group) <= names for group, names in zip(groups, chosen, strict=True))
-        for chosen in permutations(told, len(groups))
+        for chosen in permutations(declared, len(groups))
     )
 
 

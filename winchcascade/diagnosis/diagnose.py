@@ -31,12 +31,12 @@ from winchcascade.diagnosis.diagnosis_result import (
     StagePlace,
     Verdict,
 )
-from winchcascade.diagnosis.energies import PhaseEnergy, energies_of
 from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.evidence import Found, RigProblem, fit_set, linearise, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import before_calibration
+from winchcascade.diagnosis.phase_energies import PhaseEnergy, energies_of
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.stagewise import stagewise

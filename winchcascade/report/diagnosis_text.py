@@ -286,6 +286,36 @@ def _how_far(found: ModelDiagnosis | LineDiagnosis, means: str) -> list[str]:
     ]
 
 
+def _model_record(found: ModelDiagnosis) -> dict[str, Any]:
+    """Of a rig with a model, what each cause contributes, the energies, and what the logs cannot show."""
+    return {
+        "fitted": [
+            {
+                "effect": found.suspects[cause.effect].name,
+                "stage": cause.stage,
+                "named": cause.effect in {one.effect for one in found.causes},
+                "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},
+            }
+            for cause in found.fitted
+        ],
+        "contributions": _contributions(found),
+        "energies": _energies(found),
+        "not_visible": {
+            "missing_channels": found.missing_channels,
+            "effects": list(dict.fromkeys(found.suspects[name].name for name in found.not_visible)),
+        },
+        "thresholds": [
+            {
+                "effect": found.suspects[one.effect].name,
+                "parameter": found.suspects[one.effect].parameter,
+                "named_from": None if one.value is None else rounded_number(one.value),
+                "unit": one.unit,
+            }
+            for one in found.thresholds
+        ],
+    }
+
+
 def _line_record(found: LineDiagnosis) -> dict[str, Any]:
     """Of a winch without a model, every effect that was fitted, and the energies of the judged cycles."""
     return {
@@ -369,37 +399,8 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             }
             for cause in found.causes
         ],
-        "fitted": [
-            {
-                "effect": found.suspects[cause.effect].name,
-                "stage": cause.stage,
-                "named": cause.effect in {one.effect for one in found.causes},
-                "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},
-            }
-            for cause in found.fitted
-        ],
         "minor": [_minor(one) for one in found.minor],
-        **(
-            _line_record(found)
-            if isinstance(found, LineDiagnosis)
-            else {
-                "contributions": _contributions(found),
-                "energies": _energies(found),
-                "not_visible": {
-                    "missing_channels": found.missing_channels,
-                    "effects": list(dict.fromkeys(found.suspects[name].name for name in found.not_visible)),
-                },
-                "thresholds": [
-                    {
-                        "effect": found.suspects[one.effect].name,
-                        "parameter": found.suspects[one.effect].parameter,
-                        "named_from": None if one.value is None else rounded_number(one.value),
-                        "unit": one.unit,
-                    }
-                    for one in found.thresholds
-                ],
-            }
-        ),
+        **(_line_record(found) if isinstance(found, LineDiagnosis) else _model_record(found)),
         "closure": _closure(found),
         "remainder": None if found.remainder is None else _remainder(found.remainder, words.files_of(found)),
         "next_experiment": None
