@@ -27,7 +27,7 @@ def offered(line: str) -> list[str]:
     [
         ("winchcascade effects ", list(EFFECTS)),
         ("winchcascade effects ke", ["ke_rolloff", "ke_shift"]),
-        ("winchcascade diagnose --suspect gas", ["gas_polytropic", "gas_volume"]),
+        ("winchcascade diagnose --suspect gas", ["gas_polytropic", "gas_volume", "gas_loss"]),
         ("winchcascade diagnose . --suspect ke_shift --suspect pre", ["precharge", "pressure_gain"]),
         ("winchcascade rig ", list(RIGS)),
         ("winchcascade reduce log.csv --rig k", ["kitepower"]),

@@ -34,7 +34,7 @@ def test_parts_in_the_json_add_up_to_the_difference() -> None:
     first = record["contributions"][0]["parts"][0]
     assert (first["effect"], first["kind"]) == ("copper_heating", "physical")
     assert first["low"] <= first["value"] <= first["high"]
-    assert record["causes"][0]["label"] == "Copper heating"
+    assert record["causes"][0]["label"] == "Stator resistance"
 
 
 def test_the_terminal_shows_eta_pto_by_load_in_points() -> None:
@@ -44,7 +44,7 @@ def test_the_terminal_shows_eta_pto_by_load_in_points() -> None:
     assert float(given) + float(copper) + float(tolerances) + float(residual) == pytest.approx(
         float(logged), abs=ROUNDED
     )
-    assert "Copper" in " ".join(lines[:-2])
+    assert "resistance" in " ".join(lines[:-2])
     assert lines[-1].replace(MINUS, "-") in diagnosis_text(diagnosed("copper"))
 
 
@@ -66,7 +66,7 @@ def test_runs_of_one_load_are_averaged() -> None:
 def test_the_sentence_names_the_load_with_the_largest_difference() -> None:
     text = cost_words(diagnosed("copper"))
     assert text.startswith("At 4.5 Ω η_pto is ")
-    assert f"Copper heating {MINUS}" in text
+    assert f"Stator resistance {MINUS}" in text
     assert cost_words(diagnosed("nothing")) == ""
 
 
@@ -83,7 +83,7 @@ def test_tables_and_figure_show_every_load() -> None:
     assert [table.id for table in tables] == ["costs-eta-pto", "costs-eta-gen", "costs-eta-trans"]
     assert tables[0].head == ("Part", "Kind", "18 Ω", "4.5 Ω")
     assert [row[0] for row in tables[0].rows] == [
-        "nominal [%]", "Copper heating (copper_heating)", "tolerances", "residual", "log [%]",
+        "nominal [%]", "Stator resistance (copper_heating)", "tolerances", "residual", "log [%]",
     ]  # fmt: skip
     with house_style():
         figure = waterfall_figure(found)

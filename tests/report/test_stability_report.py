@@ -60,7 +60,7 @@ def test_a_run_without_a_number_is_null_with_the_reason() -> None:
 )
 def test_a_trend_is_one_sentence(trend: Trend, text: str) -> None:
     found = with_trends(trend)
-    assert stability_words(found).startswith("Copper heating (copper_heating): ")
+    assert stability_words(found).startswith("Stator resistance (copper_heating): ")
     assert text in stability_words(found)
     (record,) = as_json(found)["causes"]
     assert text in record["trends"][0]["sentence"]
@@ -75,7 +75,7 @@ def test_a_number_that_changes_is_marked_in_the_title_of_its_panel() -> None:
         figure = stability_figure(with_trends(Trend("load", -0.2, 0.02, 1e-9)))
     assert figure is not None
     (title,) = [ax.get_title(loc="left") for ax in figure.axes if ax.get_title(loc="left")]
-    assert title == "Copper heating: changes with the load\nstator resistance (%)"
+    assert title == "Stator resistance: changes with the load\nstator resistance (%)"
 
 
 def test_without_a_cause_there_is_no_figure() -> None:
@@ -84,6 +84,6 @@ def test_without_a_cause_there_is_no_figure() -> None:
 
 def test_the_terminal_has_a_line_where_a_number_changes_only() -> None:
     assert "steady" not in diagnosis_text(with_trends())
-    assert "\nsteady     Copper heating (copper_heating): " in diagnosis_text(
+    assert "\nsteady     Stator resistance (copper_heating): " in diagnosis_text(
         with_trends(Trend("order", 0.2, 0.02, 1e-9))
     )

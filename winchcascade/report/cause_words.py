@@ -186,7 +186,7 @@ def meaning_words(found: DiagnosisResult, effect: str) -> str:
 
 def alternatives_words(cause: NamedCause, conjunction: str) -> str:
     """Names of the alternatives to a cause."""
-    return conjunction.join(one.effect for one in cause.look_alikes or cause.rivals)
+    return conjunction.join(one.effect for one in cause.look_alikes)
 
 
 CHECK = "Check this entry before other causes."

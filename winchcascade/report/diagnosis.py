@@ -165,7 +165,7 @@ def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[content.Tile, ...]:
             else [
                 content.Tile(
                     "Gap closed",
-                    f"on held-out {words.phrases_of(found).item}s",
+                    words.closed_on(found),
                     share_words(closure.share),
                     f"95 %: {words.interval_words(closure)}",
                 )
@@ -380,7 +380,7 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> content.Section:
         "how-far", "How far the gap closes" if found.causes else "The gap in time and over current",
         content.picture(
             figures.closure_bars(found), "closure-bars",
-            "Misfit before and after, in units of the noise, on held-out logs.",
+            f"Misfit before and after, in units of the noise, {words.closed_on(found)}.",
             "Pairs of points for each channel; the values are in the table.",
         ),
         tables.closure_table(found),

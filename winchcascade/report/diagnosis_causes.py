@@ -224,7 +224,7 @@ LONGEST_LABEL, LABEL_LINE = 56, 30
 def effect_odds(found: ModelDiagnosis) -> list[tuple[str, float]]:
     """Probability of each cause, then of its alternatives, then of the likeliest others."""
     shown = {cause.effect: cause.probability for cause in found.causes}
-    for rival in (rival for cause in found.causes for rival in cause.rivals):
+    for rival in (rival for cause in found.causes for rival in cause.look_alikes):
         shown.setdefault(rival.effect, rival.probability)
     others = {
         name: sum(p for names, p in found.sets.items() if name in names)

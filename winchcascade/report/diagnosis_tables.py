@@ -45,6 +45,12 @@ SIGNS = {
     "scatter": "scatter over the noise",
     "ripple": "from mean to mean, over the noise",
     "nuisance": "moved, in uncertainties",
+    "drift": "digits of the chance",
+    "range": "beyond what is plausible",
+    "cancelling": "each alone over both together",
+    "worse": "worse than without, over the noise",
+    "energy": "residual over its uncertainty",
+    "residual": "residual of the efficiency",
 }
 """Kinds of alarms, and the unit of their size."""
 
@@ -56,7 +62,7 @@ MIN_PULL = 1.0
 def causes_table(found: ModelDiagnosis | LineDiagnosis) -> content.Table | None:
     """Every cause with its numbers, probability and alternatives; without a model with the numbers of the withheld cycles."""
     numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
-    has_rivals = any(cause.rivals for cause in found.causes)
+    has_rivals = any(cause.look_alikes for cause in found.causes)
     if isinstance(found, LineDiagnosis):
         again = [
             f"{n.value} ({n.beside})" if found.again else "–"
@@ -174,7 +180,7 @@ def closure_table(found: ModelDiagnosis) -> content.Table | None:
     loads = ", ".join(load_words(found.data.logs[k].run.load) for k in found.closure.withheld)
     return content.formatted_table(
         "closure",
-        f"Misfit on held-out logs ({loads}): root mean squares of means over blocks.",
+        f"Misfit {words.closed_on(found)} ({loads}): root mean squares of means over blocks.",
         (
             text_column("Channel"), text_column("Unit"), number_column("Before", baseline_words(found)),
             number_column("After", "fitted effects"),
@@ -388,7 +394,7 @@ def which_section(found: ModelDiagnosis | LineDiagnosis, *blocks: content.Block 
                     differs_words(rival.differs),
                 )
                 for cause in found.causes
-                for rival in cause.rivals
+                for rival in cause.look_alikes
             ],
         ),
     )

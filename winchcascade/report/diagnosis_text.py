@@ -192,7 +192,7 @@ def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
     text = f"{words.VERDICTS[found.verdict].lower()}{f': {names}' if names else ''}"
     if found.closure is not None:
         share = share_words(found.closure.share_closed).replace(">", "more than")
-        text += f"; {share} of the gap closed on held-out logs"
+        text += f"; {share} of the gap closed"
     return plain("\n".join(entry("diagnosis:", text))) + "\n" + file_lines("", files, INDENT)
 
 
@@ -220,7 +220,7 @@ def _causes(found: DiagnosisResult) -> list[str]:
         lines += entry("" if lines else "which", f"{head}{n.what} {n.value} (95 %: {n.beside})")
     for cause in found.causes:
         lines += entry("", check_words(found, cause))
-        for rival in cause.rivals:
+        for rival in cause.look_alikes:
             likely, differs = probability_words(rival.probability), differs_words(rival.differs)
             lines += entry(
                 "", f"or {rival.effect} for {cause.effect} (probability {likely}); the two differ most in {differs}."
@@ -631,16 +631,15 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     if found.closure is None:
         return None
     withheld: list[Any]
-    in_turn, beyond, kind = {}, {}, "held_out"
+    in_turn, beyond = {}, {}
     if isinstance(found, LineDiagnosis):
         withheld = [_part(part) for part in found.lines.parts if part.withheld]
-        in_turn = {"kind": "held_out" if withheld else "leave_one_out", "left_out_in_turn": not withheld}
+        in_turn = {"left_out_in_turn": not withheld}
         beyond = {"share_closed_beyond_noise": rounded_number(found.closure.beyond_noise)}
     else:
         withheld = [_load(found.runs[k].load) for k in found.closure.withheld]
-        kind = "held_out" if found.data.withheld else "leave_one_load_out"
     return {
-        "kind": kind,
+        "kind": words.closure_kind(found),
         "withheld": withheld,
         **in_turn,
         "channels": {name: {**_numbers(x), "worse": x.worse} for name, x in found.closure.channels.items()},

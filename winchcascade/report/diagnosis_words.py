@@ -65,6 +65,9 @@ FAR_ENOUGH = 3.0
 SURE = 0.95
 """A cause of a smaller probability is listed with its probability."""
 
+LEAST = 0.005
+"""A smaller share of a gap counts as none. [1]"""
+
 EXPLAINED = 0.9
 """Below this share, a gap of a winch without a model counts as explained only if the residual is noise."""
 
@@ -73,7 +76,7 @@ class Phrases(NamedTuple):
     """What the sentences of the two kinds of diagnosis do not share.
 
     `suspect` is what may be a cause, `none` the absence of all, `item` what is held out, `gap` what the causes close, `closes`
-    that on held-out data, `alike` what an alternative does. `verdicts` are sentences, by the verdict or by the residual.
+    of that as a verdict says it, `alike` what an alternative does. `verdicts` are sentences, by the verdict or by the residual.
     """
 
     suspect: str
@@ -90,7 +93,7 @@ MODEL = Phrases(
     none="no effect of the catalogue",
     item="log",
     gap="explainable gap",
-    closes="gap on held-out logs",
+    closes="gap",
     alike="explain the data",
     verdicts={
         "no_gap": "Nothing in these logs is significant against noise and the tolerances of the rig: no cause is named.",
@@ -98,13 +101,13 @@ MODEL = Phrases(
         "it: the cause lies outside the catalogue.",
         "explained": "{closes}; the residual is not significant.",
         "partly_explained": "{closes}, but the residual exceeds noise: something else acts too.",
-        "unexplained": "The best set of the catalogue closes only {share} of the gap on held-out logs and leaves a structured "
-        "residual: take the names below as a hint at most.",
+        "tried": "No cause is named: {tried} were fitted, and the best of them ({set}) closes {share} of the gap {judged} "
+        "and leaves a structured residual.",
     },
 )
 OWN = MODEL._replace(
     gap="explainable gap between your simulation and the logs",
-    closes="gap between your simulation and held-out logs",
+    closes="gap between your simulation and the logs",
     verdicts={
         **MODEL.verdicts,
         "no_gap": "Nothing in these logs is significant against noise and the tolerances of the rig's model: no cause is "
@@ -118,15 +121,15 @@ LINE = Phrases(
     none="no suspect",
     item="cycle",
     gap="squared error",
-    closes="squared error between winch power and line power on held-out cycles",
+    closes="squared error between winch power and line power",
     alike="predict",
     verdicts={
         "no_gap": "The power of the winch is that of its line, line tension times speed, but for noise: no cause predicts "
         "held-out cycles any better.",
         "no_cause": "The power of the winch differs from that of its line by more than noise, but no suspect explains it: "
         "neither inertia nor losses in units of the line nor the force cell.",
-        "tried": "No cause is named: all sets of {tried} were fitted, and the best of them ({set}) closes only {share} of "
-        "the squared error on held-out cycles.",
+        "tried": "No cause is named: {tried} were fitted, and the best of them ({set}) closes {share} of the squared error "
+        "{judged}.",
         "noise": "{closes}; the residual is no more than noise.",
         "quiet": "{closes}; the residual has no structure.",
         "structure": "{closes}, but the residual has a structure: something else acts too, and part of it may be in these "
@@ -197,10 +200,13 @@ def verdict_words(found: DiagnosisResult) -> str:
             return "What these logs show beyond noise and tolerances is too small to matter: no cause is named."
         return phrases.verdicts["no_gap" if found.verdict == "no_gap" else "no_cause"]
     count, more = len(found.causes), len(found.unnamed)
-    if isinstance(found, LineDiagnosis) and not count:
-        share = share_words(max(closure.share, 0.0))
+    if not count:
+        tried = f"{len(found.sets) - 1} sets of effects"
+        if isinstance(found, LineDiagnosis):
+            tried = f"all sets of {', '.join(found.lines.names)}"
+        share = f"only {share_words(closure.share)}" if closure.share > LEAST else "none"
         return phrases.verdicts["tried"].format(
-            tried=", ".join(found.lines.names), set=" + ".join(found.chosen), share=share
+            tried=tried, set=" + ".join(found.chosen), share=share, judged=closed_on(found)
         )
     named = "The named cause closes" if count == 1 else f"The {count} named causes close"
     if has_own_simulation(found):
@@ -215,11 +221,11 @@ def verdict_words(found: DiagnosisResult) -> str:
         if places := energy_places(found):
             state = "energies"
             return phrases.verdicts[state].format(
-                closes=f"{named} {share_words(max(closure.share, 0.0)).replace('>', 'more than')} of the {phrases.closes}",
+                closes=f"{named} {share_words(max(closure.share, 0.0)).replace('>', 'more than')} of the {phrases.closes} {closed_on(found)}",
                 places=places,
             )
     share = share_words(max(closure.share, 0.0)).replace(">", "more than")
-    return phrases.verdicts[state].format(closes=f"{named} {share} of the {phrases.closes}", share=share)
+    return phrases.verdicts[state].format(closes=f"{named} {share} of the {phrases.closes} {closed_on(found)}")
 
 
 # ------------------------------------------------------------------------------------------------------------- the place
@@ -290,7 +296,7 @@ def sure_words(found: DiagnosisResult) -> str:
     if shared := _shared_words(found):
         return f"By the rig's model, the numbers of {shared} agree within their intervals in the logs and in your simulation."
     if not count and found.verdict == "unexplained":
-        return f"Sets of effects that were fitted: {others or 'none'}. None is named, as each may imitate what acts."
+        return "Each set of effects that was fitted may imitate what acts."
     if not count:
         fitted = f"; {others or 'no'} other set{'' if others == 1 else 's'} of effects came near enough to be fitted"
         likely = f"Probability of {phrases.none}: {probability_words(found.sets.get((), 0.0))}"
@@ -306,17 +312,17 @@ def sure_words(found: DiagnosisResult) -> str:
         parts.append(f"{which} a probability {'above 0.99' if min(sure) > 0.995 else f'of at least {min(sure):.2f}'}")
     alike = [
         f"{alternatives_words(cause, ' and ')} would {phrases.alike} "
-        f"{'at least' if any(r.probability > cause.probability for r in cause.rivals) else 'about'} as well as {cause.effect}"
+        f"{'at least' if any(r.probability > cause.probability for r in cause.look_alikes) else 'about'} as well as {cause.effect}"
         for cause in found.causes
-        if cause.rivals
+        if cause.look_alikes
     ]
     parts += alike or [f"no other {phrases.suspect} would {phrases.alike} as well"]
-    text = "; ".join(parts)
+    text = f"{'; '.join(parts)}. A probability is the posterior within the catalogue."
     if isinstance(found, LineDiagnosis):
-        return f"{text}. A probability is the posterior within the catalogue."
+        return text
     effects = (found.suspects[cause.effect] for cause in found.causes)
     unlisted = [f"{effect.unlisted} would look like {effect.name}" for effect in effects if effect.unlisted]
-    return f"{text}. Not in the catalogue: {'; '.join(unlisted)}." if unlisted else f"{text}."
+    return f"{text} Not in the catalogue: {'; '.join(unlisted)}." if unlisted else text
 
 
 def closure_words(found: ModelDiagnosis | LineDiagnosis) -> str:
@@ -329,6 +335,20 @@ def closure_words(found: ModelDiagnosis | LineDiagnosis) -> str:
         return text
     beyond = share_words(found.closure.beyond_noise).replace(">", "more than")
     return f"{text} Of what exceeds the white noise of the power it is {beyond}."
+
+
+def closure_kind(found: DiagnosisResult) -> str:
+    """Whether the data on which the causes are judged took part in their choice: `held_out` if not."""
+    if isinstance(found, LineDiagnosis):
+        return "held_out" if any(part.withheld for part in found.lines.parts) else "leave_one_out"
+    return "held_out" if isinstance(found, ModelDiagnosis) and found.data.withheld else "leave_one_load_out"
+
+
+def closed_on(found: DiagnosisResult) -> str:
+    """On what a gap is closed, behind a verb."""
+    item = phrases_of(found).item
+    apart = {"held_out": f"on held-out {item}s", "leave_one_out": f"by leave-one-{item}-out"}
+    return apart.get(closure_kind(found), "by leave-one-load-out")
 
 
 def interval_words(closure: GapClosure) -> str:
@@ -384,7 +404,9 @@ def experiment_words(found: DiagnosisResult) -> str:
     one, other = plan.separates
     apart = f"{apart_words(plan.expected_z)} standard deviations"
     run = profile_words(plan) if plan.load is None else f"{load_words(plan.load)}, {profile_words(plan)}"
-    alternative = any(rival.effect == other for cause in found.causes for rival in cause.rivals)
+    if plan.repeats:
+        run = f"after all other runs the load of {plan.repeats} again, {run}"
+    alternative = any(rival.effect == other for cause in found.causes for rival in cause.look_alikes)
     if plan.expected_z < FAR_ENOUGH and (plan.load is None or alternative):
         return (
             f"None of the runs that were considered distinguishes {one} from {other}: they would differ by {apart} at most "

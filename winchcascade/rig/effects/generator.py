@@ -148,7 +148,7 @@ GENERATOR = (
             ),
         ),
         unit="relative",
-        display=Display("back-EMF constant in the warmest run", 100.0, "%"),
+        display=Display("k_e in the warmest run", 100.0, "%"),
         law=_warmed,
         together=_warmer,
         beside=("r_s_change",),

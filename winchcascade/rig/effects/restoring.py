@@ -101,7 +101,7 @@ RESTORING = (
         fields=(
             Field("pressure_change", "1", -0.1, 0.0, (-0.9, 0.0), "from the first run to the last; plausible range"),
         ),
-        display=Display("precharge by the last run, absolute", 100.0, "%"),
+        display=Display("precharge by the last run", 100.0, "%"),
         law=Change("restoring.pressure", "scale"),
         over_runs=_leaked_in_run,
     ),

@@ -45,8 +45,8 @@ def warming(order: RunOrder, time_constant: float, by_current: float) -> tuple[f
     time_constant : in units of the median spacing of the runs [1]
     by_current : share of the heat that follows the square of the current; the rest is alike in all runs [1]
 
-    >>> warming(RunOrder((0.0, 1.0, 2.0), (0.0, 1.0, 2.0)), 1e9, 0.0)
-    (0.0, 0.5, 1.0)
+    >>> [round(rise, 6) for rise in warming(RunOrder((0.0, 1.0, 2.0), (0.0, 1.0, 2.0)), 1e9, 0.0)]
+    [0.0, 0.5, 1.0]
     """
     if order.temperature:
         level = np.array(order.temperature)
