@@ -30,11 +30,12 @@ from winchcascade.ingest.checks.channel_findings import (
     text_of,
 )
 from winchcascade.ingest.checks.dropouts import ROUNDS, Dropout, find_dropouts, find_filled
-from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses
+from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses, is_torn
 from winchcascade.ingest.checks.interpolated import find_interpolated
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.checks.stuck import ObservedMotion, find_still, find_stuck, motion, repeated_rows
 from winchcascade.ingest.checks.timing import check_clock
+from winchcascade.ingest.checks.witnesses import LookAlikes, Witnesses
 
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
 """Channels that must change while the line pays out faster or slower; a channel of your own may hold its value."""
@@ -257,20 +258,38 @@ def _take_out_spikes(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
     """Take dropouts, single spikes and short glitches out of the channels; where these bend sharply."""
     longest = int(LONGEST * (log.t.size - 1) / float(log.t[-1] - log.t[0]) + 1e-6)
     sharp = _take_out_dropouts(log, open_circuit=open_circuit)
+    witnesses = Witnesses(log.channels, {name: bends.usual for name, bends in sharp.items()})
     pulses: dict[str, Pulses] = {}
     findings: dict[str, list[Finding]] = {}
-    for name in log.channels:
-        spikes = single_spikes(sharp[name])
+    singles = {name: _unseen_spikes(log, name, bends, witnesses) for name, bends in sharp.items()}
+    for name, spikes in singles.items():
         pulses[name] = find_pulses(sharp[name], spikes, longest, farthest(log.rig.sensors.get(name)))
         what = "single samples deviate far from their neighbours"
         findings[name] = log.take_out_spikes(name, sharp[name].logged(spikes), what)
-    for name, glitches in find_glitches(log.t, log.channels, pulses).items():
+    for name, glitches in find_glitches(log.t, witnesses, pulses).items():
         x = log.channels[name]
         samples = np.concatenate([np.arange(g.start, g.stop)[np.isfinite(x[g])] for g in glitches])
         what = f"samples jump away from their neighbours and back, in {_places(len(glitches))}"
         findings[name] += log.take_out_spikes(name, samples, what)
     log.findings += [finding for found in findings.values() for finding in found]
     return sharp
+
+
+def _unseen_spikes(log: _Log, name: str, bends: Bends, witnesses: Witnesses) -> Index:
+    """Single spikes of a channel that no other channel shows, as indices of its finite samples.
+
+    Nothing else can show one of the displacement that is farther than the line can move.
+    """
+    spikes, x, places = single_spikes(bends), bends.x, bends.places
+
+    def is_unseen(k: int) -> bool:
+        before = int(places[k - 1]) if k else -1
+        after = int(places[k + 1]) if k + 1 < x.size else log.t.size
+        jump = float(abs(x[k] - x[k - 1 if k else 1]))
+        torn = name == "displacement" and is_torn(log.t, log.channels, before, after, jump)
+        return torn or bends.usual.is_far(float(x[k])) or not witnesses.show(name, before, after)
+
+    return spikes[np.array([is_unseen(k) for k in spikes.tolist()], dtype=bool)]
 
 
 def _take_out_dropouts(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:

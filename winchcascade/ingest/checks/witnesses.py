@@ -1,0 +1,153 @@
+"""What the other channels of a log show: a fault of a sensor or a logger is one that none of them shows.
+
+`Witnesses` decides on values that jump: where another channel jumps at the same instants, the machine did it. `LookAlikes`
+decides on values that are held and on noise that is missing: where the channel is as still whenever the other channels are in the
+same state, the machine is, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import median, quantile, quantiles_in_place
+from winchcascade.core.run import Index, Mask, Signal
+from winchcascade.ingest.checks.spikes import AROUND, MIN_SHARE, NOISE, Usual
+
+CHANGE_MIN = 2.0
+"""Minimum change of a channel that shows an event, of its value or its slope from sample to sample, over the upper quartile of
+such changes nearby. The change is as large as a spike, too, so that noise shows none. [1]"""
+
+REACH = 1
+"""Steps before and after an edge within which another channel shows it: converters read one channel after the other."""
+
+SINGLE = 2
+"""Steps from one edge to the other of a single sample. Its edges count as one: the power has a spike where the velocity changes
+for good. What lasts longer shows at both."""
+
+REFERENCES = 20_000
+"""Maximum number of samples, evenly over the log, among which look-alikes are sought."""
+
+QUERIES = 9
+"""Maximum number of samples of a stretch, evenly over it, whose look-alikes are sought."""
+
+NEAREST = 30
+"""Number of look-alikes of each: they show a share with a standard deviation of 0.1 or less."""
+
+MIN_CHANCE = 0.02
+"""Smallest chance that is believed: that a noisy channel repeats itself, or lies on a line. [1]"""
+
+AS_HELD = 0.8
+"""Share of look-alikes with the held value, within one step of the channel, from which the value is the usual one there. [1]"""
+
+
+class Witnesses(msgspec.Struct, frozen=True):
+    """Channels of a log, (n,) each, NaN where they have holes, and what each usually does."""
+
+    channels: Mapping[str, Signal]
+    usual: Mapping[str, Usual]
+
+    def show(self, name: str, before: int, after: int) -> bool:
+        """Whether another channel jumps where this one jumps away after the sample `before` and back before `after`.
+
+        A channel that holds a code there, or is lost like this one, is no witness. An end of the log (-1, n) is no edge.
+        """
+        return any(
+            self._changes_with(other, before, after) and not self._is_lost(other, name, slice(before + 1, after))
+            for other in self.channels
+            if other != name and other in self.usual
+        )
+
+    def _changes_with(self, name: str, before: int, after: int) -> bool:
+        """Whether a channel or its slope changes much more at the edges of an event than nearby."""
+        y, usual = self.channels[name], self.usual[name]
+        first, last = max(before - REACH, 0), min(after + REACH, y.size - 1)
+        edges = [y[first : last + 1]]
+        if after - before > SINGLE:
+            begin, end = y[first : before + REACH + 2], y[max(after - REACH - 1, 0) : last + 1]
+            edges = [part for part, inside in ((begin, before >= 0), (end, after < y.size)) if inside]
+        beside = y[max(first - AROUND, 0) : first + 1], y[last : last + AROUND + 1]
+        minimum = usual.minimum(MIN_SHARE, NOISE)
+        return any(
+            all(_largest_change(part, order) > max(minimum, limit) for part in edges)
+            for order in (1, 2)
+            if (limit := CHANGE_MIN * _usual_change(beside, order)) < np.inf
+        )
+
+    def _is_lost(self, other: str, name: str, inside: slice) -> bool:
+        """Whether another channel holds no measurement over an event: far values, the code or the zero of this one."""
+        x, y = self.channels[name][inside], self.channels[other][inside]
+        x, y = x[np.isfinite(x)], y[np.isfinite(y)]
+        if not (x.size and y.size):
+            return True
+        usual, here, there = self.usual[other], median(x), median(y)
+        if usual.is_far(there) or here == there:
+            return True
+        return bool(abs(here) < MIN_SHARE * self.usual[name].span and abs(there) < MIN_SHARE * usual.span)
+
+
+def _largest_change(x: Signal, order: int) -> float:
+    """Largest difference of an order, 0 where holes leave none."""
+    change = np.abs(np.diff(x, order))
+    return float(np.max(change, initial=0.0, where=np.isfinite(change)))
+
+
+def _usual_change(parts: Sequence[Signal], order: int) -> float:
+    """Upper quartile of the differences of an order over some parts of a channel, inf where there is none."""
+    change = np.abs(np.concatenate([np.diff(part, order) for part in parts]))
+    change = change[np.isfinite(change)]
+    return quantile(change, 0.75) if change.size else float("inf")
+
+
+class LookAlikes:
+    """Samples of a log at which all other channels are as at given ones, each in shares of its range."""
+
+    def __init__(self, channels: Mapping[str, Signal]) -> None:
+        self._channels = channels
+
+    @cached_property
+    def _rows(self) -> Index:
+        """Samples among which look-alikes are sought."""
+        samples = next(iter(self._channels.values())).size
+        return np.arange(1, samples - 1, max(1, samples // REFERENCES))
+
+    @cached_property
+    def _spans(self) -> dict[str, float]:
+        """Range of each channel that changes, without a few wild values."""
+        spans = {}
+        for name, x in self._channels.items():
+            some = x[self._rows]
+            some = some[np.isfinite(some)]
+            low, high = quantiles_in_place(some, [0.005, 0.995]) if some.size else (0.0, 0.0)
+            if high > low:
+                spans[name] = high - low
+        return spans
+
+    def of(self, name: str, first: int, last: int) -> Index:
+        """Samples elsewhere that look like those of a stretch [first, last) in all channels but one; none without others."""
+        others = [other for other in self._spans if other != name]
+        rows = self._rows[(self._rows < first - 1) | (self._rows > last)]
+        if not others or rows.size <= NEAREST:
+            return rows[:0]
+        places = np.unique(np.linspace(first, last - 1, QUERIES).astype(np.intp))
+        distance = np.zeros((places.size, rows.size))
+        for other in others:
+            y = self._channels[other] / self._spans[other]
+            apart = (y[places][:, None] - y[rows]) ** 2
+            distance += np.where(np.isfinite(apart), apart, 1.0)
+        near: Index = rows[np.argpartition(distance, NEAREST, axis=1)[:, :NEAREST]].ravel()
+        return near
+
+    def hold(self, name: str, first: int, last: int, step: float) -> bool:
+        """Whether the value that a channel holds over a stretch is the usual one of its look-alikes, within a step of it."""
+        x = self._channels[name]
+        near = x[self.of(name, first, last)]
+        return bool(near.size) and float(np.mean(np.abs(near - x[first]) <= 1.001 * step)) >= AS_HELD
+
+    def chance(self, name: str, first: int, last: int, calm: Mask) -> float:
+        """Share of the look-alikes of a stretch at which a channel is calm, (n,); `MIN_CHANCE` where there is none. [1]"""
+        near = self.of(name, first, last)
+        return max(float(np.mean(calm[near])), MIN_CHANCE) if near.size else MIN_CHANCE
