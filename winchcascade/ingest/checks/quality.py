@@ -349,7 +349,7 @@ def _take_out_interpolated(log: _Log, bends: Mapping[str, Bends]) -> None:
     """Take out the samples with which gaps were filled in before."""
     line = _motion(log)
     moving = np.ones(log.t.size, dtype=bool) if line is None else line.out | line.back
-    filled = find_interpolated(log.t, {name: bends[name] for name in bends if name in log.channels}, moving)
+    filled = find_interpolated(log.t, log.channels, bends, moving)
     if not filled:
         return
     whole = np.zeros(log.t.size, dtype=bool)
@@ -377,7 +377,7 @@ def _take_out_stuck(log: _Log, open_circuit: bool) -> None:
     for name in ("velocity", *names):
         x = channels[name]
         low, high = limits_of(sensors.get(name))
-        stretches = [(a, b) for a, b in find_stuck(name, x, line, channels) if low <= x[a] <= high]
+        stretches = [(a, b) for a, b in find_stuck(name, line, channels) if low <= x[a] <= high]
         if not stretches:
             continue
         bad = _repeats(stretches, x.size)
@@ -399,7 +399,7 @@ def _take_out_still(log: _Log) -> None:
         x, channel = log.channels[name], log.rig.known_channels[name]
         low, high = limits_of(log.rig.sensors.get(name))
         loaded = others_deliver(name, powers, log.t.size)
-        stretches = [(a, b) for a, b in find_still(x, shaft, loaded) if low <= x[a] <= high]
+        stretches = [(a, b) for a, b in find_still(name, shaft, log.channels, loaded) if low <= x[a] <= high]
         if stretches:
             bad = _repeats(stretches, x.size)
             log.findings.append(log.take_out(name, bad, "stuck", _stuck_words(stretches)))

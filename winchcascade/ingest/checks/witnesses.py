@@ -102,6 +102,14 @@ def _usual_change(parts: Sequence[Signal], order: int) -> float:
     return quantile(change, 0.75) if change.size else float("inf")
 
 
+def samples_of(stretches: Sequence[tuple[int, int]], samples: int) -> Mask:
+    """Samples of some stretches [first, last), (n,)."""
+    inside = np.zeros(samples, dtype=bool)
+    for first, last in stretches:
+        inside[first:last] = True
+    return inside
+
+
 class LookAlikes:
     """Samples of a log at which all other channels are as at given ones, each in shares of its range."""
 
@@ -126,17 +134,23 @@ class LookAlikes:
                 spans[name] = high - low
         return spans
 
-    def of(self, name: str, first: int, last: int) -> Index:
-        """Samples elsewhere that look like those of a stretch [first, last) in all channels but one; none without others."""
+    def of(self, name: str, first: int, last: int, but: Mask | None = None) -> Index:
+        """Samples elsewhere that look like those of a stretch [first, last) in all channels but one; none without others.
+
+        Parameters
+        ----------
+        but : (n,) samples that do not count, as they are suspected, too
+        """
         others = [other for other in self._spans if other != name]
         rows = self._rows[(self._rows < first - 1) | (self._rows > last)]
+        rows = rows if but is None else rows[~but[rows]]
         if not others or rows.size <= NEAREST:
             return rows[:0]
         places = np.unique(np.linspace(first, last - 1, QUERIES).astype(np.intp))
         distance = np.zeros((places.size, rows.size))
         for other in others:
-            y = self._channels[other] / self._spans[other]
-            apart = (y[places][:, None] - y[rows]) ** 2
+            y, span = self._channels[other], self._spans[other]
+            apart = ((y[places][:, None] - y[rows]) / span) ** 2
             distance += np.where(np.isfinite(apart), apart, 1.0)
         near: Index = rows[np.argpartition(distance, NEAREST, axis=1)[:, :NEAREST]].ravel()
         return near
@@ -147,7 +161,18 @@ class LookAlikes:
         near = x[self.of(name, first, last)]
         return bool(near.size) and float(np.mean(np.abs(near - x[first]) <= 1.001 * step)) >= AS_HELD
 
-    def chance(self, name: str, first: int, last: int, calm: Mask) -> float:
-        """Share of the look-alikes of a stretch at which a channel is calm, (n,); `MIN_CHANCE` where there is none. [1]"""
-        near = self.of(name, first, last)
-        return max(float(np.mean(calm[near])), MIN_CHANCE) if near.size else MIN_CHANCE
+    def chance(self, name: str, stretch: tuple[int, int], calm: Mask, suspects: Mask) -> float:
+        """Share of the look-alikes at which a channel is calm at values of a stretch [first, last); not below `MIN_CHANCE`. [1]
+
+        Parameters
+        ----------
+        calm : (n,) where the channel is
+        suspects : (n,) samples of this and other stretches, which do not count
+        """
+        first, last = stretch
+        x, near = self._channels[name], self.of(name, first, last, suspects)
+        if not near.size:
+            return MIN_CHANCE
+        margin = MIN_SHARE * self._spans.get(name, 0.0)
+        low, high = np.nanmin(x[first:last]) - margin, np.nanmax(x[first:last]) + margin
+        return max(float(np.mean(calm[near] & (x[near] >= low) & (x[near] <= high))), MIN_CHANCE)
