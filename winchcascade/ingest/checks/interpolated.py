@@ -129,8 +129,11 @@ def _certain(name: str, channels: Mapping[str, Signal], bends: Bends, moving: Ma
     ends = [(a, b + 1) for a, b in found.tolist()]
     alike, suspects = LookAlikes(channels), samples_of(ends, line.size)
     chances = [FOLLOWS * alike.chance(name, stretch, line, suspects) for stretch in ends]
-    usual = np.array([n * math.log(min(c, 1.0)) >= UNLIKELY for n, c in zip(_count(moving, found), chances, strict=True)])
-    return found[~usual]
+    usual = np.array(
+        [n * math.log(min(c, 1.0)) >= UNLIKELY for n, c in zip(_count(moving, found), chances, strict=True)]
+    )
+    apart: Index = found[~usual]
+    return apart
 
 
 def _is_line(x: Signal, idle: float) -> bool:

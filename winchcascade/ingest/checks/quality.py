@@ -35,7 +35,7 @@ from winchcascade.ingest.checks.interpolated import find_interpolated
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.checks.stuck import ObservedMotion, find_still, find_stuck, motion, repeated_rows
 from winchcascade.ingest.checks.timing import check_clock
-from winchcascade.ingest.checks.witnesses import LookAlikes, Witnesses
+from winchcascade.ingest.checks.witnesses import Witnesses
 
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
 """Channels that must change while the line pays out faster or slower; a channel of your own may hold its value."""
@@ -149,10 +149,11 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
             if name in rig.cascade.channels and name not in MAY_HOLD:
                 findings += saturated(t, rig.known_channels[name], x)
         _take_out_interpolated(log, sharp)
+        witnesses = Witnesses(channels, {name: bends.usual for name, bends in sharp.items()})
         if "velocity" in channels:
-            _take_out_stuck(log, open_circuit)
+            _take_out_stuck(log, witnesses, open_circuit=open_circuit)
         else:
-            _take_out_still(log)
+            _take_out_still(log, witnesses)
         clock_is_wrong = any(f.kind == "clock_mismatch" and f.start is None for f in findings)
         if both and "displacement" in channels and not clock_is_wrong:
             findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
@@ -289,7 +290,8 @@ def _unseen_spikes(log: _Log, name: str, bends: Bends, witnesses: Witnesses) -> 
         torn = name == "displacement" and is_torn(log.t, log.channels, before, after, jump)
         return torn or bends.usual.is_far(float(x[k])) or not witnesses.show(name, before, after)
 
-    return spikes[np.array([is_unseen(k) for k in spikes.tolist()], dtype=bool)]
+    unseen: Index = spikes[np.array([is_unseen(k) for k in spikes.tolist()], dtype=bool)]
+    return unseen
 
 
 def _take_out_dropouts(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
@@ -369,7 +371,7 @@ def _take_out_interpolated(log: _Log, bends: Mapping[str, Bends]) -> None:
     log.findings.append(found)
 
 
-def _take_out_stuck(log: _Log, open_circuit: bool) -> None:
+def _take_out_stuck(log: _Log, witnesses: Witnesses, *, open_circuit: bool) -> None:
     """Take out the samples that only repeat a stuck value; a value beyond the sensor's range is kept."""
     t, channels, sensors = log.t, log.channels, log.rig.sensors
     line = motion(t, _whole(t, channels["velocity"]), log.rig.thresholds.v_onset)
@@ -377,7 +379,7 @@ def _take_out_stuck(log: _Log, open_circuit: bool) -> None:
     for name in ("velocity", *names):
         x = channels[name]
         low, high = limits_of(sensors.get(name))
-        stretches = [(a, b) for a, b in find_stuck(name, line, channels) if low <= x[a] <= high]
+        stretches = [(a, b) for a, b in find_stuck(name, line, witnesses) if low <= x[a] <= high]
         if not stretches:
             continue
         bad = _repeats(stretches, x.size)
@@ -389,7 +391,7 @@ def _take_out_stuck(log: _Log, open_circuit: bool) -> None:
             line = motion(t, log.bridged(name, bad), log.rig.thresholds.v_onset)
 
 
-def _take_out_still(log: _Log) -> None:
+def _take_out_still(log: _Log, witnesses: Witnesses) -> None:
     """Take out what repeats a stuck value in a log without a line; report a channel that holds one value throughout."""
     used = [name for name in log.rig.cascade.channels if name in log.channels]
     constant = {name: _constant(log.channels[name]) for name in used}
@@ -399,7 +401,7 @@ def _take_out_still(log: _Log) -> None:
         x, channel = log.channels[name], log.rig.known_channels[name]
         low, high = limits_of(log.rig.sensors.get(name))
         loaded = others_deliver(name, powers, log.t.size)
-        stretches = [(a, b) for a, b in find_still(name, shaft, log.channels, loaded) if low <= x[a] <= high]
+        stretches = [(a, b) for a, b in find_still(name, shaft, witnesses, loaded) if low <= x[a] <= high]
         if stretches:
             bad = _repeats(stretches, x.size)
             log.findings.append(log.take_out(name, bad, "stuck", _stuck_words(stretches)))

@@ -1,8 +1,9 @@
 """Stuck channels, of which one value is held while they should have changed, and rows that were written twice.
 
 A channel at rest is not stuck: an encoder holds its value while the line does, and the output of a stage is zero while
-nothing drives it. A channel is stuck if the motion should have changed it, or if its noise is missing; not if it is as still
-elsewhere in the same state of all other channels (`LookAlikes`), as a coarse power is at low speed.
+nothing drives it. A channel is stuck if the motion should have changed it, or if its noise is missing. It is not if another
+channel shows that it jumped to its value, or if it is as still elsewhere in the same state of all other channels, as a coarse
+power is at low speed.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, ends_of, median, smallest_step, stretches_of
 from winchcascade.core.run import Finding, Index, Mask, Signal
-from winchcascade.ingest.checks.witnesses import LookAlikes, samples_of
+from winchcascade.ingest.checks.witnesses import LookAlikes, Witnesses, samples_of
 
 HELD = 0.3
 """Minimum time for which a value is held, to be evaluated. [s]"""
@@ -111,20 +112,21 @@ def motion(t: Signal, v: Signal, v_onset: float) -> ObservedMotion:
     return ObservedMotion(t, v, v_onset, v > v_onset, v < -v_onset, float(v.max(initial=v_onset)))
 
 
-def find_stuck(name: str, line: ObservedMotion, channels: Mapping[str, Signal]) -> list[tuple[int, int]]:
+def find_stuck(name: str, line: ObservedMotion, witnesses: Witnesses) -> list[tuple[int, int]]:
     """Find stretches [first, last) in which a channel is stuck.
 
     Parameters
     ----------
     name : channel; its name decides on what it depends
-    channels : all channels of the log, finite or NaN: displacement and torque show whether a velocity is stuck
+    witnesses : all channels of the log, finite or NaN: displacement and torque show whether a velocity is stuck
     """
+    channels = witnesses.channels
     x = channels[name]
     first, last = _held(x, line.t)
     if first.size == 0:
         return []
     stuck = _too_still(name, x, line, first, last)
-    stuck[stuck] = ~_usual_there(name, channels, first[stuck], last[stuck])
+    stuck[stuck] = ~_usual_there(name, witnesses, first[stuck], last[stuck])
     if name == "velocity":
         stuck |= _loaded(first, last, line, channels) & (x[first] < line.v_onset)
         stuck |= _apart(first, last, x, line, channels)
@@ -134,14 +136,12 @@ def find_stuck(name: str, line: ObservedMotion, channels: Mapping[str, Signal]) 
             stuck |= _loaded(first, last, line, channels)
     else:
         unchanged = _unchanged(name, first, last, x, line) & ~stuck
-        unchanged[unchanged] = ~_usual_there(name, channels, first[unchanged], last[unchanged])
+        unchanged[unchanged] = ~_usual_there(name, witnesses, first[unchanged], last[unchanged])
         stuck |= unchanged
     return list(zip(first[stuck].tolist(), last[stuck].tolist(), strict=True))
 
 
-def find_still(
-    name: str, shaft: ObservedMotion, channels: Mapping[str, Signal], loaded: Mask
-) -> list[tuple[int, int]]:
+def find_still(name: str, shaft: ObservedMotion, witnesses: Witnesses, loaded: Mask) -> list[tuple[int, int]]:
     """Find stretches [first, last) in which a noisy channel of a log without a line holds a value.
 
     The motion of the shaft does not show what should have changed, so only the missing noise counts. A stretch at the largest
@@ -151,7 +151,7 @@ def find_still(
     ----------
     loaded : (n,) whether other stages have a power: at no load a drag may be constant
     """
-    x = channels[name]
+    x = witnesses.channels[name]
     first, last = _held(x, shaft.t)
     if first.size == 0:
         return []
@@ -160,27 +160,30 @@ def find_still(
     values, held = np.unique(x[first], return_counts=True)
     still &= held[np.searchsorted(values, x[first])] == 1
     still[still] = ~_dithers(x, first[still], last[still])
-    still[still] = ~_usual_there(name, channels, first[still], last[still])
+    still[still] = ~_usual_there(name, witnesses, first[still], last[still])
     return list(zip(first[still].tolist(), last[still].tolist(), strict=True))
 
 
-def _usual_there(name: str, channels: Mapping[str, Signal], first: Index, last: Index) -> Mask:
-    """Whether a channel holds the same value, or any value, elsewhere in the state in which the others are over a stretch.
+def _usual_there(name: str, witnesses: Witnesses, first: Index, last: Index) -> Mask:
+    """Whether each stretch [first, last) of a held value is what the machine does, (k,).
 
-    (k,) for the stretches [first, last).
+    Others show that the channel jumps to the value, or the channel holds it, or any, elsewhere in their state.
     """
     if not first.size:
         return np.zeros(0, dtype=bool)
-    x, alike = channels[name], LookAlikes(channels)
+    x, alike = witnesses.channels[name], LookAlikes(witnesses.channels)
     same, step = np.append(False, x[1:] == x[:-1]), smallest_step(x)
     stretches = list(zip(first.tolist(), last.tolist(), strict=True))
     suspects = samples_of(stretches, x.size)
-    return np.array(
+    usual: Mask = np.array(
         [
-            alike.hold(name, a, b, step) or (b - a - 1) * np.log(alike.chance(name, (a, b), same, suspects)) >= UNLIKELY
+            witnesses.show(name, a - 1, b)
+            or alike.hold(name, a, b, step)
+            or (b - a - 1) * np.log(alike.chance(name, (a, b), same, suspects)) >= UNLIKELY
             for a, b in stretches
         ]
     )
+    return usual
 
 
 def _held(x: Signal, t: Signal) -> tuple[Index, Index]:

@@ -1,8 +1,8 @@
 """What the other channels of a log show: a fault of a sensor or a logger is one that none of them shows.
 
 `Witnesses` decides on values that jump: where another channel jumps at the same instants, the machine did it. `LookAlikes`
-decides on values that are held and on noise that is missing: where the channel is as still whenever the other channels are in the
-same state, the machine is, too.
+decides on values that are held and on noise that is missing: where the channel is as still elsewhere in the same state of all
+other channels, the machine is, too.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Witnesses(msgspec.Struct, frozen=True):
 
         A channel that holds a code there, or is lost like this one, is no witness. An end of the log (-1, n) is no edge.
         """
-        return any(
+        return name in self.usual and any(
             self._changes_with(other, before, after) and not self._is_lost(other, name, slice(before + 1, after))
             for other in self.channels
             if other != name and other in self.usual
