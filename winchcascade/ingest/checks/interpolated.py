@@ -128,7 +128,7 @@ def _certain(name: str, channels: Mapping[str, Signal], bends: Bends, moving: Ma
     line[1:-1] = np.abs(np.diff(channels[name], 2)) <= bends.usual.calm
     ends = [(a, b + 1) for a, b in found.tolist()]
     alike, suspects = LookAlikes(channels), samples_of(ends, line.size)
-    chances = [FOLLOWS * alike.chance(name, stretch, line, suspects) for stretch in ends]
+    chances = [FOLLOWS * max(alike.calm(name, stretch, line, suspects), RARELY) for stretch in ends]
     usual = np.array(
         [n * math.log(min(c, 1.0)) >= UNLIKELY for n, c in zip(_count(moving, found), chances, strict=True)]
     )

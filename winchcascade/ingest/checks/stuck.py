@@ -8,6 +8,7 @@ power is at low speed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import pairwise
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, ends_of, median, smallest_step, stretches_of
 from winchcascade.core.run import Finding, Index, Mask, Signal
-from winchcascade.ingest.checks.witnesses import LookAlikes, Witnesses, samples_of
+from winchcascade.ingest.checks.witnesses import LookAlikes, Witnesses
 
 HELD = 0.3
 """Minimum time for which a value is held, to be evaluated. [s]"""
@@ -63,6 +64,9 @@ LAG = 5
 
 UNLIKELY = -18.0
 """Logarithm of the chance below which a noisy channel does not repeat itself by accident: once in 60 million samples."""
+
+MIN_REPEATS = 0.02
+"""Smallest chance that is believed: that a noisy channel repeats itself. [1]"""
 
 TURNS = 0.15
 """Minimum share of the changes of a noisy channel that reverse at once. [1]"""
@@ -171,16 +175,12 @@ def _usual_there(name: str, witnesses: Witnesses, first: Index, last: Index) -> 
     """
     if not first.size:
         return np.zeros(0, dtype=bool)
-    x, alike = witnesses.channels[name], LookAlikes(witnesses.channels)
-    same, step = np.append(False, x[1:] == x[:-1]), smallest_step(x)
-    stretches = list(zip(first.tolist(), last.tolist(), strict=True))
-    suspects = samples_of(stretches, x.size)
+    alike = LookAlikes(witnesses.channels)
     usual: Mask = np.array(
         [
             witnesses.show(name, a - 1, b)
-            or alike.hold(name, a, b, step)
-            or (b - a - 1) * np.log(alike.chance(name, (a, b), same, suspects)) >= UNLIKELY
-            for a, b in stretches
+            or (b - a - 1) * math.log(max(alike.repeats(name, (a, b)), MIN_REPEATS)) >= UNLIKELY
+            for a, b in zip(first.tolist(), last.tolist(), strict=True)
         ]
     )
     return usual
@@ -339,7 +339,7 @@ def repeats_of(change: Signal) -> float:
     large = np.minimum(np.abs(some[1:]), np.abs(some[:-1]))[turn] > 1.5 * np.abs(some).min()
     if np.mean(turn) < TURNS or np.mean(large) < LARGE:
         return 1.0
-    return float(max(1.0 - some.size / change.size, 0.02))
+    return float(max(1.0 - some.size / change.size, MIN_REPEATS))
 
 
 def repeated_rows(t: Signal, channels: Mapping[str, Signal]) -> list[Finding]:

@@ -13,7 +13,7 @@ from functools import cached_property
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median, quantile, quantiles_in_place
+from winchcascade.core.integrate import median, quantile, quantiles_in_place, smallest_step
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.ingest.checks.spikes import AROUND, MIN_SHARE, NOISE, Usual
 
@@ -28,20 +28,17 @@ SINGLE = 2
 """Steps from one edge to the other of a single sample. Its edges count as one: the power has a spike where the velocity changes
 for good. What lasts longer shows at both."""
 
-REFERENCES = 20_000
+REFERENCES = 60_000
 """Maximum number of samples, evenly over the log, among which look-alikes are sought."""
 
-QUERIES = 9
-"""Maximum number of samples of a stretch, evenly over it, whose look-alikes are sought."""
+QUERIES = 5
+"""Number of samples of a stretch, evenly over it, whose look-alikes are sought."""
 
-NEAREST = 30
-"""Number of look-alikes of each: they show a share with a standard deviation of 0.1 or less."""
-
-MIN_CHANCE = 0.02
-"""Smallest chance that is believed: that a noisy channel repeats itself, or lies on a line. [1]"""
+NEAREST = 50
+"""Number of look-alikes of each."""
 
 AS_HELD = 0.8
-"""Share of look-alikes with the held value, within one step of the channel, from which the value is the usual one there. [1]"""
+"""Share of look-alikes with a held value, within one step of the channel, from which they all have it. [1]"""
 
 
 class Witnesses(msgspec.Struct, frozen=True):
@@ -123,56 +120,76 @@ class LookAlikes:
         return np.arange(1, samples - 1, max(1, samples // REFERENCES))
 
     @cached_property
-    def _spans(self) -> dict[str, float]:
-        """Range of each channel that changes, without a few wild values."""
-        spans = {}
+    def _ranges(self) -> dict[str, tuple[float, float]]:
+        """Median and range, without a few wild values, of each channel that changes."""
+        ranges = {}
         for name, x in self._channels.items():
             some = x[self._rows]
             some = some[np.isfinite(some)]
-            low, high = quantiles_in_place(some, [0.005, 0.995]) if some.size else (0.0, 0.0)
+            low, middle, high = quantiles_in_place(some, [0.005, 0.5, 0.995]) if some.size else (0.0, 0.0, 0.0)
             if high > low:
-                spans[name] = high - low
-        return spans
+                ranges[name] = middle, high - low
+        return ranges
 
-    def of(self, name: str, first: int, last: int, but: Mask | None = None) -> Index:
-        """Samples elsewhere that look like those of a stretch [first, last) in all channels but one; none without others.
+    def _state(self, name: str, rows: Index) -> Signal:
+        """A channel at some samples from its median, in shares of its range; 0 in holes."""
+        middle, span = self._ranges[name]
+        return np.nan_to_num((self._channels[name][rows] - middle) / span)
+
+    @cached_property
+    def _states(self) -> dict[str, Signal]:
+        """Channels at the samples among which look-alikes are sought."""
+        return {name: self._state(name, self._rows) for name in self._ranges}
+
+    def of(self, name: str, stretch: tuple[int, int], suspects: Mask) -> Index:
+        """Samples that look like those of a stretch [first, last) in all channels but one; none without others.
 
         Parameters
         ----------
-        but : (n,) samples that do not count, as they are suspected, too
+        suspects : (n,) samples of this and other stretches, which do not count
         """
-        others = [other for other in self._spans if other != name]
-        rows = self._rows[(self._rows < first - 1) | (self._rows > last)]
-        rows = rows if but is None else rows[~but[rows]]
-        if not others or rows.size <= NEAREST:
-            return rows[:0]
-        places = np.unique(np.linspace(first, last - 1, QUERIES).astype(np.intp))
-        distance = np.zeros((places.size, rows.size))
+        first, last = stretch
+        others = [other for other in self._ranges if other != name]
+        apart = ~suspects[self._rows]
+        if name not in self._ranges or not others or np.count_nonzero(apart) <= NEAREST:
+            return self._rows[:0]
+        places = first + ((np.arange(QUERIES) + 0.5) * (last - first) / QUERIES).astype(np.intp)
+        distance = np.zeros((places.size, self._rows.size))
         for other in others:
-            y, span = self._channels[other], self._spans[other]
-            apart = ((y[places][:, None] - y[rows]) / span) ** 2
-            distance += np.where(np.isfinite(apart), apart, 1.0)
-        near: Index = rows[np.argpartition(distance, NEAREST, axis=1)[:, :NEAREST]].ravel()
+            distance += (self._state(other, places)[:, None] - self._states[other]) ** 2
+        distance[:, ~apart] = np.inf
+        near: Index = self._rows[np.argpartition(distance, NEAREST, axis=1)[:, :NEAREST]].ravel()
         return near
 
-    def hold(self, name: str, first: int, last: int, step: float) -> bool:
-        """Whether the value that a channel holds over a stretch is the usual one of its look-alikes, within a step of it."""
-        x = self._channels[name]
-        near = x[self.of(name, first, last)]
-        return bool(near.size) and float(np.mean(np.abs(near - x[first]) <= 1.001 * step)) >= AS_HELD
-
-    def chance(self, name: str, stretch: tuple[int, int], calm: Mask, suspects: Mask) -> float:
-        """Share of the look-alikes at which a channel is calm at values of a stretch [first, last); not below `MIN_CHANCE`. [1]
+    def calm(self, name: str, stretch: tuple[int, int], calm: Mask, suspects: Mask) -> float:
+        """Share of the look-alikes at which a channel is calm at values of a stretch [first, last), 0 where there are none. [1]
 
         Parameters
         ----------
         calm : (n,) where the channel is
         suspects : (n,) samples of this and other stretches, which do not count
         """
-        first, last = stretch
-        x, near = self._channels[name], self.of(name, first, last, suspects)
+        near = self.of(name, stretch, suspects)
+        return self._share(name, near, stretch, calm[near], MIN_SHARE * self._ranges[name][1]) if near.size else 0.0
+
+    def repeats(self, name: str, stretch: tuple[int, int]) -> float:
+        """Chance that a sample of a stretch of one value repeats the one before, by its look-alikes, 0 without any. [1]
+
+        The share of them that do; or half that of those with the held value within a step, as some states are less still; or 1
+        where nearly all have that value. Of the velocity values do not count: it is what the others follow.
+        """
+        x, near = self._channels[name], self.of(name, stretch, samples_of([stretch], self._channels[name].size))
         if not near.size:
-            return MIN_CHANCE
-        margin = MIN_SHARE * self._spans.get(name, 0.0)
-        low, high = np.nanmin(x[first:last]) - margin, np.nanmax(x[first:last]) + margin
-        return max(float(np.mean(calm[near] & (x[near] >= low) & (x[near] <= high))), MIN_CHANCE)
+            return 0.0
+        share = self._share(name, near, stretch, x[near] == x[near - 1], MIN_SHARE * self._ranges[name][1])
+        if name == "velocity":
+            return share
+        held = self._share(name, near, stretch, np.ones(near.size, dtype=bool), smallest_step(x))
+        return 1.0 if held >= AS_HELD else max(share, 0.5 * held)
+
+    def _share(self, name: str, near: Index, stretch: tuple[int, int], chosen: Mask, margin: float) -> float:
+        """Share of samples that are chosen and have values of a stretch, within a margin in the unit of the channel. [1]"""
+        x = self._channels[name]
+        inside = x[slice(*stretch)]
+        low, high = np.nanmin(inside) - 1.001 * margin, np.nanmax(inside) + 1.001 * margin
+        return float(np.mean(chosen & (x[near] >= low) & (x[near] <= high)))
