@@ -11,7 +11,7 @@ from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origi
 from winchcascade.core.errors import CampaignError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG
-from winchcascade.core.run import Run
+from winchcascade.core.run import Repairs, Run
 from winchcascade.rig.open_rig import load_rig
 
 
@@ -76,7 +76,7 @@ def settings_of(
     return settings if sheet is None else replace(settings, sheet=sheet)
 
 
-def read_with(path: Path, settings: LogSettings) -> Run:
+def read_with(path: Path, settings: LogSettings, *, repairs: Repairs = "on") -> Run:
     """Read a log by its settings. Raises LogError as `read_run`."""
     from winchcascade.ingest.read import read_run
 
@@ -88,4 +88,5 @@ def read_with(path: Path, settings: LogSettings) -> Run:
         about=settings.about,
         origin=settings.origin,
         table=settings.sheet,
+        repairs=repairs,
     )

@@ -15,6 +15,7 @@ from winchcascade.cli.options import (
     LoadOption,
     LossMapOption,
     ParquetOption,
+    RepairsOption,
     RigOption,
     SheetOption,
     WindowOption,
@@ -41,6 +42,7 @@ def reduce_command(
     load_ohm: LoadOption = None,
     window: WindowOption = None,
     sheet: SheetOption = None,
+    repairs: RepairsOption = "on",
     json: JsonOption = None,
     parquet: ParquetOption = None,
     report: ReportFiles = NO_REPORT,
@@ -64,7 +66,8 @@ def reduce_command(
 
         check_ending(loss_map)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
-    reduction = reduce(read_with(log, settings), rig=settings.rig, window=settings.window, cycles=settings.cycles)
+    run = read_with(log, settings, repairs=repairs)
+    reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
     mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
     if parquet is not None:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, get_args
 
 import msgspec
 import numpy as np
@@ -26,7 +26,7 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import Unit, is_load
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import given_rig
-from winchcascade.core.run import CLOCK, LOAD_HEADER, Finding, Run, Signal
+from winchcascade.core.run import CLOCK, LOAD_HEADER, Finding, Repairs, Run, Signal
 from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
 from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
 from winchcascade.ingest.checks.quality import check
@@ -74,6 +74,7 @@ def read_run(
     simulated: bool = False,
     units: Mapping[str, str] | None = None,
     name: str | None = None,
+    repairs: Repairs = "on",
 ) -> Run:
     """Read a log, a file of any known format or a pandas DataFrame, and check it.
 
@@ -90,11 +91,13 @@ def read_run(
     simulated : the log has no sensors that could be stuck or out of range, also without the mark of `simulate`
     units : of a DataFrame alone: units of its columns by their names, such as {"force": "kN"}
     name : of the run, in messages and reports; by default that of the file, or `data frame`
+    repairs : "off" keeps what was logged, and the findings list what would be repaired. All the same cells without a number are
+        bridged, stamps that do not rise are put in order, and signs are corrected
 
     Raises
     ------
     LogError : the log cannot be used; the message is one sentence
-    OptionError : `units` are given for a file, which names its own, or `load` is none
+    OptionError : `units` are given for a file, which names its own, `load` is none, or `repairs` is neither on nor off
 
     Examples
     --------
@@ -104,20 +107,23 @@ def read_run(
     rig = given_rig("read_run", rig)
     if load is not None and not _is_load(load):
         raise OptionError(f"load={load!r}: expected a resistance above 0 in ohms, or inf for an open circuit.")
+    if repairs not in get_args(Repairs):
+        raise OptionError(f"repairs={repairs!r}: expected on or off.")
+    options = _Options(rig, load, simulated, repairs)
     if isinstance(path, str | os.PathLike):
         if units is not None:
             raise OptionError(
                 f"{path}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
                 "out, or state them in a rig file under [columns]."
             )
-        run = _read_unchanged(Path(path), rig, load, table, simulated=simulated)
+        run = _read_unchanged(Path(path), options, table)
         run = run if name is None else msgspec.structs.replace(run, name=one_line(name))
     else:
         from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
 
         where = name or "data frame"
         loaded = _opened(open_frame(path, where=where, units=units, table=table), rig, where)
-        run = _run_of(loaded, rig, load, where=where, simulated=simulated)
+        run = _run_of(loaded, options, where)
         run = msgspec.structs.replace(run, sha256=frame_digest(path))
     run = msgspec.structs.replace(run, load_source=run.load_source if load is None else load_source, about=about)
     return _with_origin(run, origin or Origin())
@@ -127,12 +133,21 @@ def _is_load(load: object) -> bool:
     return isinstance(load, Real) and is_load(float(load))
 
 
-def _read_unchanged(path: Path, rig: Rig, load: float | None, table: str | None, *, simulated: bool) -> Run:
+class _Options(NamedTuple):
+    """How a log is read: its rig, its load [ohm], whether it is simulated, and whether it is repaired."""
+
+    rig: Rig
+    load: float | None
+    simulated: bool
+    repairs: Repairs
+
+
+def _read_unchanged(path: Path, options: _Options, table: str | None) -> Run:
     """Read a file that no logger writes to meanwhile; LogError for one that changes each time."""
     for _ in range(_TRIES):
         seen = _Seen(path)
         try:
-            run = _read(path, rig, load, table, simulated=simulated)
+            run = _read(path, options, table)
         except LogError:
             if seen.is_same():
                 raise
@@ -145,17 +160,17 @@ def _read_unchanged(path: Path, rig: Rig, load: float | None, table: str | None,
     )
 
 
-def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, simulated: bool) -> Run:
+def _read(path: Path, options: _Options, table_name: str | None) -> Run:
     """Read and check a log that does not change meanwhile; `load_source` is that of a property of the file."""
-    numbered = any(column.number is not None for column in rig.columns.values())
+    numbered = any(column.number is not None for column in options.rig.columns.values())
     source = open_log(path, table_name, numbered=numbered)
     try:
-        loaded = _opened(source, rig, path.name)
+        loaded = _opened(source, options.rig, path.name)
     finally:
         source.close()
     # Hashing leaves the interpreter free for other work.
     run, digest = side_by_side(
-        lambda: _run_of(loaded, rig, load, where=path.name, simulated=simulated),
+        lambda: _run_of(loaded, options, path.name),
         lambda: _sha256(path),
         samples=len(next(iter(loaded.table.values.values()))),
     )
@@ -179,9 +194,10 @@ def _opened(source: LogSource, rig: Rig, where: str) -> _Opened:
     return _Opened(source, found, table, _labels(source, found, table, rig, where))
 
 
-def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simulated: bool) -> Run:
+def _run_of(opened: _Opened, options: _Options, where: str) -> Run:
     """Check the loaded columns of a log; `load_source` is that of a property of the log."""
     source, found, table, labels = opened
+    rig, load, simulated, repairs = options
     samples = len(next(iter(table.values.values())))
     minimum = 1 if rig.phases.source == "rows" else MIN_ROWS
     if samples < minimum:
@@ -200,7 +216,8 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
 
         checked = steps_of_rows(channels)
     else:
-        checked = check(clock.t, channels, rig, simulated=simulated, open_circuit=load == math.inf)
+        open_circuit = load == math.inf
+        checked = check(clock.t, channels, rig, simulated=simulated, open_circuit=open_circuit, repairs=repairs)
     if not checked.channels:
         raise LogError(
             f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
@@ -224,6 +241,7 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
         first_stamp=_first_stamp(table.stamps),
         started=_started(table.stamps, float(checked.t[0])) if table.began is None else table.began,
         temperature=_temperature(table, found, checked.channels, rig),
+        repairs=repairs,
     )
 
 

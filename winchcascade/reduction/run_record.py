@@ -12,6 +12,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.run import Repairs
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, OperatingPoint, PayoutSummary
 from winchcascade.reduction.wave_bootstrap import EnergyError
@@ -41,10 +42,26 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
     open_circuit: bool
     simulated: bool | None
     about: str | None
+    repairs: Repairs = "on"
+
+
+class RepairRecord(msgspec.Struct, frozen=True):
+    """What a finding changed of the log: how, the number of samples (0: none was taken out), how many places, and the times of
+    the first `MAX_SPANS` of them; `applied` is false where repairs are off, and nothing was changed."""
+
+    what: str
+    applied: bool
+    samples: int
+    places: int
+    spans_s: tuple[tuple[float, float], ...]
+
+
+MAX_SPANS = 100
+"""Maximum number of places of a repair in the record."""
 
 
 class FindingRecord(msgspec.Struct, frozen=True):
-    """One finding, with the share of the log's samples that it removed."""
+    """One finding, with the share of the log's samples that it removed and what it changed, null for nothing."""
 
     kind: str
     channel: str | None
@@ -54,6 +71,7 @@ class FindingRecord(msgspec.Struct, frozen=True):
     action: str
     message: str
     removed_share: float
+    repaired: RepairRecord | None = None
 
 
 class PhasesRecord(msgspec.Struct, frozen=True):

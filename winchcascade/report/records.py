@@ -18,6 +18,7 @@ from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty, uncertainty
 from winchcascade.reduction.run_record import (
+    MAX_SPANS,
     REDUCTION_SCHEMA,
     BinRecord,
     BudgetRecord,
@@ -28,6 +29,7 @@ from winchcascade.reduction.run_record import (
     LogRecord,
     PhasesRecord,
     PhaseSummaryRecord,
+    RepairRecord,
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
@@ -76,6 +78,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             open_circuit=run.open_circuit,
             simulated=True if run.simulated else None,
             about=run.about or None,
+            repairs=run.repairs,
         ),
         rig=reduction.rig.name,
         window=reduction.window,
@@ -163,6 +166,10 @@ def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], 
 
 def finding_record(finding: Finding, samples: int) -> FindingRecord:
     """One finding of a log with a given number of samples."""
+    repair, repaired = finding.repaired, None
+    if repair is not None:
+        spans = repair.spans[:MAX_SPANS]
+        repaired = RepairRecord(repair.what, repair.applied, repair.samples, len(repair.spans), spans)
     return FindingRecord(
         kind=finding.kind,
         channel=finding.channel,
@@ -172,6 +179,7 @@ def finding_record(finding: Finding, samples: int) -> FindingRecord:
         action=finding.action,
         message=finding.message,
         removed_share=finding.lost_share(samples),
+        repaired=repaired,
     )
 
 
