@@ -162,9 +162,9 @@ def test_a_rival_is_reported_beside_the_cause_and_never_hidden() -> None:
     cause = msgspec.structs.replace(found.causes[0], probability=0.7, look_alikes=(rival,))
     unsure = changed(found, causes=(cause,))
     assert sure_words(unsure) == (
-        "copper_heating has a probability of 0.70; line_drag would explain the data about as well as copper_heating. A probability is "
-        "the posterior within the catalogue. Not in the catalogue: a cable between machine and bridge or before the tap of Vdc "
-        "would look like copper_heating."
+        "copper_heating has a probability of 0.70; line_drag would explain the data about as well as copper_heating. A "
+        "probability is the posterior within the catalogue. Not in the catalogue: a cable between machine and bridge or "
+        "before the tap of Vdc would look like copper_heating."
     )
     assert "Idc during payout at 4.5 ohm, by 1.9 standard deviations" in flat(diagnosis_text(unsure))
     better = msgspec.structs.replace(cause, look_alikes=(msgspec.structs.replace(rival, probability=0.8),))

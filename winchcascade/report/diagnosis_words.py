@@ -213,19 +213,13 @@ def verdict_words(found: DiagnosisResult) -> str:
         named = f"The rig's model with the named cause{'s' if count > 1 else ''} closes"
     if more:
         named = f"A fit of {count + more} effects, of which the leading {count} are named, closes"
-    state: str = found.verdict
-    if isinstance(found, LineDiagnosis):
-        alarms = found.remainder is not None and found.remainder.alarms
-        explained = "noise" if closure.share < EXPLAINED else "quiet"
-        state = explained if state == "explained" else "structure" if alarms else "more"
-        if places := energy_places(found):
-            state = "energies"
-            return phrases.verdicts[state].format(
-                closes=f"{named} {share_words(max(closure.share, 0.0)).replace('>', 'more than')} of the {phrases.closes} {closed_on(found)}",
-                places=places,
-            )
     share = share_words(max(closure.share, 0.0)).replace(">", "more than")
-    return phrases.verdicts[state].format(closes=f"{named} {share} of the {phrases.closes} {closed_on(found)}")
+    closes, state, places = f"{named} {share} of the {phrases.closes} {closed_on(found)}", str(found.verdict), ""
+    if isinstance(found, LineDiagnosis):
+        alarms, places = found.remainder is not None and found.remainder.alarms, energy_places(found)
+        explained = "noise" if closure.share < EXPLAINED else "quiet"
+        state = "energies" if places else explained if state == "explained" else "structure" if alarms else "more"
+    return phrases.verdicts[state].format(closes=closes, places=places)
 
 
 # ------------------------------------------------------------------------------------------------------------- the place
@@ -312,7 +306,8 @@ def sure_words(found: DiagnosisResult) -> str:
         parts.append(f"{which} a probability {'above 0.99' if min(sure) > 0.995 else f'of at least {min(sure):.2f}'}")
     alike = [
         f"{alternatives_words(cause, ' and ')} would {phrases.alike} "
-        f"{'at least' if any(r.probability > cause.probability for r in cause.look_alikes) else 'about'} as well as {cause.effect}"
+        f"{'at least' if any(one.probability > cause.probability for one in cause.look_alikes) else 'about'} as well as "
+        f"{cause.effect}"
         for cause in found.causes
         if cause.look_alikes
     ]
