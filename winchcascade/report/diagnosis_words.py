@@ -294,7 +294,7 @@ def sure_words(found: DiagnosisResult) -> str:
     if shared := _shared_words(found):
         return f"By the rig's model, the numbers of {shared} agree within their intervals in the logs and in your simulation."
     if not count and found.verdict == "unexplained":
-        return "Each set of effects that was fitted may imitate what acts."
+        return ""
     if not count:
         fitted = f"; {others or 'no'} other set{'' if others == 1 else 's'} of effects came near enough to be fitted"
         likely = f"Probability of {phrases.none}: {probability_words(found.sets.get((), 0.0))}"
