@@ -210,7 +210,7 @@ def many_sources() -> Rig:
         "vdc": Sensor("V", high=200.0, accuracy_full_scale=0.003, coverage=2.0, **acquired),
         "idc": Sensor("A", high=20.0, accuracy_full_scale=0.003, daq_coverage=2.0, **acquired),
     }
-    radius = msgspec.structs.replace(plain.winch.r_drum, tolerance=0.0005)
+    radius = msgspec.structs.replace(plain.winch.r_drum, u=0.0005)
     return msgspec.structs.replace(plain, sensors=sensors, winch=msgspec.structs.replace(plain.winch, r_drum=radius))
 
 

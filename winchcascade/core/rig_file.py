@@ -1,4 +1,4 @@
-"""A rig as data: geometry, sensors, columns, thresholds and tolerances, as a rig file states them.
+"""A rig as data: geometry, sensors, columns, thresholds and uncertainties, as a rig file states them.
 
 A rig may lack stages and sensors: what is absent is None or not listed, and the metrics that need it are null.
 """
@@ -227,12 +227,24 @@ class Generator(msgspec.Struct, frozen=True):
     i_rated: Annotated[Quantity | None, Measure("current")] = None
 
 
+_LoadPercent = Expected("percent of the load, from 0 on", lambda percent: 0.0 <= percent < 1e9)
+
+
 class DcLink(msgspec.Struct, frozen=True):
-    """Capacitor, bleed resistance and load behind the bridge."""
+    """Capacitor, bleed resistance and load behind the bridge.
+
+    The uncertainty of a load is one standard uncertainty or the +- limits of its maker, in percent of the load.
+    """
 
     c_dc: Annotated[Quantity | None, Measure("capacitance")] = None
     r_bleed: Annotated[Quantity | None, Measure("resistance")] = None
-    load_tolerance_percent: Annotated[float, Expected("percent of the load, from 0 on", lambda p: 0.0 <= p < 1e9)] = 0.0
+    load_u_percent: Annotated[float, _LoadPercent] = 0.0
+    load_limits_percent: Annotated[float, _LoadPercent] = 0.0
+
+    @property
+    def load_u(self) -> float:
+        """Standard uncertainty of a load as a share of it; limits are those of a rectangular distribution. [1]"""
+        return (self.load_u_percent + self.load_limits_percent / math.sqrt(3.0)) / 100.0
 
 
 class Thresholds(msgspec.Struct, frozen=True):

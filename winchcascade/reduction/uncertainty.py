@@ -23,7 +23,7 @@ from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
 
 R_DRUM = "r_drum"
-"""Name of the drum radius among the sources: it has a tolerance where a rig file states one."""
+"""Name of the drum radius among the sources: it has an uncertainty where a rig file states one."""
 
 SAMPLING = "sampling"
 """Name of the sampling among the sources: its limit is what every second or third sample alone changes of a mean energy."""
@@ -253,8 +253,9 @@ def _sources(rig: Rig, stages: Mapping[str, StageEnergy]) -> list[ErrorSource]:
     sensors = {name: rig.sensors[name] for name in sorted(_channels(stages)) if name in rig.sensors}
     found = [source for name, sensor in sensors.items() for source in error_sources(name, sensor)]
     radius = rig.winch.r_drum
-    if any(s.by_radius for s in stages.values()) and radius is not None and radius.tolerance:
-        found.append(ErrorSource(R_DRUM, "gain", radius.tolerance / radius.value, None, radius.source))
+    if any(s.by_radius for s in stages.values()) and radius is not None and radius.u:
+        u = radius.u / radius.value
+        found.append(ErrorSource(R_DRUM, "gain", u, math.sqrt(3.0) * u if radius.rectangular else None, radius.source))
     limit, origin = sampling_limit(stages), "reduction of every second and third sample"
     return [*found, ErrorSource(SAMPLING, "gain", limit / math.sqrt(3.0), limit, origin)] if limit > 0.0 else found
 
