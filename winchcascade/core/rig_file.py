@@ -139,7 +139,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `accuracy_full_scale` is a share of the end of the range that is farther from zero, `accuracy_reading` of the reading;
     what is stated adds up. Accuracies are limits, or with `coverage` expanded uncertainties of that coverage factor. `daq_...`
     are the same of the acquisition system, which adds an error of its own. `u_zero` and `u_gain` are standard uncertainties of
-    zero and gain of a sensor that was calibrated in place.
+    zero and gain of a sensor that was calibrated in place with its acquisition system; each replaces the accuracies.
     """
 
     unit: Annotated[str, Expected('the unit of the numbers, such as "N"')]
@@ -180,11 +180,14 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Winch(msgspec.Struct, frozen=True):
     """The drum that the tether turns.
 
+    `motion` is where displacement and velocity are measured: by an encoder on the drum, which counts radius times angle, or on
+    the line itself. A velocity that a reduction makes of the speed of the shaft is of the drum in any case.
     `line_can_push` of a rod or a rack in its place: the force of the line then has both signs, and is never slack.
     """
 
     r_drum: Annotated[Quantity | None, Measure("length", 1e-3, 100.0)] = None
     inertia: Annotated[Quantity | None, Measure("inertia")] = None
+    motion: Annotated[Literal["drum", "line"], Expected('"drum" or "line"')] = "drum"
     line_can_push: Annotated[bool, Expected("true or false")] = False
 
 

@@ -154,16 +154,8 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
-    """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel].
-
-    As calibrated in place where the rig file states that; else from the maker's limits, as a reduction takes them.
-    """
-    if sensor is None:
-        return 0.0, 0.0
-    if sensor.u_gain is None:
-        zero = part_uncertainty(sensor, "zero") if sensor.u_zero is None else sensor.u_zero
-        return part_uncertainty(sensor, "gain"), zero
-    return sensor.u_gain, sensor.u_zero or 0.0
+    """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel], as a reduction takes them."""
+    return part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")
 
 
 def quantity_of(rig: Rig, section: str, name: str) -> Quantity | None:

@@ -131,6 +131,7 @@ _METRICS = tuple(name for name in CycleRecord.__struct_fields__ if name.startswi
 class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One row of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance.
 
+    `basis` is what the error is known by: a sensor has either that of its calibration in place or those of its accuracy.
     The row of the bridged gaps has a contribution and a share alone.
     """
 
@@ -138,6 +139,7 @@ class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
     part: str | UnsetType = UNSET
     unit: str | UnsetType = UNSET
     distribution: str | UnsetType = UNSET
+    basis: str | UnsetType = UNSET
     limit: float | UnsetType | None = UNSET
     standard_uncertainty: float | UnsetType = UNSET
     origin: str | UnsetType | None = msgspec.field(name="from", default=UNSET)

@@ -418,9 +418,9 @@ def budget_table(found: Uncertainty, rig: Rig) -> content.Table | None:
     rows = [(_about(r, channels), shares(r.of, known.mean)) for r in known.rows]
     scatter = shares(known.repeatability, known.mean)
     cells = [(*about, *(percent(getattr(share, m) or None) for m in metrics)) for about, share in rows]
-    cells.append(("repeatability", "", "normal", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
+    cells.append(("repeatability", "", "normal", "", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
     columns: list[TableColumn[str]] = [
-        *(TableColumn(name, text=True) for name in ("Source", "Limit", "Distribution", "u", "From")),
+        *(TableColumn(name, text=True) for name in ("Source", "Limit", "Distribution", "u", "Known by", "From")),
         *(TableColumn(SYMBOL[m], "%") for m in metrics),
     ]
     return content.formatted_table(
@@ -428,8 +428,10 @@ def budget_table(found: Uncertainty, rig: Rig) -> content.Table | None:
         "Uncertainty budget: share of the variance of each mean, in percent.",
         columns,
         cells if metrics else (),
-        "Errors of a sensor are the same over the whole log, so they do not average out over its cycles. A limit in "
-        f"shares of the full scale is half zero and half gain error. u: standard uncertainty of the error.{_from(rig.source)}",
+        "Errors of a sensor are the same over the whole log, so they do not average out over its cycles. Zero and gain are "
+        "those of a calibration in place where the rig file states it (u_zero, u_gain), else those of the accuracy. "
+        "A limit in shares of the full scale is a zero error. "
+        f"u: standard uncertainty of the error.{_from(rig.source)}",
     )
 
 
@@ -438,22 +440,23 @@ def _from(source: str) -> str:
     return f" From: the rig file's words; its source is {source}." if source else ""
 
 
-def _about(row: BudgetRow, channels: Mapping[str, Channel]) -> tuple[str, str, str, str, str]:
+def _about(row: BudgetRow, channels: Mapping[str, Channel]) -> tuple[str, str, str, str, str, str]:
     source = row.source
     if source is None:
-        return source_name(None), "", "rectangular", "", "data beside the gaps"
+        return source_name(None), "", "rectangular", "", "", "data beside the gaps"
     factor, unit = 100.0, "%"
     if source.part != "gain" and source.channel != R_DRUM:
         factor, unit = 1.0, si_unit(channels[source.channel].dimension).replace(".", "·")
     limit = "" if source.limit is None else f"{significant(source.limit * factor)} {unit}"
-    return source_name(source), limit, source.shape, f"{significant(source.u * factor)} {unit}", source.origin or "–"
+    u, basis = f"{significant(source.u * factor)} {unit}", source.basis.replace("_", " ")
+    return source_name(source), limit, source.shape, u, basis, source.origin or "–"
 
 
 def sensors_table(reduction: Reduction) -> content.Table | None:
     """Sensors of the channels of the log, as the rig file states them."""
     return content.ItemTable[tuple[str, Sensor]](
         "sensors",
-        "Sensors, as the rig file states them; accuracies are limits.",
+        "Sensors, as the rig file states them; accuracies are limits, used where no calibration in place is stated.",
         [
             TableColumn("Channel", text=True, of=lambda item: item[0]),
             TableColumn("Instrument", text=True, of=lambda item: item[1].instrument or "–"),
@@ -486,7 +489,14 @@ def _accuracy(sensor: Sensor) -> str:
     own = "" if sensor.accuracy is None else f"{_in_unit(sensor.accuracy, sensor)} {sensor.unit}"
     stated = _sum_text(sensor.accuracy_full_scale, sensor.accuracy_reading, own, sensor.coverage)
     acquired = _sum_text(sensor.daq_full_scale, sensor.daq_reading, "", sensor.daq_coverage)
-    return (stated or "not stated") + (f"; acquisition {acquired}" if acquired else "")
+    zero = "" if sensor.u_zero is None else f"zero {_in_unit(sensor.u_zero, sensor)} {sensor.unit}"
+    gain = "" if sensor.u_gain is None else f"gain {_given_number(100.0 * sensor.u_gain)} %"
+    in_place = ", ".join(filter(None, (zero, gain)))
+    return (
+        (stated or "not stated")
+        + (f"; acquisition {acquired}" if acquired else "")
+        + (f"; calibrated in place, u: {in_place}" if in_place else "")
+    )
 
 
 def _sum_text(full_scale: float | None, reading: float | None, absolute: str, coverage: float | None) -> str:
