@@ -64,6 +64,30 @@ def test_a_calibration_in_place_replaces_the_limits(tmp_path: Path) -> None:
     assert len(found) == 2
 
 
+def test_a_mean_keeps_an_efficiency_above_1(tmp_path: Path) -> None:
+    lines = LOG.read_text(encoding="utf-8").splitlines()
+    torque, rows = lines[0].split(",").index("Torque (N.m)"), [line.split(",") for line in lines[1:]]
+    for row_ in rows:
+        if float(row_[0]) < 38.0:
+            row_[torque] = repr(1.1 * float(row_[torque]))  # eta_trans of the first cycle becomes 0.993
+    bent = tmp_path / "bent.csv"
+
+    def of(factor: float) -> dict[str, Any]:
+        text = [[*r[:torque], repr(factor * float(r[torque])), *r[torque + 1 :]] for r in rows]
+        bent.write_text("\n".join([lines[0], *map(",".join, text)]), encoding="utf-8")
+        done = winchcascade("reduce", bent, "--load-ohm", "36", "--window", "5.48", "--json", "-")
+        found: dict[str, Any] = json.loads(done.stdout)
+        return found
+
+    below, above = of(1.0), of(1.01)
+    first = below["cycles"][0]["eta_trans"]
+    assert 0.99 < first < 1.0 < above["cycles"][0]["eta_trans"] == pytest.approx(1.01 * first, rel=1e-3)
+    assert above["mean"]["eta_trans"] == pytest.approx(1.01 * below["mean"]["eta_trans"], rel=1e-3)
+    assert above["standard_uncertainty"]["eta_trans"] > 0.0
+    kinds = [{f["kind"]: f["count"] for f in record["quality"]} for record in (below, above)]
+    assert [found.get("efficiency_above_one") for found in kinds] == [None, 1]
+
+
 def test_a_radius_with_a_tolerance_is_rejected_with_both_keys(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(

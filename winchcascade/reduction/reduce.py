@@ -218,14 +218,16 @@ def _results(
         number = phased.first + k
         joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
         of_cycle, net = net_metrics(joules, net)
-        values, no_efficiency = metrics(
+        values, outside = metrics(
             {f"energy_{stage}": joules[stage] for stage in phased.rig.cascade.names} | of_cycle,
             window.cutoff - window.onset,
             open_circuit=phased.run.open_circuit,
             cascade=phased.rig.cascade,
         )
-        for name, value in no_efficiency.items():
+        for name, value in outside.items():
             odd.setdefault(name, []).append((number, value))
+        if (values["eta_net"] or 0.0) > 1.0:
+            odd.setdefault("eta_net", []).append((number, values.value("eta_net")))
         if window.fault is not None:
             rows = phased.rows(window.onset, window.cutoff)
             message, action = f"cycle {number} is incomplete: {window.fault}", "listed, left out of the mean"
