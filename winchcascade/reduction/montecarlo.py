@@ -123,7 +123,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     >>> from winchcascade.ingest.read import read_run
     >>> found = uncertainty(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48))
     >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
-    (0.0048, 'gum')
+    (0.0019, 'gum')
     """
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
     if not draws >= MIN_DRAWS or draws % 1:

@@ -15,7 +15,7 @@ from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
-from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed
+from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed, stored_powers
 from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
 from winchcascade.reduction.checks.ratios import ratio_findings
@@ -263,4 +263,5 @@ def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
     driven = engaged(run, [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted], rig)
     powers = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
+    powers |= {store: watts.__getitem__ for store, watts in stored_powers(run, rig).items()}
     return bin_powers(speed, rpm, driven, powers, rig.thresholds.rpm_bin)

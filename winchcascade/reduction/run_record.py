@@ -165,7 +165,12 @@ class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BinRecord(msgspec.Struct, frozen=True):
-    """One bin of generator speed with mean powers and their standard errors."""
+    """One bin of generator speed with mean powers and their standard errors.
+
+    `power_rotor_w`, `power_spring_w` and `power_capacitor_w` go into the rotor, the spring of the shaft and the capacitor of
+    the DC link while the speed changes, null where the rig file states no inertia, stiffness or capacitance. The loss between
+    shaft and DC link is P_mech - P_gen less these.
+    """
 
     rpm_low: float
     rpm_high: float
@@ -178,6 +183,9 @@ class BinRecord(msgspec.Struct, frozen=True):
     power_gen_w_standard_error: float | None
     torque_nm: float | None
     torque_nm_standard_error: float | None
+    power_rotor_w: float | None = None
+    power_spring_w: float | None = None
+    power_capacitor_w: float | None = None
     stages: Numbers | UnsetType = UNSET
 
 

@@ -216,5 +216,8 @@ def bin_record(item: Bin, cascade: Cascade = PAPER) -> BinRecord:
         power_gen_w_standard_error=error.get("gen"),
         torque_nm=item.torque,
         torque_nm_standard_error=item.torque_standard_error,
+        power_rotor_w=item.stored.get("rotor"),
+        power_spring_w=item.stored.get("spring"),
+        power_capacitor_w=item.stored.get("capacitor"),
         stages=stages,
     )

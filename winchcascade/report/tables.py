@@ -13,7 +13,7 @@ from winchcascade.core.cascade import PAPER
 from winchcascade.core.quantity import Unit, find_unit, si_unit
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Channel, Finding
-from winchcascade.reduction.bins import Bin
+from winchcascade.reduction.bins import STORES, Bin
 from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -257,6 +257,7 @@ def _phases_table(
 def bins_table(reduction: Reduction) -> content.Table | None:
     """Mean powers in bins of generator speed; None where that speed is unknown."""
     stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
+    stores = [store for store in STORES if any(b.stored.get(store) is not None for b in reduction.bins)]
     shown = reduction.bins[
         :: max(1, -(-len(reduction.bins) // (content.row_limit(MAX_BINS) or len(reduction.bins) or 1)))
     ]
@@ -269,12 +270,30 @@ def bins_table(reduction: Reduction) -> content.Table | None:
             ),
             TableColumn("Samples", of=lambda b: b.count),
             *(column for stage in stages for column in _power_columns(stage)),
+            *(TableColumn[Bin](f"into {store}", "W", of=partial(_stored, store)) for store in stores),
         ],
         note=(
             "" if len(shown) == len(reduction.bins) else f"{len(shown)} of {len(reduction.bins)} bins, evenly chosen. "
         )
-        + "The standard error takes samples as independent, which smooth motion makes too small.",
+        + "The standard error takes samples as independent, which smooth motion makes too small. "
+        + _storage_words(stores),
     ).of(shown if stages else ())
+
+
+def _stored(store: str, of: Bin) -> str:
+    return number(of.stored.get(store), 0)
+
+
+def _storage_words(stores: Sequence[str]) -> str:
+    """What a difference of two powers in a bin contains beside losses, and whether the table gives it."""
+    needed = {"rotor": "inertia_rotor", "capacitor": "c_dc"}
+    missing = " or ".join(what for store, what in needed.items() if store not in stores)
+    if not missing:
+        return "Into rotor, spring of the shaft, capacitor: stored while the speed changes; P_mech − P_gen less these is lost."
+    return (
+        f"Without {missing} in the rig file, or its channel in the log, a difference of powers contains what is stored while "
+        "the speed changes, and is no loss."
+    )
 
 
 def _power_columns(stage: str) -> list[TableColumn[Bin]]:
