@@ -241,7 +241,8 @@ def _csv_rows(
             f"{file}: {'no row below its heads' if lines else 'is empty'}; expected heads and rows of numbers."
         )
     names = split_row(head, delimiter)
-    for column in columns.values():
+    derived = {name for name, column in columns.items() if column.law and column.head == name and name not in names}
+    for column in (column for name, column in columns.items() if name not in derived):
         if names.count(column.head) != 1:
             raise TableError(
                 f"{file}: {names.count(column.head) or 'no'} columns are named {column.head!r}; expected one; the file has "
@@ -249,7 +250,7 @@ def _csv_rows(
             )
     cells = [split_row(line, delimiter) for line in lines[1:]]
     decimal = "." if delimiter == "," else decimal_sign(cells)
-    places = {name: names.index(column.head) for name, column in columns.items()}
+    places = {name: names.index(column.head) for name, column in columns.items() if name not in derived}
     rows = [
         {
             name: cell
