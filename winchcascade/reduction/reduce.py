@@ -17,7 +17,7 @@ from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed
 from winchcascade.reduction.checks.lag import lag_findings
-from winchcascade.reduction.checks.load import load_findings
+from winchcascade.reduction.checks.load import load_findings, measured_load, operating_points
 from winchcascade.reduction.checks.ratios import ratio_findings
 from winchcascade.reduction.checks.sampling import Sampling, check_sampling, resolution_findings
 from winchcascade.reduction.checks.zeros import zero_findings
@@ -96,8 +96,10 @@ def reduce(
     )
     by_motion = rig.phases.by_motion
     sampling = check_sampling(phased, energy) if by_motion else Sampling({}, ())
+    points = operating_points(phased, summaries)
+    findings += load_findings(phased, points)
     if by_motion:  # the checks compare payouts that are alike, and rests between them
-        findings += [*load_findings(phased, summaries), *lag_findings(phased), *zero_findings(phased)]
+        findings += [*lag_findings(phased), *zero_findings(phased)]
     findings += [*sampling.findings, *resolution_findings(phased, energy)]
     results = _results(phased, summaries, energy, findings)
     findings += changes_within(results, rig, energy.bridged, run) if by_motion else []
@@ -115,6 +117,7 @@ def reduce(
         quality=(*other_source(phased, results), *run.findings, *findings),
         bridged=energy.bridged,
         sampled=sampling.changes,
+        measured_load=measured_load(phased, points),
     )
 
 

@@ -40,7 +40,7 @@ def ratio_findings(
         if (name == cascade.overall and len(cascade.stages) > 2) or (open_circuit and cascade.undelivered(name)):
             continue
         findings += _against(name, places[into], places[out], _remedy(cascade.between(name)[0], run, rig), of)
-        findings += _too_small(name, places[into], places[out]) if cascade.configured else []
+        findings += _too_small(name, places[into], places[out])
     return findings
 
 
