@@ -101,6 +101,9 @@ FindingKind = Literal[
     "speed_mismatch",
     "efficiency_change",
     "origin_conflict",
+    "dead_channel",
+    "sign_mismatch",
+    "listed_in_parts",
 ]
 
 CLOCK = "clock"

@@ -138,16 +138,17 @@ def load_findings(phased: PhasedRun, points: Sequence[Operating]) -> list[Findin
 def _contradicts_load(phased: PhasedRun, points: Sequence[Operating], load: float) -> bool:
     """Whether Vdc deviates from Idc times the load by more than the uncertainties of the sensors and of the load allow.
 
-    The bleed resistance may lie on either side of the sensor of Idc, which then reads more than the load takes. Where the
-    accuracy of a sensor is unknown, the deviation must also exceed `MISMATCH`.
+    The bleed resistance may lie on either side of the sensor of Idc, which then reads more than the load takes; that counts
+    where the log would show it. Where the accuracy of a sensor is unknown, the deviation must also exceed `MISMATCH`.
     """
     link = phased.rig.dc_link
     (v_dc, u_v), (i_dc, u_i) = (_mean(phased, points, k) for k in range(2))
     apart, scatter = _middle([p.v_dc - load * p.i_dc for p in points])
-    bleed = link.r_bleed.value if link.r_bleed is not None else 0.0
-    if apart < 0.0 < bleed:
-        apart = min(apart + load * max(v_dc, 0.0) / bleed, 0.0)
     u = math.hypot(u_v, load * u_i, 0.01 * link.load_tolerance_percent * load * i_dc, scatter)
+    bleed = link.r_bleed.value if link.r_bleed is not None else 0.0
+    bled = load * max(v_dc, 0.0) / bleed if bleed > 0.0 else 0.0
+    if apart < 0.0 and bled >= CERTAIN * u:
+        apart = min(apart + bled, 0.0)
     sensors = (phased.rig.sensors.get(name) for name in (VDC, IDC))
     known = all(sensor is not None and error_sources("", sensor) for sensor in sensors)
     minimum = 0.0 if known else MISMATCH * max(abs(v_dc), abs(load * i_dc))
