@@ -170,7 +170,7 @@ def _is_unbalanced(t: Signal, name: str, span: Span, powers: Sequence[Power]) ->
     if here is None or not inside.size:
         return False
     change = median(inside)
-    if abs(change) < max(MIN_SHARE * powers[own].span, HOLDS * here.size):
+    if change == 0.0 or abs(change) < max(MIN_SHARE * powers[own].span, HOLDS * here.size):
         return False
     settled = min(int(np.searchsorted(t, t[span.last] + SETTLES)), t.size - 1)
     follow = []

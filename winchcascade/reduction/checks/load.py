@@ -35,6 +35,9 @@ DRAG = 0.2
 STATOR = 0.8
 """Stator rms current over DC current of a three-phase diode bridge: 0.75 to 0.83 (0.816 for a block current). [1]"""
 
+TINY = 1e-12
+"""No voltage is smaller. [V]"""
+
 VDC, IDC = "vdc", "idc"
 
 
@@ -143,16 +146,16 @@ def _contradicts_load(phased: PhasedRun, points: Sequence[Operating], load: floa
     """
     link = phased.rig.dc_link
     (v_dc, u_v), (i_dc, u_i) = (_mean(phased, points, k) for k in range(2))
-    apart, scatter = _middle([p.v_dc - load * p.i_dc for p in points])
-    u = math.hypot(u_v, load * u_i, 0.01 * link.load_tolerance_percent * load * i_dc, scatter)
-    bleed = link.r_bleed.value if link.r_bleed is not None else 0.0
-    bled = load * max(v_dc, 0.0) / bleed if bleed > 0.0 else 0.0
+    level = max(abs(v_dc), abs(load * i_dc))
+    shares = [(p.v_dc - load * p.i_dc) / max(abs(p.v_dc), abs(load * p.i_dc), TINY) for p in points]
+    apart, scatter = _middle(shares)
+    u = math.hypot(u_v / level, load * u_i / level, 0.01 * link.load_tolerance_percent, scatter) if level else math.inf
+    bled = load / link.r_bleed.value if link.r_bleed is not None and link.r_bleed.value > 0.0 else 0.0
     if apart < 0.0 and bled >= CERTAIN * u:
         apart = min(apart + bled, 0.0)
     sensors = (phased.rig.sensors.get(name) for name in (VDC, IDC))
     known = all(sensor is not None and error_sources("", sensor) for sensor in sensors)
-    minimum = 0.0 if known else MISMATCH * max(abs(v_dc), abs(load * i_dc))
-    return abs(apart) >= max(CERTAIN * u, minimum) > 0.0
+    return abs(apart) >= max(CERTAIN * u, 0.0 if known else MISMATCH)
 
 
 def _other_power(phased: PhasedRun, points: Sequence[Operating]) -> list[Finding]:
