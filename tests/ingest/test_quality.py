@@ -147,7 +147,7 @@ def test_metrics_that_need_a_missing_channel_are_null_and_cycles_stay_complete(t
 
 @pytest.mark.parametrize(
     ("without", "value", "kind"),
-    [("velocity", 1.0, "missing_channel"), (None, np.nan, "missing_channel"), (None, 0.0, "stuck")],
+    [("velocity", 1.0, "missing_channel"), (None, np.nan, "missing_channel"), (None, 0.0, "dead_channel")],
     ids=["missing", "empty", "dead"],
 )
 def test_a_velocity_that_is_missing_empty_or_dead_is_derived_from_the_displacement(

@@ -47,7 +47,7 @@ def test_a_rebuilt_log_reduces_to_the_published_row(fixtures: Path, load: float)
     "path", sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv")), ids=lambda p: p.stem
 )
 def test_a_clean_log_gives_no_finding(path: Path) -> None:
-    assert reduce(read_run(path)).quality == ()
+    assert reduce(read_run(path, load=math.inf if path.stem == "open_circuit" else None)).quality == ()
 
 
 def test_an_open_circuit_has_no_electrical_efficiency(fixtures: Path) -> None:
@@ -202,7 +202,7 @@ def test_a_damaged_log_reduces_to_the_clean_runs_efficiencies(fixtures: Path, na
 def test_labelled_logs_are_clean_but_for_torque_above_the_sensors_range(shared: Path) -> None:
     kinds = []
     for path in sorted((shared / "labelled").glob("*/*.csv")):
-        reduction = reduce(read_run(path))
+        reduction = reduce(read_run(path, load=math.inf if path.stem == "open_circuit" else None))
         assert len(reduction.complete) == 3
         kinds += [(f.kind, f.channel, f.removed) for f in reduction.quality]
     assert kinds == [("out_of_range", "torque", 0)] * 28

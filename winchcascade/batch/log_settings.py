@@ -11,7 +11,7 @@ from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origi
 from winchcascade.core.errors import CampaignError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG
-from winchcascade.core.run import Run
+from winchcascade.core.run import Finding, Run
 from winchcascade.rig.open_rig import load_rig
 
 
@@ -20,7 +20,8 @@ class LogSettings(msgspec.Struct, frozen=True):
 
     `load` [ohm] is None where only the log may contain it, `load_source` is where it comes from, `window` is a rule or a
     length [s], `cycles` are the first and the last that count, `about` is the title of the campaign, `origin` describes
-    where the data come from, and `sheet` names the table to read, None where the file has one only.
+    where the data come from, and `sheet` names the table to read, None where the file has one only. `parts` is the finding on
+    a log of which a campaign lists other cycles elsewhere.
     """
 
     rig: Rig
@@ -31,6 +32,7 @@ class LogSettings(msgspec.Struct, frozen=True):
     about: str = ""
     origin: Origin = Origin()
     sheet: str | None = None
+    parts: Finding | None = None
 
 
 def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
@@ -69,6 +71,7 @@ def settings_of(
         settings = LogSettings(load_rig(rig or DEFAULT_RIG))
     else:
         settings = listed_settings(*beside, load_rig(rig or beside[0].rig or DEFAULT_RIG))
+        settings = replace(settings, parts=_listed_in_parts(*beside))
     if load_ohm is not None:
         settings = replace(settings, load=load_ohm, load_source="--load-ohm")
     if window is not None:
@@ -76,11 +79,35 @@ def settings_of(
     return settings if sheet is None else replace(settings, sheet=sheet)
 
 
+def _listed_in_parts(campaign: Campaign, entry: CampaignRun) -> Finding | None:
+    """What a campaign lists of a log besides an entry, None for nothing."""
+    others = [run for run in campaign.runs if run is not entry and run.sheet == entry.sheet]
+    others = [run for run in others if run.file.resolve() == entry.file.resolve()]
+    if not others:
+        return None
+    message = (
+        f"{campaign.path.name} lists this log {len(others) + 1} times: {_part(entry)} here, and elsewhere "
+        f"{' and '.join(map(_part, others))}"
+    )
+    action = f"the first entry is reduced; `winchcascade batch {campaign.path}` reduces each"
+    return Finding("listed_in_parts", message, action, count=len(others))
+
+
+def _part(run: CampaignRun) -> str:
+    """The cycles of an entry, with its load and its window where they are stated."""
+    cycles = "all cycles" if run.cycles is None else f"cycles {run.cycles[0]} to {run.cycles[1]}"
+    cycles = ", ".join(f"{begin:g} to {end:g} s" for begin, end in run.ranges) or cycles
+    load = "" if run.load is None else f"load {run.load:g} ohm"
+    window = "" if run.window is None else f"window {run.window:g} s"
+    stated = ", ".join(text for text in (load, window) if text)
+    return f"{cycles} ({stated})" if stated else cycles
+
+
 def read_with(path: Path, settings: LogSettings) -> Run:
     """Read a log by its settings. Raises LogError as `read_run`."""
     from winchcascade.ingest.read import read_run
 
-    return read_run(
+    run = read_run(
         path,
         rig=settings.rig,
         load=settings.load,
@@ -89,3 +116,4 @@ def read_with(path: Path, settings: LogSettings) -> Run:
         origin=settings.origin,
         table=settings.sheet,
     )
+    return run if settings.parts is None else replace(run, findings=(*run.findings, settings.parts))

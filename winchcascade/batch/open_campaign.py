@@ -129,7 +129,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         Parameters
         ----------
         table : a table, a table file, or the name of a built-in table
-        factors : on the three parts of every tolerance, 1 if not given
+        factors : on the parts of every tolerance, 1 if not given; `SAME_LOGS` for a table that was made from these logs
 
         Raises
         ------

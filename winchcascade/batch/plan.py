@@ -143,9 +143,8 @@ def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -
             if folder not in listed:
                 listed[folder] = _listed(folder / CAMPAIGN_FILE, rig, window)
             entries = listed[folder].get(Path(log).resolve(), [])
-        counted = entries if any(entry.settings.sheet is not None for entry in entries) else entries[-1:]
         alone = Work(log.rsplit("/", 1)[-1], log, LogSettings(usual, window=window))
-        found += [replace(entry, address=log) for entry in counted] or [alone]
+        found += [replace(entry, address=log) for entry in entries] or [alone]
     return found
 
 
@@ -228,7 +227,7 @@ def _safe(name: str) -> str:
 def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
     options = msgspec.structs.asdict(work.settings)
-    rig, sheet = options.pop("rig"), options.pop("sheet")
+    rig, sheet, _ = options.pop("rig"), options.pop("sheet"), options.pop("parts")
     said = (RESULTS, work.address, *options.values(), *([] if sheet is None else [sheet]))
     content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
     return hashlib.sha256(content).hexdigest()

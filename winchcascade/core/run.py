@@ -102,6 +102,9 @@ FindingKind = Literal[
     "efficiency_change",
     "efficiency_above_one",
     "origin_conflict",
+    "dead_channel",
+    "sign_mismatch",
+    "listed_in_parts",
 ]
 
 CLOCK = "clock"

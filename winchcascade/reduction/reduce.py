@@ -17,10 +17,10 @@ from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed, stored_powers
 from winchcascade.reduction.checks.lag import lag_findings
-from winchcascade.reduction.checks.load import load_findings
-from winchcascade.reduction.checks.ratios import ratio_findings
+from winchcascade.reduction.checks.load import load_findings, measured_load, operating_points
+from winchcascade.reduction.checks.ratios import ratio_findings, sign_findings
 from winchcascade.reduction.checks.sampling import Sampling, check_sampling, resolution_findings
-from winchcascade.reduction.checks.zeros import zero_findings
+from winchcascade.reduction.checks.zeros import bench_zero_findings, zero_findings
 from winchcascade.reduction.efficiency import (
     Metrics,
     ensemble_mean,
@@ -96,8 +96,8 @@ def reduce(
     )
     by_motion = rig.phases.by_motion
     sampling = check_sampling(phased, energy) if by_motion else Sampling({}, ())
-    if by_motion:  # the checks compare payouts that are alike, and rests between them
-        findings += [*load_findings(phased, summaries), *lag_findings(phased), *zero_findings(phased)]
+    points = operating_points(phased, summaries)
+    findings += [*sign_findings(run, rig), *load_findings(phased, points), *_cross_checks(phased)]
     findings += [*sampling.findings, *resolution_findings(phased, energy)]
     results = _results(phased, summaries, energy, findings)
     findings += changes_within(results, rig, energy.bridged, run) if by_motion else []
@@ -115,6 +115,7 @@ def reduce(
         quality=(*other_source(phased, results), *run.findings, *findings),
         bridged=energy.bridged,
         sampled=sampling.changes,
+        measured_load=measured_load(phased, points),
     )
 
 
@@ -163,6 +164,12 @@ def require_payouts(reduction: Reduction) -> None:
     """Require that a log has a cycle: LogError, which proposes another source of cycles, if it has none."""
     if not reduction.cycles:
         raise LogError(no_cycles(reduction.run, reduction.rig))
+
+
+def _cross_checks(phased: PhasedRun) -> list[Finding]:
+    """Lags and zeros: payouts that are alike and the rests between them show both, a bench at rest the zero of its torque."""
+    winch = [*lag_findings(phased), *zero_findings(phased)] if phased.rig.phases.by_motion else []
+    return [*winch, *bench_zero_findings(phased)]
 
 
 def _too_few(chosen: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]:

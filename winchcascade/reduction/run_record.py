@@ -29,7 +29,10 @@ NotNegative = dict[str, Annotated[float, msgspec.Meta(ge=0.0)] | None]
 
 
 class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The log of a run: where it is, what it holds, and its load. `simulated` is null for a log that was not simulated."""
+    """The log of a run: where it is, what it holds, its stated load, and Vdc / Idc as measured with its standard uncertainty.
+
+    `simulated` is null for a log that was not simulated.
+    """
 
     path: str
     table: str | None = None
@@ -38,6 +41,8 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
     fs_hz: float
     load_ohm: Annotated[float, msgspec.Meta(gt=0.0)] | None
     load_source: str
+    load_measured_ohm: float | None = None
+    load_measured_u_ohm: float | None = None
     open_circuit: bool
     simulated: bool | None
     about: str | None

@@ -58,7 +58,7 @@ def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> by
 def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> RunRecord:
     """The record of the reduction of one log with its uncertainty."""
     found = found or uncertainty(reduction)
-    run = reduction.run
+    run, measured = reduction.run, reduction.measured_load
     known, names = found.budget, tuple(dict.fromkeys((*ALL_METRICS, *reduction.rig.cascade.metrics)))
     freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
     return RunRecord(
@@ -73,6 +73,8 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             fs_hz=run.fs,
             load_ohm=run.load if run.load is not None and math.isfinite(run.load) else None,
             load_source=run.load_source,
+            load_measured_ohm=None if measured is None else measured.ohm,
+            load_measured_u_ohm=None if measured is None else measured.u,
             open_circuit=run.open_circuit,
             simulated=True if run.simulated else None,
             about=run.about or None,

@@ -27,6 +27,7 @@ from winchcascade.report.wording import (
     decisive,
     label,
     load_words,
+    measured_load_words,
     net_reasons,
     not_known,
     of_phase,
@@ -217,7 +218,8 @@ def _load(reduction: Reduction) -> str:
     run = reduction.run
     unknown = "load unknown" if "vdc" in run.channels else ""
     known = f"{load_words(run.load, 'ohm', before='load ')} ({one_line(run.load_source)})"
-    return unknown if run.load is None else known
+    texts = (unknown if run.load is None else known, measured_load_words(reduction.measured_load, "ohm"))
+    return ", ".join(text for text in texts if text)
 
 
 def _duration(run: Run) -> str:

@@ -19,7 +19,7 @@ from winchcascade.ingest.checks.agreement import (
     speed_disagrees,
     without_sign,
 )
-from winchcascade.ingest.checks.balance import others_deliver, powers_of
+from winchcascade.ingest.checks.balance import is_dead, others_deliver, powers_of
 from winchcascade.ingest.checks.channel_findings import (
     MAY_HOLD,
     at,
@@ -92,10 +92,10 @@ class _Log(msgspec.Struct):
 
     def leave_out(self, name: str, action: str) -> None:
         """Leave out a channel that holds one value throughout."""
-        del self.channels[name]
-        what = f"{name} holds one value through the whole log while the line moves"
+        dead = not np.any(np.nan_to_num(self.channels.pop(name)))
+        what = f"{name} {'is zero' if dead else 'holds one value'} through the whole log while the line moves"
         start, end, n = float(self.t[0]), float(self.t[-1]), self.t.size
-        self.findings.append(Finding("stuck", what, action, name, start, end, n, n))
+        self.findings.append(Finding("dead_channel" if dead else "stuck", what, action, name, start, end, n, n))
 
     def bridged(self, name: str, bad: Mask) -> Signal:
         """A channel whose holes are bridged by straight lines, those of the velocity by the displacement."""
@@ -152,6 +152,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
             _take_out_stuck(log, open_circuit)
         else:
             _take_out_still(log)
+        findings += _dead(log, open_circuit=open_circuit)
         clock_is_wrong = any(f.kind == "clock_mismatch" and f.start is None for f in findings)
         if both and "displacement" in channels and not clock_is_wrong:
             findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
@@ -389,6 +390,27 @@ def _take_out_still(log: _Log) -> None:
             what = f"{name} holds one value, {value}, through the whole log while other channels change"
             ends = float(log.t[0]), float(log.t[-1])
             log.findings.append(Finding("stuck", what, "reported and kept", name, *ends, x.size))
+
+
+def _dead(log: _Log, *, open_circuit: bool) -> list[Finding]:
+    """Report channels that are zero throughout although their stages work; in open circuit no current flows."""
+    moving, powers = _motion(log), powers_of(log.channels, _stages(log))
+    turns = moving is not None and bool((moving.out | moving.back).any())
+    ends = float(log.t[0]), float(log.t[-1])
+    action = "reported and kept, so that its energies are zero; check the sensor, and which column is read"
+    return [
+        Finding(
+            "dead_channel",
+            f"{name} is zero through the whole log while its stage works",
+            action,
+            name,
+            *ends,
+            log.t.size,
+        )
+        for name in log.rig.cascade.channels
+        if name in log.channels and not (open_circuit and name == "idc")
+        if is_dead(name, log.channels, powers, turns=turns)
+    ]
 
 
 def _repeats(stretches: Sequence[tuple[int, int]], samples: int) -> Mask:
