@@ -25,8 +25,8 @@ from synthetic import KGCM2, SCENARIOS, make_log
 
 from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
 from winchcascade.core.campaign_file import campaign_beside
+from winchcascade.core.channels import CHANNELS
 from winchcascade.core.rig_toml import parse_rig
-from winchcascade.core.run import CHANNELS
 from winchcascade.ingest.checks.channel_findings import saturated
 from winchcascade.ingest.checks.quality import Checked, check
 

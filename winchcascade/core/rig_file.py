@@ -13,9 +13,9 @@ import msgspec
 
 from winchcascade.core.campaign_file import Ranges
 from winchcascade.core.cascade import PAPER, Cascade
+from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.run import CHANNELS, Channel
 from winchcascade.core.toml_text import Expected, check_keys, entries
 
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]

@@ -13,6 +13,7 @@ from typing import Annotated, Any, get_args
 import msgspec
 
 from winchcascade.core.cascade import PAPER, Cascade
+from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError, check_type
 from winchcascade.core.quantity import find_unit, read_as
 from winchcascade.core.rig_file import (
@@ -32,7 +33,6 @@ from winchcascade.core.rig_file import (
     phase_rule,
 )
 from winchcascade.core.rig_number import HUGE, check_replaced, convert, finite, number_of, possible, quantity
-from winchcascade.core.run import CHANNELS, Channel
 from winchcascade.core.toml_text import (
     Entries,
     Expected,

@@ -14,10 +14,11 @@ from msgspec import UNSET
 from msgspec.structs import asdict
 
 from winchcascade.core.cascade import Cascade, field_of
+from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import OptionError, check_choice
 from winchcascade.core.files import check_replaceable, write_whole
 from winchcascade.core.quantity import KGF, si_unit
-from winchcascade.core.run import CHANNELS, Channel, Run, Units
+from winchcascade.core.run import Run, Units
 from winchcascade.core.store import make_one
 from winchcascade.diagnosis.diagnosis_result import NamedCause
 from winchcascade.reduction.efficiency import FIELDS, Metrics

@@ -37,7 +37,8 @@ from winchcascade.reduction.run_record import (
 from winchcascade.reduction.uncertainty import BudgetRow, shares
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Channel, Finding
+    from winchcascade.core.channels import Channel
+    from winchcascade.core.run import Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
 

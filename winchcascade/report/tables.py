@@ -10,9 +10,10 @@ from typing import Literal
 from msgspec.structs import asdict
 
 from winchcascade.core.cascade import PAPER
+from winchcascade.core.channels import Channel
 from winchcascade.core.quantity import Unit, find_unit, si_unit
 from winchcascade.core.rig_file import Rig, Sensor
-from winchcascade.core.run import Channel, Finding
+from winchcascade.core.run import Finding
 from winchcascade.reduction.bins import STORES, Bin
 from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty

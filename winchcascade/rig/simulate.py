@@ -13,12 +13,13 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import SIMULATED
+from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.files import write_whole
 from winchcascade.core.monotone_cubic import monotone_cubic
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import CHANNELS, LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
+from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import (

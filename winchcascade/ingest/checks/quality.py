@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
+from winchcascade.core.channels import Channel
 from winchcascade.core.integrate import stretches_of
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
+from winchcascade.core.run import Finding, FindingKind, Index, Mask, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.ingest.assign import gives_result
 from winchcascade.ingest.checks.agreement import (
