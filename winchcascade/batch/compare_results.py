@@ -71,7 +71,6 @@ def _is_log(path: Path) -> bool:
 
 def _log(path: Path) -> dict[str, RunRecord]:
     """Reduce a log as `reduce` does without options."""
-    settings = settings_of(path, rig=None, load_ohm=None, window=None)
-    reduction = reduce(read_with(path, settings), rig=settings.rig, window=settings.window, cycles=settings.cycles)
+    reduction = reduce(read_with(path, settings_of(path, rig=None, load_ohm=None, window=None)))
     require_payouts(reduction)
     return {path.name: reduction_record(reduction)}

@@ -326,7 +326,7 @@ class Rig(msgspec.Struct, frozen=True):
 
     `channels` are those of the rig's own, beside the built-in ones.
     `effects` are those of the catalogue that the rig is known to have; they belong to its model. `note` is shown with every
-    reduction: a remark on the rig for its readers.
+    reduction: a remark on the rig for its readers. `assumed`: it was taken because none was named.
     """
 
     name: str
@@ -348,6 +348,7 @@ class Rig(msgspec.Struct, frozen=True):
     model: ModelAccuracy = ModelAccuracy()
     phases: PhaseRule = PhaseRule()
     path: str = ""
+    assumed: bool = False
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:

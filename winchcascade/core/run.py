@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
-from winchcascade.core.campaign_file import Origin
+from winchcascade.core.campaign_file import Cycles, Origin
 from winchcascade.core.late_module import LateModule
+from winchcascade.core.rig_file import Rig
 
 LOAD_HEADER = "Load (ohm)"
 """Last column of a simulated log: the load of its run in every row, inf for an open circuit."""
@@ -43,7 +44,9 @@ Units = Literal["si", "display"]
 shafts in rpm, flows in L/min, and the numbers of causes in their own units."""
 
 FindingKind = Literal[
+    "rig_assumed",
     "missing_channel",
+    "derived_channel",
     "dropped_samples",
     "not_a_number",
     "repeated_stamp",
@@ -130,6 +133,9 @@ class Run(msgspec.Struct, frozen=True):
     started : when the run began, on a clock that the runs of a campaign share: since 1970, of local times as if they were UTC;
         None where neither the campaign nor the stamps state a date [s]
     temperature : of winding or housing, one number for the run, None where it is unknown [K]
+    rig : with which the log was read, marked as assumed where none was named; None for a run that was not read
+    window, cycles : rule or length [s] of the integration windows, first and last cycle that count, as the campaign that lists
+        the log states them; `reduce` uses them where it is given no others
     """
 
     name: str
@@ -151,6 +157,9 @@ class Run(msgspec.Struct, frozen=True):
     first_stamp: str = ""
     started: float | None = None
     temperature: float | None = None
+    rig: Rig | None = None
+    window: str | float | None = None
+    cycles: Cycles | None = None
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""

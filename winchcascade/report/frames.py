@@ -169,7 +169,7 @@ def _flat_run(record: RunRecord) -> Row:
     """A log in one row: means with their uncertainties, 95 % intervals and largest deviations."""
     row: Row = {
         "sha256": record.log.sha256,
-        "rig": record.rig,
+        "rig": record.rig_name,
         "window": record.window if isinstance(record.window, str) else f"{record.window:g}",
         "measured": record.data["measured"],
         "origin": record.data["origin"],

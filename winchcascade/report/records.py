@@ -28,6 +28,7 @@ from winchcascade.reduction.run_record import (
     LogRecord,
     PhasesRecord,
     PhaseSummaryRecord,
+    RigRecord,
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
@@ -78,7 +79,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             simulated=True if run.simulated else None,
             about=run.about or None,
         ),
-        rig=reduction.rig.name,
+        rig=RigRecord(reduction.rig.name, reduction.rig.assumed, reduction.rig.r_drum),
         window=reduction.window,
         quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
         cycles=tuple(

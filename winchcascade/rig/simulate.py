@@ -17,8 +17,8 @@ from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.files import write_whole
 from winchcascade.core.monotone_cubic import monotone_cubic
+from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import UNITS
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
@@ -170,7 +170,7 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     Parameters
     ----------
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not used
-    model : the baseline of the paper's rig if not given, as `reduce` takes that rig
+    model : the baseline of the rig that the run was read with if not given; of the paper's for a run that was not read
     step : of the simulation [s]
 
     Raises
@@ -179,8 +179,8 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     RigError : the model has numbers that no rig can have
     OptionError : something else than a run or a model
     """
-    model = baseline(built_in()) if model is None else model
     check_type("simulate", run, Run, "read_run(log)")
+    model = baseline(given_rig("simulate", run.rig)) if model is None else model
     check_type("simulate, model", model, Model, "baseline(rig)")
     return simulate_along(run, model, motion_of(run, step))
 
@@ -206,6 +206,9 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
             simulated=True,
             about=run.about,
             origin=SIMULATED,
+            rig=run.rig,
+            window=run.window,
+            cycles=run.cycles,
         ),
         rpm_gen=rows["omega_gen"] * 30.0 / math.pi,
         i_s=rows["i_s"],

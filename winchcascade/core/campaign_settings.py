@@ -1,0 +1,70 @@
+"""Settings by which one log is read and reduced, as the campaign that lists the log gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
+
+from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origin, campaign_beside
+from winchcascade.core.named_rig import first_named
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import read_rig
+
+
+class LogSettings(msgspec.Struct, frozen=True):
+    """How a log is read and reduced: by the options, else by the campaign that lists it, else by the file or the rig.
+
+    `load` [ohm] is None where only the log may contain it, `load_source` is where it comes from, `window` is a rule or a
+    length [s], `cycles` are the first and the last that count, `about` is the title of the campaign, `origin` describes
+    where the data come from, and `sheet` names the table to read, None where the file has one only.
+    """
+
+    rig: Rig
+    load: float | None = None
+    load_source: str = "unknown"
+    window: str | float | None = None
+    cycles: Cycles | None = None
+    about: str = ""
+    origin: Origin = Origin()
+    sheet: str | None = None
+
+
+def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
+    """Settings of a log as a campaign lists it; its ranges of time count before [phases] of the rig."""
+    if run.ranges:
+        rig = replace(rig, phases=replace(rig.phases, source="ranges", ranges=run.ranges))
+    return LogSettings(
+        rig=rig,
+        load=run.load,
+        load_source=campaign.path.name if run.load is not None else "unknown",
+        window=run.window,
+        cycles=run.cycles,
+        about=campaign.title,
+        origin=run.origin,
+        sheet=run.sheet,
+    )
+
+
+def settings_beside(
+    log: Path, rig: Rig | None, sheet: str | None = None, read: Callable[[str | Path], Rig] = read_rig
+) -> LogSettings:
+    """Settings of a log by the campaign.toml in its folder, if that lists it; those of the rig alone without one.
+
+    Parameters
+    ----------
+    rig : in place of that of the campaign
+    read : of the rig that a campaign names
+
+    Raises
+    ------
+    CampaignError : the campaign.toml cannot be used, or lists several sheets of the log and none is given
+    RigError : the rig that it names cannot be used
+    """
+    beside = campaign_beside(log, sheet)
+    if beside is None:
+        return LogSettings(first_named() if rig is None else rig)
+    campaign, run = beside
+    return listed_settings(campaign, run, first_named(campaign.rig, read=read) if rig is None else rig)
