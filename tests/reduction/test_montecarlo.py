@@ -144,7 +144,8 @@ def test_a_metric_without_an_uncertainty_has_no_interval() -> None:
 def test_without_a_complete_cycle_there_is_no_interval() -> None:
     rig = built_in()
     steady_for_long = msgspec.structs.replace(rig.thresholds, plateau_hold=100.0)
-    found = uncertainty(reduce(reduction36().run, rig=msgspec.structs.replace(rig, thresholds=steady_for_long)))
+    never_steady = msgspec.structs.replace(rig, thresholds=steady_for_long)
+    found = uncertainty(reduce(reduction36().run, rig=never_steady, window="auto"))
     assert (dict(found.interval_95), dict(found.method)) == ({}, {})
 
 

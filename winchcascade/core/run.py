@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
+from winchcascade.core.arguments import LOAD, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
 from winchcascade.core.late_module import LateModule
 from winchcascade.core.rig_file import Rig
@@ -160,6 +161,15 @@ class Run(msgspec.Struct, frozen=True):
     rig: Rig | None = None
     window: str | float | None = None
     cycles: Cycles | None = None
+
+    def __post_init__(self) -> None:
+        """Check a run that was not read by this program. Raises OptionError as `checked_fields`."""
+        from winchcascade.core.checked_run import SealedChannels, checked_fields
+
+        check_arguments("Run", ("load", self.load, LOAD))
+        if not isinstance(self.channels, SealedChannels):
+            for name, value in checked_fields(msgspec.structs.asdict(self)).items():
+                msgspec.structs.force_setattr(self, name, value)
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""

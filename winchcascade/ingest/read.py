@@ -5,29 +5,38 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-import re
 import time
-import unicodedata
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 
+from winchcascade.core.arguments import (
+    FLAG,
+    LOAD,
+    NAME,
+    PATH,
+    SHEET,
+    TEXT,
+    UNITS_OF_COLUMNS,
+    check_arguments,
+)
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
 from winchcascade.core.campaign_settings import LogSettings, settings_beside
+from winchcascade.core.checked_run import sealed, sealed_channels
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.late_module import LateModule
 from winchcascade.core.named_rig import given_rig
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.quantity import Unit, is_load
+from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import CLOCK, LOAD_HEADER, Finding, Run, Signal
+from winchcascade.core.run import CLOCK, Finding, Run, Signal
+from winchcascade.core.toml_text import Expected
 from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
 from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
 from winchcascade.ingest.checks.quality import check
@@ -35,6 +44,7 @@ from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_c
 from winchcascade.ingest.dialects import nameless
 from winchcascade.ingest.open_log import open_log
 from winchcascade.ingest.source import MIN_ROWS, LogSource, LogTable
+from winchcascade.ingest.stated_load import stated_load
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,6 +70,9 @@ FEW_ROWS = 200
 
 _MIN_STAMPS = 3
 """Fewer stamps show no clock."""
+
+
+_ORIGIN = Expected("an Origin", lambda value: value is None or isinstance(value, Origin))
 
 
 @np.errstate(invalid="ignore")  # a file of binary numbers may hold NaN of the kind that signals
@@ -111,10 +124,20 @@ def read_run(
     >>> run.samples, run.load, run.window
     (2767, 36.0, 5.48)
     """
-    if rig is not None:
-        rig = given_rig("read_run", rig)
-    if load is not None and not _is_load(load):
-        raise OptionError(f"load={load!r}: expected a resistance above 0 in ohms, or inf for an open circuit.")
+    check_arguments(
+        "read_run",
+        ("load", load, LOAD),
+        ("load_source", load_source, TEXT),
+        ("about", about, TEXT),
+        ("table", table, SHEET),
+        ("simulated", simulated, FLAG),
+        ("units", units, UNITS_OF_COLUMNS),
+        ("name", name, NAME),
+        ("campaign", campaign, FLAG),
+        ("origin", origin, _ORIGIN),
+        *([("path", path, PATH)] if isinstance(path, str | os.PathLike) else []),
+    )
+    table = None if table is None else str(table)
     settings = LogSettings(given_rig("read_run", rig))
     if campaign and isinstance(path, str | os.PathLike):
         settings = settings_beside(Path(path), rig, table)
@@ -137,10 +160,6 @@ def read_run(
         run = _run_of(loaded, settings, where=where, simulated=simulated)
         run = replace(run, sha256=frame_digest(path))
     return _with_origin(run, settings.origin)
-
-
-def _is_load(load: object) -> bool:
-    return isinstance(load, Real) and is_load(float(load))
 
 
 def _read_unchanged(path: Path, settings: LogSettings, *, simulated: bool) -> Run:
@@ -208,7 +227,7 @@ def _run_of(opened: _Opened, settings: LogSettings, *, where: str, simulated: bo
         )
     clock, time_findings = _clock(source, table, found, rig, samples, where)
     if load is None:
-        load, load_source, load_faults = _load(source, table)
+        load, load_source, load_faults = stated_load(source, table)
         time_findings += load_faults
     channels, simulated = _channels(table, found, clock), found.simulated or simulated
     if rig.phases.source == "rows":
@@ -226,8 +245,8 @@ def _run_of(opened: _Opened, settings: LogSettings, *, where: str, simulated: bo
         lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), lost))
     return Run(
         name=one_line(where),
-        t=checked.t,
-        channels=checked.channels,
+        t=sealed(checked.t),
+        channels=sealed_channels(checked.channels),
         fs=clock.fs,
         samples=samples,
         gaps=dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {}),
@@ -468,86 +487,3 @@ def _channels(table: LogTable, found: Assignment, clock: Clock) -> dict[str, Sig
             x += match.unit.offset
         channels[name] = x
     return channels
-
-
-def _load(source: LogSource, table: LogTable) -> tuple[float | None, str, list[Finding]]:
-    """The load by a property of the file, or by the column of a simulated log, never from Vdc over Idc [ohm].
-
-    A property that gives none is a finding.
-    """
-    findings = []
-    written = load_column(source.headers)
-    if written is not None:
-        loads = np.unique(table.values[written]).tolist()
-        if np.isnan(loads).all() and source.texts is not None:  # readers of columns take inf for no number
-            loads = [_ohm(text, "ohm") for text in set(source.texts(written, []))]
-        if len(loads) == 1 and loads[0] is not None and is_load(loads[0]):
-            return loads[0], f"column {LOAD_HEADER} of the log", []
-        findings.append(
-            Finding(
-                "load_mismatch",
-                f"column {LOAD_HEADER} does not hold one load in all rows",
-                "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml",
-            )
-        )
-    for key, value in source.properties.items():
-        letters = "".join(c for c in unicodedata.normalize("NFKC", key) if c.isalpha())
-        named = _RESISTANCE_UNIT.search(letters)
-        if letters[: named.start() if named else None].casefold() in _LOAD_KEYS:
-            ohm = _ohm(value, named.group() if named else "ohm")
-            if ohm is not None:
-                return ohm, f"property {key} of the file", []
-            findings.append(
-                Finding(
-                    "load_mismatch",
-                    f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf",
-                    "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml",
-                )
-            )
-    return None, "unknown", findings
-
-
-_LOAD_KEYS = {"load", "rload", "loadresistance", "loadresistor", "resistiveload", "rl"}
-
-_OPEN = {"inf", "infinity", "infinite", "open", "opencircuit", "noload"}
-"""Words by which a file states that no load is connected."""
-
-_RESISTANCE_UNIT = re.compile(r"([mkMK]?)(?:[Oo][Hh][Mm][Ss]?|\u03a9|\u03c9)$")
-"""A unit of resistance with its prefix: m is milli, M mega."""
-
-_PREFIX = {"": 1.0, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6}
-
-_QUANTITY = re.compile(r"([-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?|\d+[.,])\s*([^\W\d_]*)(.*)", re.DOTALL)
-"""A number, its unit, and what follows."""
-
-
-def _ohm(value: str | float, unit: str) -> float | None:
-    """Resistance that a property gives, None where it gives none or more than one. [ohm]
-
-    Parameters
-    ----------
-    unit : of resistance, for a number without one
-
-    Examples
-    --------
-    >>> _ohm("9 ohm / 50 Hz", "ohm"), _ohm("0.018 kOhm", "ohm"), _ohm("1 kW", "ohm"), _ohm("open circuit", "ohm")
-    (9.0, 18.0, None, inf)
-    """
-    text = unicodedata.normalize("NFKC", str(value)).strip()
-    if text.casefold().replace(" ", "").removesuffix("ohm") in _OPEN:
-        return math.inf
-    quantity = _QUANTITY.fullmatch(text)
-    if quantity is None:
-        return None
-    number, named, remark = quantity.groups()
-    prefix = _RESISTANCE_UNIT.fullmatch(named or unit)
-    thousands = (
-        re.fullmatch(r"[-+]?[1-9]\d*,\d{3}", number) is not None
-    )  # a decimal comma or not cannot be distinguished
-    several = bool(remark.strip()) and (
-        not named or re.search(r"\d\s*[mkM]?(?:ohm|\u03a9)", remark.casefold()) is not None
-    )
-    if prefix is None or thousands or several:
-        return None
-    ohm = float(number.replace(",", ".")) * _PREFIX[prefix.group(1)]
-    return ohm if 0.0 < ohm < math.inf else None
