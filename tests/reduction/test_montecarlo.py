@@ -290,7 +290,7 @@ def test_each_error_is_drawn_once_from_each_stratum(draws: int) -> None:
 
 @pytest.mark.parametrize("draws", [99, 0, -5, 2000.5, math.nan, math.inf])
 def test_a_number_of_draws_that_gives_no_interval_is_rejected(draws: Any) -> None:
-    with pytest.raises(OptionError, match=r"^draws: .+; expected a whole number of 100 or more. The default is 8191.$"):
+    with pytest.raises(OptionError, match=r"draws is .+; expected a whole number from 100"):
         uncertainty(reduction36(), draws=draws)
 
 

@@ -76,9 +76,11 @@ NAMES = Expected('a list of names, such as ["ke_rolloff"]', lambda value: _is_li
 PATH = Expected("a path", is_path)
 PATH_OR_NONE = Expected("a path or a name", lambda value: value is None or is_path(value))
 PROCESSES = Expected("a number of processes from 1 on", lambda value: is_whole(value, 1))
-SEED = Expected("a whole number from 0 on", lambda value: is_whole(value, 0))
-STEP = Expected("a length from 0.00001 to 0.01 in seconds", lambda value: is_number(value) and 1e-5 <= value <= 1e-2)
-CALLABLE = Expected("a function", lambda value: value is None or callable(value))
+SEED_NUMBER = Expected("a whole number from 0 on", lambda value: is_whole(value, 0))
+STEP_LENGTH = Expected(
+    "a length from 0.00001 to 0.01 in seconds", lambda value: is_number(value) and 1e-5 <= value <= 1e-2
+)
+WATCH = Expected("a Watch, with begin and done", lambda value: value is None or hasattr(value, "begin"))
 RATE = Expected("a number above 0", lambda value: is_number(value) and 0.0 < value < math.inf)
 COUNT = Expected("a whole number from 1 on", lambda value: is_whole(value, 1))
 

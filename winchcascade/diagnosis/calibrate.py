@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import open_circuit_current
+from winchcascade.core.arguments import CYCLES, SPANS, check_arguments
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.integrate import median
 from winchcascade.core.named_rig import given_rig
@@ -175,6 +176,7 @@ def calibrate(
     OptionError : something else than a run or a rig
     """
     check_type("calibrate", run, Run, "read_run(log)")
+    check_arguments("calibrate", ("payouts", payouts, SPANS), ("cycles", cycles, CYCLES))
     rig = given_rig("calibrate", rig, run.rig)
     cycles = run.cycles if cycles is None else cycles
     if payouts is None:

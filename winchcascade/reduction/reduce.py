@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
+from winchcascade.core.arguments import CYCLES, check_arguments
 from winchcascade.core.cascade import Stage
 from winchcascade.core.errors import LogError, OptionError, check_type
 from winchcascade.core.integrate import integrals_of, largest
@@ -48,8 +49,8 @@ def window_rule(word: str | float) -> WindowRule:
     if word == "auto" or word == "payout":
         return word  # type: ignore[return-value]  # mypy does not narrow str to the literals by ==
     try:
-        seconds = float(word)
-    except ValueError:
+        seconds = math.nan if isinstance(word, bool) else float(word)
+    except (TypeError, ValueError):
         seconds = math.nan
     if not (0.0 < seconds < math.inf):
         raise OptionError(f"window {word!r}: expected auto, payout or a length in seconds above 0, such as 5.48.")
@@ -83,6 +84,7 @@ def reduce(
     3
     """
     check_type("reduce", run, Run, "read_run(log)")
+    check_arguments("reduce", ("cycles", cycles, CYCLES))
     rig = _as_read(given_rig("reduce", rig, run.rig), run)
     _check_derived(run, rig)
     window, cycles = run.window if window is None else window, run.cycles if cycles is None else cycles
@@ -112,7 +114,9 @@ def reduce(
         window=phased.rule if by_motion else "whole",
         cycles=tuple(results),
         mean=ensemble_mean(complete, rig.cascade),
-        max_deviation_percent=largest_deviation(complete, rig.cascade) if rig.phases.repeats else Metrics(),
+        max_deviation_percent=largest_deviation(complete, rig.cascade)
+        if rig.phases.repeats
+        else Metrics((), rig.cascade.all_metrics),
         total=total(complete, whole, open_circuit=run.open_circuit, cascade=rig.cascade),
         bins=bins,
         quality=(*_assumed(rig), *other_source(phased, results), *run.findings, *findings),
@@ -162,7 +166,7 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
         span = find_window(phased.cycles[0], phased.plateaus[0], top, end, phased.rule, rig.thresholds)
         if span.fault is None:
             return metrics_within(run, rig, np.array([[span.onset, span.cutoff]]))[0]
-    return Metrics()
+    return Metrics((), rig.cascade.all_metrics)
 
 
 def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
@@ -178,7 +182,7 @@ def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
     for k, (begin, end) in enumerate(windows.tolist()):
         joules = {name: None if column is None else column[k] for name, column in energy.items()}
         got, odd = metrics(joules, end - begin, open_circuit=run.open_circuit, cascade=rig.cascade)
-        found.append(Metrics(got | odd))
+        found.append(Metrics(got | odd, got.known))
     return found
 
 

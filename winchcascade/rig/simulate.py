@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from winchcascade.core.arguments import STEP_LENGTH, check_arguments
 from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import LogError, RigError, check_type
@@ -182,6 +183,11 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     check_type("simulate", run, Run, "read_run(log)")
     model = baseline(given_rig("simulate", run.rig)) if model is None else model
     check_type("simulate, model", model, Model, "baseline(rig)")
+    check_arguments("simulate", ("step", step, STEP_LENGTH))
+    if "velocity" not in run.channels:
+        raise LogError(
+            f"{run.name}: has no velocity, which drives the rig; expected a log with velocity or displacement."
+        )
     return simulate_along(run, model, motion_of(run, step))
 
 
