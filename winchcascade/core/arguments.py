@@ -12,6 +12,9 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import is_load
 from winchcascade.core.toml_text import Expected
 
+_LONGEST_NAME, _LONGEST_PATH = 255, 4000
+"""Longest name and path that the usual file systems take. [bytes]"""
+
 
 def is_number(value: object) -> bool:
     """Whether a value is a real number; True and False are none, though Python counts with them.
@@ -40,7 +43,10 @@ def is_pair(value: object) -> bool:
 def is_path(value: object) -> bool:
     """Whether a value is a path that some file could have."""
     text = os.fspath(value) if isinstance(value, os.PathLike) else value
-    return isinstance(text, str) and bool(text.strip()) and "\0" not in text
+    if not isinstance(text, str) or not text.strip() or "\0" in text:
+        return False
+    lengths = [len(part.encode("utf-8", "surrogatepass")) for part in text.replace(os.sep, "/").split("/")]
+    return max(lengths) <= _LONGEST_NAME and sum(lengths) <= _LONGEST_PATH
 
 
 def _is_listed(value: object, kind: type) -> bool:

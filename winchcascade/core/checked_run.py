@@ -24,7 +24,15 @@ _FIRST = 1000
 
 
 class SealedChannels(dict[str, "Signal"]):
-    """Channels that are checked: finite arrays of one length that cannot be written to."""
+    """Channels that are checked: finite arrays of one length. Neither they nor their samples can be replaced."""
+
+    def __setitem__(self, name: str, signal: object) -> NoReturn:
+        """Reject another array: OptionError."""
+        raise OptionError(f"channel {name!r} of a run cannot be replaced; make another run by msgspec.structs.replace.")
+
+    def __reduce__(self) -> tuple[type, tuple[dict[str, Signal]]]:
+        """Another process gets them whole."""
+        return type(self), (dict(self),)
 
 
 def sealed(signal: Signal) -> Signal:

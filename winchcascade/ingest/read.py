@@ -157,9 +157,19 @@ def read_run(
 
         where = name or "data frame"
         loaded = _opened(open_frame(path, where=where, units=units, table=table), settings.rig, where)
+        _check_units(loaded, units or {}, where)
         run = _run_of(loaded, settings, where=where, simulated=simulated)
         run = replace(run, sha256=frame_digest(path))
     return _with_origin(run, settings.origin)
+
+
+def _check_units(opened: _Opened, units: Mapping[str, str], where: str) -> None:
+    """Reject a unit that a call states of a column and that is none of its channel: LogError."""
+    assumed = {finding.channel for finding in opened.found.findings if finding.kind == "unit_assumed"}
+    for channel, match in opened.found.channels.items():
+        column = opened.source.headers[match.index].name
+        if channel in assumed and units.get(column):
+            raise LogError(f"{where}: units gives {column!r} the unit {units[column]!r}, which is none of {channel}.")
 
 
 def _read_unchanged(path: Path, settings: LogSettings, *, simulated: bool) -> Run:

@@ -86,6 +86,7 @@ def reduce(
     check_type("reduce", run, Run, "read_run(log)")
     check_arguments("reduce", ("cycles", cycles, CYCLES))
     rig = _as_read(given_rig("reduce", rig, run.rig), run)
+    _check_channels(run, rig)
     _check_derived(run, rig)
     window, cycles = run.window if window is None else window, run.cycles if cycles is None else cycles
     if window is not None and not rig.phases.by_motion:
@@ -129,6 +130,17 @@ def _as_read(rig: Rig, run: Run) -> Rig:
     """The rig with a cascade of sign-corrected channels, where signs of the run were corrected."""
     turned = {f.channel for f in run.findings if f.kind == "sign_flipped" and f.action == "sign corrected"}
     return replace(rig, cascade=rig.cascade.as_read({name for name in turned if name is not None})) if turned else rig
+
+
+def _check_channels(run: Run, rig: Rig) -> None:
+    """Reject a channel that neither the rig nor the one that the run was read with has: its name is misspelt."""
+    known = {*rig.known_channels, *(run.rig or rig).known_channels}
+    unknown = [name for name in run.channels if name not in known]
+    if unknown:
+        raise OptionError(
+            f"{run.name}: {unknown[0]!r} is no channel; expected some of {', '.join(known)}, or a channel of your own under "
+            "[channels] of the rig file."
+        )
 
 
 def _check_derived(run: Run, rig: Rig) -> None:

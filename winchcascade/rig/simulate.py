@@ -184,9 +184,10 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     model = baseline(given_rig("simulate", run.rig)) if model is None else model
     check_type("simulate, model", model, Model, "baseline(rig)")
     check_arguments("simulate", ("step", step, STEP_LENGTH))
-    if "velocity" not in run.channels:
+    if "velocity" not in run.channels or run.t[-1] - run.t[0] < 2.0 * step:
         raise LogError(
-            f"{run.name}: has no velocity, which drives the rig; expected a log with velocity or displacement."
+            f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of the line; expected a log with "
+            "velocity or displacement."
         )
     return simulate_along(run, model, motion_of(run, step))
 
@@ -227,6 +228,10 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
 
 def _check_model(model: Model) -> None:
     """Reject numbers that no rig can have, as a rig file and several effects together may give them: RigError."""
+    for part in (model.winch, model.restoring, model.drivetrain, model.generator, model.dc_link):
+        for name, value in msgspec.structs.asdict(part).items():
+            if isinstance(value, float) and math.isnan(value):
+                raise RigError(f"the model's {name} is NaN; expected a number, so check the rig and the effects.")
     gas = model.restoring
     for what, value, fits, expected in (
         ("mesh efficiency", model.drivetrain.eta_mesh, 0.0 < model.drivetrain.eta_mesh <= 1.0, "above 0 and at most 1"),
