@@ -71,7 +71,7 @@ def frame(**columns: Any) -> pd.DataFrame:
     return pd.DataFrame({"Time (s)": np.arange(0.0, 40.0, 0.04), **columns})
 
 
-def holed(value: float) -> np.ndarray[Any, Any]:
+def holed(value: float) -> Any:
     signal = np.sin(np.arange(0.0, 40.0, 0.04))
     signal[7] = value
     return signal
