@@ -55,6 +55,7 @@ def _is_listed(value: object, kind: type) -> bool:
 
 
 FLAG = Expected("True or False", lambda value: isinstance(value, bool))
+NUMBER = Expected("a number", is_number)
 TEXT = Expected("a text", lambda value: isinstance(value, str))
 NAME = Expected("a text that is not empty", lambda value: value is None or (isinstance(value, str) and value.strip()))
 LOAD = Expected(

@@ -1,9 +1,10 @@
 """The catalogue of effects that the baseline leaves out, in the order of the energy cascade from its end."""
 
 import difflib
+import math
 from collections.abc import Iterable, Mapping
 
-from winchcascade.core.arguments import is_number
+from winchcascade.core.arguments import NUMBER, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.effects.gearbox import GEARBOX
@@ -54,9 +55,10 @@ def make_effect(name: str, values: Mapping[str, float]) -> ActiveEffect:
     for key, value in values.items():
         if key not in fields:
             raise OptionError(f"effect {name} has no field {key!r}; it has {', '.join(fields)}.")
+        check_arguments(f"effect {name}", (key, value, NUMBER))
         low, high = fields[key].possible
-        if not (is_number(value) and low <= value <= high):
+        if not (math.isfinite(value) and low <= value <= high):
             raise OptionError(
-                f"effect {name}: {key} is {value!r:.100}, but must lie between {low:g} and {high:g} [{fields[key].unit}]."
+                f"effect {name}: {key} is {value:g}, but must lie between {low:g} and {high:g} [{fields[key].unit}]."
             )
     return ActiveEffect(effect, tuple(values.get(key, field.absent) for key, field in fields.items()))
