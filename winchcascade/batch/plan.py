@@ -12,12 +12,12 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from winchcascade.batch.log_settings import LogSettings, listed_settings
 from winchcascade.core.addresses import expand, is_remote, local_path
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, load_campaign
+from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade.core.named_rig import first_named
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS
 from winchcascade.rig.open_rig import load_rig
@@ -121,7 +121,7 @@ def _is_result(file: str) -> bool:
 
 
 def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None) -> list[Work]:
-    known = load_rig(rig or campaign.rig or DEFAULT_RIG)
+    known = first_named(rig, campaign.rig, read=load_rig)
     listed = []
     for run in campaign.runs:
         settings = listed_settings(campaign, run, known)
@@ -135,7 +135,7 @@ def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -
     """Logs that were named one by one: each with the settings of the campaign file of its folder, where that lists it."""
     found: list[Work] = []
     listed: dict[Path, dict[Path, list[Work]]] = {}
-    usual = load_rig(rig or DEFAULT_RIG)
+    usual = first_named(rig, read=load_rig)
     for log in logs:
         entries: list[Work] = []
         if not is_remote(log):

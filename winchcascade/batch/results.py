@@ -152,7 +152,7 @@ def check_results(
 
     Raises as `tables.check.check` and `tables.point_check.check_points`.
     """
-    table = open_table(table) if isinstance(table, str | Path) else table
+    table = open_table(table)
     if isinstance(table, PointTable):
         return check_points(results.records, table, factors, whole_campaign=results.whole)
     measured = [measured_from_record(record, name) for name, record in results.records]

@@ -195,7 +195,7 @@ def best_and_worst(reduction: Reduction) -> tuple[CycleResult, CycleResult, str]
     complete = reduction.complete
     cascade = reduction.rig.cascade
     for metric in (cascade.overall, *cascade.neighbours, *cascade.energies[:1]):
-        if len(complete) > 1 and reduction.mean[metric] is not None:
+        if len(complete) > 1 and reduction.mean.get(metric) is not None:
             ranked = sorted(complete, key=lambda c: c.metrics.value(metric))
             return ranked[-1], ranked[0], metric
     return None

@@ -28,6 +28,7 @@ from winchcascade.reduction.run_record import (
     LogRecord,
     PhasesRecord,
     PhaseSummaryRecord,
+    RigRecord,
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
@@ -37,7 +38,8 @@ from winchcascade.reduction.run_record import (
 from winchcascade.reduction.uncertainty import BudgetRow, shares
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Channel, Finding
+    from winchcascade.core.channels import Channel
+    from winchcascade.core.run import Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
 
@@ -79,7 +81,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             simulated=True if run.simulated else None,
             about=run.about or None,
         ),
-        rig=reduction.rig.name,
+        rig=RigRecord(reduction.rig.name, reduction.rig.assumed, reduction.rig.r_drum),
         window=reduction.window,
         quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
         cycles=tuple(

@@ -163,7 +163,7 @@ def _means(
         ("largest dev. %", n > 1 and repeats, reduction.max_deviation_percent, 2, 2),
         (
             "std. uncertainty",
-            repeats and any(getattr(uncertainties, name) is not None for name in names),
+            repeats and any(uncertainties[name] is not None for name in names),
             uncertainties,
             energy,
             4,
@@ -174,7 +174,7 @@ def _means(
 
 def _texts(m: Metrics, names: Sequence[str], energy: int, eta: int) -> list[str]:
     """Texts of metrics, energies and efficiencies with a given number of decimals."""
-    return [plain_cell(getattr(m, name), eta if name.startswith("eta") else energy) for name in names]
+    return [plain_cell(m[name], eta if name.startswith("eta") else energy) for name in names]
 
 
 _PHASES: tuple[TableColumn[CycleResult], ...] = (

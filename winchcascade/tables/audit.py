@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
+from winchcascade.core.arguments import FLAG, PATH_OR_NONE, WATCH, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Watch
 from winchcascade.core.published_table import PrintedColumn, PublishedTable, Span, TableRow, load_text, unit_suffix
@@ -400,10 +401,13 @@ def audit(
     TableError : the table cannot be used
     OptionError : `physics` with a table of operating points, or a rig without `physics`
     """
+    check_arguments("audit", ("physics", physics, FLAG), ("watch", watch, WATCH))
+    if not isinstance(rig, Rig):
+        check_arguments("audit", ("rig", rig, PATH_OR_NONE))
     if rig is not None and not physics:
         name = rig.name if isinstance(rig, Rig) else rig
         raise OptionError(f"rig {name}: is of use with physics alone; add that, or leave the rig out.")
-    opened = open_table(table) if isinstance(table, str | Path) else table
+    opened = open_table(table)
     if isinstance(opened, PublishedTable):
         found = audit_by_load(opened)
         return msgspec.structs.replace(found, physics=_physics(found, rig, watch)) if physics else found

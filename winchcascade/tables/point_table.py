@@ -14,6 +14,7 @@ from typing import Annotated
 
 import msgspec
 
+from winchcascade.core.arguments import PATH, check_arguments
 from winchcascade.core.published_table import ENERGY_UNITS, PublishedTable, Span, TableError, unit_suffix
 from winchcascade.core.quantity import find_unit, read_as
 from winchcascade.core.table_toml import load_table
@@ -122,8 +123,17 @@ def is_point_table(path: Path) -> bool:
     return not {"csv", "key", "point"}.isdisjoint(raw)
 
 
-def open_table(table: str | Path) -> PublishedTable | PointTable:
-    """Read a table file, by load or of operating points, or a built-in table; TableError names what is wrong."""
+def open_table(table: PublishedTable | PointTable | str | Path) -> PublishedTable | PointTable:
+    """Read a table file, by load or of operating points, or a built-in table; a table that was read already stays as it is.
+
+    Raises
+    ------
+    OptionError : this is no table and no path
+    TableError : the file cannot be used
+    """
+    if isinstance(table, PublishedTable | PointTable):
+        return table
+    check_arguments("table of a paper", ("table", table, PATH))
     return load_points(Path(table)) if isfile(table) and is_point_table(Path(table)) else load_table(table)
 
 
