@@ -10,7 +10,6 @@ from planted import campaign
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.diagnosis_result import Verdict
 from winchcascade.diagnosis.entries import RARER, bound_to, price_of, same_in_logs, usual_gain
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.rig_text import stated_causes
@@ -71,9 +70,8 @@ def test_a_wrong_entry_is_named_alone_with_its_number(name: str, value: float, t
     assert "Check this entry before other causes." in " ".join(diagnosis_text(result).split())
 
 
-@pytest.mark.parametrize("verdict", ["partly_explained", "unexplained"])
-def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too(verdict: Verdict) -> None:
-    result = msgspec.structs.replace(found("drum_radius", 0.06), verdict=verdict)
+def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too() -> None:
+    result = msgspec.structs.replace(found("drum_radius", 0.06), verdict="partly_explained")
     record = as_json(result)
     assert record["causes"][0]["sentence"] == (
         "The rig file states r_drum = 0.130 m; the logs fit 0.138 m. The residual exceeds noise: the entry may only imitate "

@@ -151,7 +151,7 @@ def test_the_answer_speaks_of_your_simulation() -> None:
     alone, found = diagnosed("averaged")
     text, without = (" ".join(diagnosis_text(one).split()) for one in (found, alone))
     assert "The gap between your simulation and the logs lies in the transmission stage" in text
-    assert "of the gap between your simulation and held-out logs" in text
+    assert "of the gap between your simulation and the logs" in text
     assert "our simulation" not in without
     assert as_json(alone)["baseline"] == "rig"
     assert as_json(alone)["model_form"] == []

@@ -16,6 +16,7 @@ from winchcascade import Run, load_rig, read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import parse_rig
+from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.reduction.reduce import window_rule
 
 TABLE_2 = {
@@ -46,7 +47,7 @@ def test_a_rebuilt_log_reduces_to_the_published_row(fixtures: Path, load: float)
     "path", sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv")), ids=lambda p: p.stem
 )
 def test_a_clean_log_gives_no_finding(path: Path) -> None:
-    assert reduce(read_run(path)).quality == ()
+    assert reduce(read_run(path, load=math.inf if path.stem == "open_circuit" else None)).quality == ()
 
 
 def test_an_open_circuit_has_no_electrical_efficiency(fixtures: Path) -> None:
@@ -82,7 +83,7 @@ def logged(name: str) -> tuple[Scenario, Run]:
 def made(name: str, rule: str | float):  # type: ignore[no-untyped-def]
     """A reduction of a made log, and the truth of its motion."""
     scenario, run = logged(name)
-    reduction = reduce(run, window=rule)
+    reduction = reduce(run, rig=load_rig("hsu2026"), window=rule)
     return reduction, truth(scenario, rule=rule, smoothed=True)  # type: ignore[arg-type]
 
 
@@ -187,7 +188,7 @@ DAMAGED = {
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_damaged_log_reduces_to_the_clean_runs_efficiencies(fixtures: Path, name: str) -> None:
     clean = reduce(read_run(fixtures / "campaign" / "r36ohm.csv"), window=5.48).mean
-    reduction = reduce(read_run(fixtures / "damaged_logs" / name), window=5.48)
+    reduction = reduce(read_run(fixtures / "damaged_logs" / name, rig=load_rig("hsu2026")), window=5.48)
     assert {f.kind for f in reduction.quality} == DAMAGED[name]
     for metric in ("eta_trans", "eta_gen", "eta_pto"):
         found = getattr(reduction.mean, metric)
@@ -201,7 +202,8 @@ def test_a_damaged_log_reduces_to_the_clean_runs_efficiencies(fixtures: Path, na
 def test_labelled_logs_are_clean_but_for_torque_above_the_sensors_range(shared: Path) -> None:
     kinds = []
     for path in sorted((shared / "labelled").glob("*/*.csv")):
-        reduction = reduce(read_run(path))
+        load = math.inf if path.stem == "open_circuit" else None
+        reduction = reduce(read_run(path, rig=load_rig("hsu2026"), load=load))
         assert len(reduction.complete) == 3
         kinds += [(f.kind, f.channel, f.removed) for f in reduction.quality]
     assert kinds == [("out_of_range", "torque", 0)] * 28
@@ -235,10 +237,14 @@ def test_a_gap_of_the_current_costs_no_cycle_in_open_circuit(fixtures: Path) -> 
     assert len(reduce(holed).complete) == len(reduce(run).complete) == 3
 
 
-def test_a_ratio_that_is_no_efficiency_names_its_cycle(fixtures: Path) -> None:
+def test_an_efficiency_above_1_is_given_with_its_mean_and_names_its_cycle(fixtures: Path) -> None:
     run = read_run(fixtures / "campaign" / "r36ohm.csv")
     torque = np.where((run.t > 38.0) & (run.t < 60.0), 3.0, 1.0) * run.channels["torque"]
     bent = msgspec.structs.replace(run, channels={**run.channels, "torque": torque})
-    (finding,) = (f for f in reduce(bent, cycles=(2, 3)).quality if "lies outside 0 to 1" in f.message)
-    assert finding.message.startswith("eta_trans lies outside 0 to 1 in 1 cycle (2.")
-    assert "in cycle 2); check unit, gain and sign" in finding.message
+    found = reduce(bent, cycles=(2, 3))
+    (finding,) = (f for f in found.quality if f.kind == "efficiency_above_one")
+    above, below = (cycle.metrics.value("eta_trans") for cycle in found.cycles)
+    assert above > 1.0 > below
+    assert found.mean.eta_trans == pytest.approx(0.5 * (above + below))
+    assert stated_uncertainty(found)[1].eta_trans
+    assert (finding.count, f"{above:.4f} in cycle 2" in finding.message) == (1, True)

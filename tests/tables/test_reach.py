@@ -259,7 +259,7 @@ def test_a_rig_without_a_model_is_rejected() -> None:
 def test_tolerances_of_the_rig_widen_what_can_be_reached() -> None:
     loose = parse_rig(
         'based_on = "hsu2026"\nname = "loose"\n[drivetrain]\n'
-        'eta_mesh = { value = 0.95, unit = "1", tolerance = 0.02, source = "assumed" }\n',
+        'eta_mesh = { value = 0.95, unit = "1", u = 0.02, source = "assumed" }\n',
         "loose.toml",
     )
     sharp, wide = cells_of(judged(own_table()), "eta_gen"), cells_of(judged(own_table(), rig=loose), "eta_gen")
@@ -285,7 +285,7 @@ def test_a_row_without_a_window_takes_that_of_the_others() -> None:
 
 @pytest.mark.parametrize("window", [5.48, None])
 def test_the_short_reduction_is_the_whole_one(fixtures: Path, window: float | None) -> None:
-    run = read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0)
+    run = read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0, campaign=False)
     whole, short = reduce(run, window=window).cycles[0].metrics, first_metrics(run, RIG, window)
     for metric in METRICS:
         assert short[metric] == pytest.approx(getattr(whole, metric), rel=1e-12)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec.structs import replace
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
@@ -66,8 +67,7 @@ def reduce_command(
 
         check_ending(loss_map)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
-    run = read_with(log, settings, repairs=repairs)
-    reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
+    reduction = reduce(read_with(log, replace(settings, repairs=repairs)))
     require_payouts(reduction)
     mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
     if parquet is not None:

@@ -1,4 +1,4 @@
-"""A rig as data: geometry, sensors, columns, thresholds and tolerances, as a rig file states them.
+"""A rig as data: geometry, sensors, columns, thresholds and uncertainties, as a rig file states them.
 
 A rig may lack stages and sensors: what is absent is None or not listed, and the metrics that need it are null.
 """
@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from functools import cache
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
 from winchcascade.core.campaign_file import Ranges
 from winchcascade.core.cascade import PAPER, Cascade
+from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.run import CHANNELS, Channel
-from winchcascade.core.toml_text import Expected, check_keys, entries
+from winchcascade.core.toml_text import Expected, check_keys, entries, struct_fields
 
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]
 """What the cycles of a log are found in."""
@@ -139,7 +140,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `accuracy_full_scale` is a share of the end of the range that is farther from zero, `accuracy_reading` of the reading;
     what is stated adds up. Accuracies are limits, or with `coverage` expanded uncertainties of that coverage factor. `daq_...`
     are the same of the acquisition system, which adds an error of its own. `u_zero` and `u_gain` are standard uncertainties of
-    zero and gain of a sensor that was calibrated in place.
+    zero and gain of a sensor that was calibrated in place with its acquisition system; each replaces the accuracies.
     """
 
     unit: Annotated[str, Expected('the unit of the numbers, such as "N"')]
@@ -180,11 +181,14 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Winch(msgspec.Struct, frozen=True):
     """The drum that the tether turns.
 
+    `motion` is where displacement and velocity are measured: by an encoder on the drum, which counts radius times angle, or on
+    the line itself. A velocity that a reduction makes of the speed of the shaft is of the drum in any case.
     `line_can_push` of a rod or a rack in its place: the force of the line then has both signs, and is never slack.
     """
 
     r_drum: Annotated[Quantity | None, Measure("length", 1e-3, 100.0)] = None
     inertia: Annotated[Quantity | None, Measure("inertia")] = None
+    motion: Annotated[Literal["drum", "line"], Expected('"drum" or "line"')] = "drum"
     line_can_push: Annotated[bool, Expected("true or false")] = False
 
 
@@ -227,12 +231,24 @@ class Generator(msgspec.Struct, frozen=True):
     i_rated: Annotated[Quantity | None, Measure("current")] = None
 
 
+_LoadPercent = Expected("percent of the load, from 0 on", lambda percent: 0.0 <= percent < 1e9)
+
+
 class DcLink(msgspec.Struct, frozen=True):
-    """Capacitor, bleed resistance and load behind the bridge."""
+    """Capacitor, bleed resistance and load behind the bridge.
+
+    The uncertainty of a load is one standard uncertainty or the +- limits of its maker, in percent of the load.
+    """
 
     c_dc: Annotated[Quantity | None, Measure("capacitance")] = None
     r_bleed: Annotated[Quantity | None, Measure("resistance")] = None
-    load_tolerance_percent: Annotated[float, Expected("percent of the load, from 0 on", lambda p: 0.0 <= p < 1e9)] = 0.0
+    load_u_percent: Annotated[float, _LoadPercent] = 0.0
+    load_limits_percent: Annotated[float, _LoadPercent] = 0.0
+
+    @property
+    def load_u(self) -> float:
+        """Standard uncertainty of a load as a share of it; limits are those of a rectangular distribution. [1]"""
+        return (self.load_u_percent + self.load_limits_percent / math.sqrt(3.0)) / 100.0
 
 
 class Thresholds(msgspec.Struct, frozen=True):
@@ -306,12 +322,49 @@ class StatedEffect(msgspec.Struct, frozen=True):
     logs: tuple[str, ...] = ()
 
 
+_KINDS: dict[str, type[Any]] = {
+    "name": str,
+    "winch": Winch,
+    "restoring": Restoring,
+    "drivetrain": Drivetrain,
+    "generator": Generator,
+    "dc_link": DcLink,
+    "thresholds": Thresholds,
+    "model": ModelAccuracy,
+    "phases": PhaseRule,
+    "cascade": Cascade,
+    "sensors": Mapping,
+    "columns": Mapping,
+    "channels": Mapping,
+    "effects": Mapping,
+}
+"""Kinds of the parts of a rig."""
+
+
+@cache
+def _measured(kind: type[msgspec.Struct]) -> list[tuple[str, Measure | None]]:
+    """Numbers of a part; of thresholds with what is possible: quantities may leave their limits while they are fitted."""
+    return [
+        (field.name, measure if kind is Thresholds else None)
+        for field in struct_fields(kind)
+        for measure in get_args(field.type)
+        if isinstance(measure, Measure)
+    ]
+
+
+def _is_possible(value: object, measure: Measure | None) -> bool:
+    """Whether a value is a finite quantity or none, or a number that a measure allows."""
+    if measure is not None:
+        return isinstance(value, float | int) and measure.holds(value)
+    return value is None or (isinstance(value, Quantity) and math.isfinite(value.value))
+
+
 class Rig(msgspec.Struct, frozen=True):
     """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not contain.
 
     `channels` are those of the rig's own, beside the built-in ones.
     `effects` are those of the catalogue that the rig is known to have; they belong to its model. `note` is shown with every
-    reduction: a remark on the rig for its readers.
+    reduction: a remark on the rig for its readers. `assumed`: it was taken because none was named.
     """
 
     name: str
@@ -333,6 +386,17 @@ class Rig(msgspec.Struct, frozen=True):
     model: ModelAccuracy = ModelAccuracy()
     phases: PhaseRule = PhaseRule()
     path: str = ""
+    assumed: bool = False
+
+    def __post_init__(self) -> None:
+        """Reject what no rig file could give. Raises RigError."""
+        for name, kind in _KINDS.items():
+            if not isinstance(part := getattr(self, name), kind):
+                raise RigError(f"Rig: {name} is {part!r:.100}; expected a {kind.__name__}.")
+            for number, measure in _measured(type(part)) if isinstance(part, msgspec.Struct) else ():
+                if not _is_possible(value := getattr(part, number), measure):
+                    words = 'a finite Quantity, such as Quantity(0.13, "m")' if measure is None else measure.words
+                    raise RigError(f"Rig: {name}.{number} is {value!r:.100}; expected {words}.")
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:

@@ -9,11 +9,12 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import open_circuit_current
+from winchcascade.core.arguments import CYCLES, SPANS, check_arguments
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.integrate import median
+from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
-from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import (
@@ -164,9 +165,9 @@ def calibrate(
 
     Parameters
     ----------
-    rig : to be calibrated; the paper's by default
+    rig : to be calibrated; by default the one that the run was read with
     payouts : from the onset of each payout to the start of its braking [s]; those of `reduce` by default
-    cycles : first and last cycle that count for damper and screw, numbered by payout; all by default
+    cycles : first and last cycle that count for damper and screw, numbered by payout; by default those of the run's campaign
 
     Raises
     ------
@@ -175,7 +176,9 @@ def calibrate(
     OptionError : something else than a run or a rig
     """
     check_type("calibrate", run, Run, "read_run(log)")
-    rig = given_rig("calibrate", rig)
+    check_arguments("calibrate", ("payouts", payouts, SPANS), ("cycles", cycles, CYCLES))
+    rig = given_rig("calibrate", rig, run.rig)
+    cycles = run.cycles if cycles is None else cycles
     if payouts is None:
         payouts = complete_payouts(reduce(run, rig=rig, cycles=cycles))
     _require_open_circuit(run, rig, payouts)
@@ -183,7 +186,7 @@ def calibrate(
     freed = _freed(before)
     regression = back_emf_of(run, freed, payouts)
     k_e = _back_emf_constant(before, regression)
-    with_k_e = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, tolerance=k_e.u)
+    with_k_e = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, u=k_e.u)
     exact = msgspec.structs.replace(freed, model=ModelAccuracy(discrepancy=0.0))
     data = Fitted([run], with_quantity(exact, "generator", "k_e", with_k_e), [cycles])
     value, covariance, misfit, settled = _posterior(data)
@@ -258,7 +261,7 @@ def _back_emf_constant(rig: Rig, regression: BackEmf) -> Number:
 
 def _u_of(number: Quantity | None) -> float:
     """Standard uncertainty that a rig file states, infinite where it states none."""
-    return math.inf if number is None or number.tolerance is None else number.tolerance
+    return math.inf if number is None or number.u is None else number.u
 
 
 def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -> Number:
@@ -292,8 +295,8 @@ def _freed(rig: Rig) -> Rig:
                 raise RigError(
                     f"rig {rig.name}: {name} under [{section}] is 0; a calibration starts from an estimate, give one."
                 )
-            wide = FREED.get((section, name), 0.0) * abs(number.value) or number.tolerance or MESH_TOLERANCE
-            rig = with_quantity(rig, section, name, msgspec.structs.replace(number, tolerance=wide))
+            wide = FREED.get((section, name), 0.0) * abs(number.value) or number.u or MESH_TOLERANCE
+            rig = with_quantity(rig, section, name, msgspec.structs.replace(number, u=wide))
     return rig
 
 

@@ -18,8 +18,10 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import ErrorSource
-from winchcascade.core.errors import OptionError, check_type
+from winchcascade.core.arguments import SEED_NUMBER, check_arguments, is_number
+from winchcascade.core.errors import check_type
 from winchcascade.core.run import Index, Signal
+from winchcascade.core.toml_text import Expected
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import (
@@ -36,11 +38,15 @@ SEED = 20260
 """Seed of the shift of the lattice unless another is given, so that the same log gives the same interval."""
 
 DRAWS = 8191
-"""Default number of draws of all errors, a prime; the ends of an interval are then known to 0.5 % of its width, to 1 % where
-few cycles decide it."""
+"""Default number of draws of all errors, a prime; the ends of an interval are then known to 1 % of its width."""
 
 MIN_DRAWS = 100
 """Smallest number of draws: the ends of an interval are then known to 10 % of its width."""
+
+_DRAWS = Expected(
+    f"a whole number from {MIN_DRAWS} to 10 million. The default is {DRAWS}",
+    lambda draws: is_number(draws) and MIN_DRAWS <= draws <= 1e7 and draws % 1 == 0,
+)
 
 MULTIPLIER = 3483
 """Place of one of 8191 draws among the strata of an error over that of the error before it: of 400 multipliers one with the
@@ -124,11 +130,10 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     >>> from winchcascade.ingest.read import read_run
     >>> found = uncertainty(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48))
     >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
-    (0.0048, 'gum')
+    (0.0019, 'gum')
     """
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
-    if not draws >= MIN_DRAWS or draws % 1:
-        raise OptionError(f"draws: {draws!r}; expected a whole number of {MIN_DRAWS} or more. The default is {DRAWS}.")
+    check_arguments("uncertainty", ("seed", seed, SEED_NUMBER), ("draws", draws, _DRAWS))
     draws = int(draws)
     model = error_model(reduction)
     known = budget(reduction, model)
@@ -150,8 +155,9 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     method: dict[str, Method] = {
         m: "gum" if abs(u - known.mean.value(m)) <= within * u else "monte_carlo" for m, u in drawn.items()
     }
+    names = model.cascade.all_metrics
     stated = {m: known.mean[m] if way == "gum" else drawn[m] for m, way in method.items()}
-    return Uncertainty(known, seed, draws, Metrics(drawn), Metrics(stated), method, whole, alone)
+    return Uncertainty(known, seed, draws, Metrics(drawn, names), Metrics(stated, names), method, whole, alone)
 
 
 def stated_uncertainty(reduction: Reduction) -> tuple[Budget, Metrics]:
@@ -295,7 +301,9 @@ def _draw(model: ErrorModel, strata: Sequence[Index], seed: int, draws: int) -> 
     """
     of_gaps = iter(strata[len(model.sources) :])
     limit = sampling_limit(model.stages) or 1.0
-    powers = tuple(_Power(stage.first, stage.second, stage.scale, stage.by_radius) for stage in model.stages.values())
+    powers = tuple(
+        _Power(stage.first, stage.second, stage.scale, stage.radius_power) for stage in model.stages.values()
+    )
     weights = (_kept_weights if draws == DRAWS else _weights)(model.sources, powers, seed, draws)
     drawn = {}
     for (name, stage), power in zip(model.stages.items(), powers, strict=True):
@@ -316,7 +324,7 @@ class _Power(NamedTuple):
     first: str
     second: str | None
     scale: float
-    by_radius: bool
+    radius_power: int
 
 
 def _weights(
@@ -330,8 +338,8 @@ def _weights(
         errors[s.channel, s.part] = errors.get((s.channel, s.part), 0.0) + drawn_error  # sensor and acquisition system
     found = {}
     for power in dict.fromkeys(powers):
-        factor = np.ones(draws)
-        for channel in (power.first, power.second or "", R_DRUM if power.by_radius else ""):
+        factor = (np.ones(draws) + errors.get((R_DRUM, "gain"), 0.0)) ** -power.radius_power
+        for channel in (power.first, power.second or ""):
             factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
         zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (power.first, power.second))
         weights = np.empty((4, draws))

@@ -30,7 +30,10 @@ NotNegative = dict[str, Annotated[float, msgspec.Meta(ge=0.0)] | None]
 
 
 class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The log of a run: where it is, what it holds, and its load. `simulated` is null for a log that was not simulated."""
+    """The log of a run: where it is, what it holds, its stated load, and Vdc / Idc as measured with its standard uncertainty.
+
+    `simulated` is null for a log that was not simulated.
+    """
 
     path: str
     table: str | None = None
@@ -39,6 +42,8 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
     fs_hz: float
     load_ohm: Annotated[float, msgspec.Meta(gt=0.0)] | None
     load_source: str
+    load_measured_ohm: float | None = None
+    load_measured_u_ohm: float | None = None
     open_circuit: bool
     simulated: bool | None
     about: str | None
@@ -58,6 +63,14 @@ class RepairRecord(msgspec.Struct, frozen=True):
 
 MAX_SPANS = 100
 """Maximum number of places of a repair in the record."""
+
+
+class RigRecord(msgspec.Struct, frozen=True):
+    """The rig of a reduction: `assumed` is whether it was taken because none was named."""
+
+    name: str
+    assumed: bool
+    r_drum_m: float | None
 
 
 class FindingRecord(msgspec.Struct, frozen=True):
@@ -149,6 +162,7 @@ _METRICS = tuple(name for name in CycleRecord.__struct_fields__ if name.startswi
 class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One row of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance.
 
+    `basis` is what the error is known by: a sensor has either that of its calibration in place or those of its accuracy.
     The row of the bridged gaps has a contribution and a share alone.
     """
 
@@ -156,6 +170,7 @@ class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
     part: str | UnsetType = UNSET
     unit: str | UnsetType = UNSET
     distribution: str | UnsetType = UNSET
+    basis: str | UnsetType = UNSET
     limit: float | UnsetType | None = UNSET
     standard_uncertainty: float | UnsetType = UNSET
     origin: str | UnsetType | None = msgspec.field(name="from", default=UNSET)
@@ -181,7 +196,12 @@ class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BinRecord(msgspec.Struct, frozen=True):
-    """One bin of generator speed with mean powers and their standard errors."""
+    """One bin of generator speed with mean powers and their standard errors.
+
+    `power_rotor_w`, `power_spring_w` and `power_capacitor_w` go into the rotor, the spring of the shaft and the capacitor of
+    the DC link while the speed changes, null where the rig file states no inertia, stiffness or capacitance. The loss between
+    shaft and DC link is P_mech - P_gen less these.
+    """
 
     rpm_low: float
     rpm_high: float
@@ -194,6 +214,9 @@ class BinRecord(msgspec.Struct, frozen=True):
     power_gen_w_standard_error: float | None
     torque_nm: float | None
     torque_nm_standard_error: float | None
+    power_rotor_w: float | None = None
+    power_spring_w: float | None = None
+    power_capacitor_w: float | None = None
     stages: Numbers | UnsetType = UNSET
 
 
@@ -274,14 +297,15 @@ class CampaignWavesRecord(WavesRecord, frozen=True, kw_only=True):
 class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null.
 
-    `cycles_from` is the source of cycles of the rig file, unset for the line velocity.
+    `rig` was a name alone in earlier versions. `cycles_from` is the source of cycles of the rig file, unset for the line
+    velocity.
     """
 
     schema: str
     version: str
     data: dict[str, bool | str | None] = {}
     log: LogRecord
-    rig: str
+    rig: RigRecord | str
     window: str | float
     quality: tuple[FindingRecord, ...]
     cycles: tuple[CycleRecord, ...]
@@ -295,6 +319,11 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     stages: StagesRecord | UnsetType = UNSET
     cycles_from: str | UnsetType = UNSET
     waves: WavesRecord | UnsetType = UNSET
+
+    @property
+    def rig_name(self) -> str:
+        """Name of the rig."""
+        return self.rig if isinstance(self.rig, str) else self.rig.name
 
     def numbers(self, part: Part) -> Numbers:
         """Numbers of the metrics by their names, those of configured stages among them."""

@@ -161,7 +161,7 @@ def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[content.Tile, ...]:
         ),
         *(
             []
-            if closure is None
+            if closure is None or not count
             else [
                 content.Tile(
                     "Gap closed",

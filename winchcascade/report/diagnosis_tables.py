@@ -188,7 +188,7 @@ def closure_table(found: ModelDiagnosis) -> content.Table | None:
             number_column("After", "over noise"),
         ),
         rows,
-        f"Share of the explainable gap that is closed: {share_words(found.closure.share)}, 95 %: "
+        f"Share of the explainable gap that is closed: {share_words(max(found.closure.share, 0.0))}, 95 %: "
         f"{words.interval_words(found.closure)}; it counts what exceeds the noise, in squares, over channels and logs.",
     )  # fmt: skip
 

@@ -101,7 +101,7 @@ MODEL = Phrases(
         "it: the cause lies outside the catalogue.",
         "explained": "{closes}; the residual is not significant.",
         "partly_explained": "{closes}, but the residual exceeds noise: something else acts too.",
-        "tried": "No cause is named: {tried} were fitted, and the best of them ({set}) closes {share} of the gap {judged} "
+        "tried": "No cause is named: {tried} ({set}) closes {share} of the gap {judged} "
         "and leaves a structured residual.",
     },
 )
@@ -128,8 +128,7 @@ LINE = Phrases(
         "held-out cycles any better.",
         "no_cause": "The power of the winch differs from that of its line by more than noise, but no suspect explains it: "
         "neither inertia nor losses in units of the line nor the force cell.",
-        "tried": "No cause is named: {tried} were fitted, and the best of them ({set}) closes {share} of the squared error "
-        "{judged}.",
+        "tried": "No cause is named: {tried} ({set}) closes {share} of the squared error {judged}.",
         "noise": "{closes}; the residual is no more than noise.",
         "quiet": "{closes}; the residual has no structure.",
         "structure": "{closes}, but the residual has a structure: something else acts too, and part of it may be in these "
@@ -201,9 +200,14 @@ def verdict_words(found: DiagnosisResult) -> str:
         return phrases.verdicts["no_gap" if found.verdict == "no_gap" else "no_cause"]
     count, more = len(found.causes), len(found.unnamed)
     if not count:
-        tried = f"{len(found.sets) - 1} sets of effects"
+        count = len(found.sets) - 1
+        tried = (
+            f"{count} sets of effects were fitted, and the best of them"
+            if count > 1
+            else "one set of effects was fitted, and it"
+        )
         if isinstance(found, LineDiagnosis):
-            tried = f"all sets of {', '.join(found.lines.names)}"
+            tried = f"all sets of {', '.join(found.lines.names)} were fitted, and the best of them"
         share = f"only {share_words(closure.share)}" if closure.share > LEAST else "none"
         return phrases.verdicts["tried"].format(
             tried=tried, set=" + ".join(found.chosen), share=share, judged=closed_on(found)
@@ -213,19 +217,13 @@ def verdict_words(found: DiagnosisResult) -> str:
         named = f"The rig's model with the named cause{'s' if count > 1 else ''} closes"
     if more:
         named = f"A fit of {count + more} effects, of which the leading {count} are named, closes"
-    state: str = found.verdict
-    if isinstance(found, LineDiagnosis):
-        alarms = found.remainder is not None and found.remainder.alarms
-        explained = "noise" if closure.share < EXPLAINED else "quiet"
-        state = explained if state == "explained" else "structure" if alarms else "more"
-        if places := energy_places(found):
-            state = "energies"
-            return phrases.verdicts[state].format(
-                closes=f"{named} {share_words(max(closure.share, 0.0)).replace('>', 'more than')} of the {phrases.closes} {closed_on(found)}",
-                places=places,
-            )
     share = share_words(max(closure.share, 0.0)).replace(">", "more than")
-    return phrases.verdicts[state].format(closes=f"{named} {share} of the {phrases.closes} {closed_on(found)}")
+    closes, state, places = f"{named} {share} of the {phrases.closes} {closed_on(found)}", str(found.verdict), ""
+    if isinstance(found, LineDiagnosis):
+        alarms, places = found.remainder is not None and found.remainder.alarms, energy_places(found)
+        explained = "noise" if closure.share < EXPLAINED else "quiet"
+        state = "energies" if places else explained if state == "explained" else "structure" if alarms else "more"
+    return phrases.verdicts[state].format(closes=closes, places=places)
 
 
 # ------------------------------------------------------------------------------------------------------------- the place
@@ -296,7 +294,7 @@ def sure_words(found: DiagnosisResult) -> str:
     if shared := _shared_words(found):
         return f"By the rig's model, the numbers of {shared} agree within their intervals in the logs and in your simulation."
     if not count and found.verdict == "unexplained":
-        return "Each set of effects that was fitted may imitate what acts."
+        return ""
     if not count:
         fitted = f"; {others or 'no'} other set{'' if others == 1 else 's'} of effects came near enough to be fitted"
         likely = f"Probability of {phrases.none}: {probability_words(found.sets.get((), 0.0))}"
@@ -312,7 +310,8 @@ def sure_words(found: DiagnosisResult) -> str:
         parts.append(f"{which} a probability {'above 0.99' if min(sure) > 0.995 else f'of at least {min(sure):.2f}'}")
     alike = [
         f"{alternatives_words(cause, ' and ')} would {phrases.alike} "
-        f"{'at least' if any(r.probability > cause.probability for r in cause.look_alikes) else 'about'} as well as {cause.effect}"
+        f"{'at least' if any(one.probability > cause.probability for one in cause.look_alikes) else 'about'} as well as "
+        f"{cause.effect}"
         for cause in found.causes
         if cause.look_alikes
     ]
@@ -329,6 +328,8 @@ def closure_words(found: ModelDiagnosis | LineDiagnosis) -> str:
     """How much of the gap is closed, between which bounds it lies, and how that is known."""
     if found.closure is None:
         return ""
+    if found.closure.share < LEAST:
+        return f"None of the {phrases_of(found).gap} is closed, {judged_words(found)}."
     share = share_words(found.closure.share).replace(">", "More than")
     text = f"{share} of the {phrases_of(found).gap} is closed (95 %: {interval_words(found.closure)}), {judged_words(found)}."
     if not isinstance(found, LineDiagnosis) or found.closure is None:
@@ -353,7 +354,7 @@ def closed_on(found: DiagnosisResult) -> str:
 
 def interval_words(closure: GapClosure) -> str:
     """Interval of the share that is closed."""
-    low, high = share_words(closure.low), share_words(closure.high)
+    low, high = share_words(max(closure.low, 0.0)), share_words(closure.high)
     return low if low == high else f"{low.removesuffix(' %')} to {high}"
 
 
@@ -432,8 +433,8 @@ def remainder_words(found: DiagnosisResult) -> str:
     if isinstance(found, LineDiagnosis) and isinstance(left, LineRemainder):
         return _line_remainder(found, left)
     share = 1.0 if found.closure is None else max(1.0 - found.closure.share, 0.0)
-    part = "Less than 1 %" if share < 0.01 else f"{number(100.0 * share, 0)} %"
-    closed = "" if found.closure is None else f"{part} of the gap stays open"
+    part = "Less than 1 % of the" if share < 0.01 else f"{number(100.0 * share, 0)} % of the" if share < 1.0 else "The"
+    closed = "" if found.closure is None else f"{part} gap stays open"
     if not left.alarms:
         return f"{closed}; it has no significant structure." if closed else "It has no structure."
     several = len(left.alarms) > 1

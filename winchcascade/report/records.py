@@ -30,6 +30,7 @@ from winchcascade.reduction.run_record import (
     PhasesRecord,
     PhaseSummaryRecord,
     RepairRecord,
+    RigRecord,
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
@@ -39,7 +40,8 @@ from winchcascade.reduction.run_record import (
 from winchcascade.reduction.uncertainty import BudgetRow, shares
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Channel, Finding
+    from winchcascade.core.channels import Channel
+    from winchcascade.core.run import Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
 
@@ -60,7 +62,7 @@ def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> by
 def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> RunRecord:
     """The record of the reduction of one log with its uncertainty."""
     found = found or uncertainty(reduction)
-    run = reduction.run
+    run, measured = reduction.run, reduction.measured_load
     known, names = found.budget, tuple(dict.fromkeys((*ALL_METRICS, *reduction.rig.cascade.metrics)))
     freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
     return RunRecord(
@@ -75,12 +77,14 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             fs_hz=run.fs,
             load_ohm=run.load if run.load is not None and math.isfinite(run.load) else None,
             load_source=run.load_source,
+            load_measured_ohm=None if measured is None else measured.ohm,
+            load_measured_u_ohm=None if measured is None else measured.u,
             open_circuit=run.open_circuit,
             simulated=True if run.simulated else None,
             about=run.about or None,
             repairs=run.repairs,
         ),
-        rig=reduction.rig.name,
+        rig=RigRecord(reduction.rig.name, reduction.rig.assumed, reduction.rig.r_drum),
         window=reduction.window,
         quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
         cycles=tuple(
@@ -156,6 +160,7 @@ def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], 
         part=source.part,
         unit="1" if source.part == "gain" else si_unit(channels[source.channel].dimension),
         distribution=source.shape,
+        basis=source.basis,
         limit=source.limit,
         standard_uncertainty=source.u,
         origin=source.origin,
@@ -223,5 +228,8 @@ def bin_record(item: Bin, cascade: Cascade = PAPER) -> BinRecord:
         power_gen_w_standard_error=error.get("gen"),
         torque_nm=item.torque,
         torque_nm_standard_error=item.torque_standard_error,
+        power_rotor_w=item.stored.get("rotor"),
+        power_spring_w=item.stored.get("spring"),
+        power_capacitor_w=item.stored.get("capacitor"),
         stages=stages,
     )

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from winchcascade.core.run import Channel, Finding, Index, Signal
+from winchcascade.core.channels import Channel
+from winchcascade.core.run import Finding, Index, Signal
 from winchcascade.ingest.checks.channel_findings import farthest, text_of
 from winchcascade.ingest.checks.dropouts import ROUNDS, Dropout, find_dropouts
 from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses, is_torn

@@ -11,6 +11,9 @@ from winchcascade.core.run import Finding, FindingKind, Index, Mask, Repair, Sig
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.ingest.checks.channel_findings import at
 
+SLOPE_WIDTH = 0.4
+"""Width of the local quadratic of a displacement whose slope is a velocity. [s]"""
+
 
 class LogInCheck(msgspec.Struct):
     """A log while it is checked: channels, NaN where samples are lost, which samples these are, and what was found.
@@ -53,11 +56,12 @@ class LogInCheck(msgspec.Struct):
 
     def leave_out(self, name: str, action: str) -> None:
         """Leave out a channel that holds one value throughout."""
-        del self.channels[name]
-        what = f"{name} holds one value through the whole log while the line moves"
+        dead = not np.any(np.nan_to_num(self.channels.pop(name)))
+        what = f"{name} {'is zero' if dead else 'holds one value'} through the whole log while the line moves"
         start, end, n = float(self.t[0]), float(self.t[-1]), self.t.size
         repair = Repair(action, n, ((start, end),))
-        self.findings.append(Finding("stuck", what, action, name, start, end, n, n, repair=repair))
+        kind: FindingKind = "dead_channel" if dead else "stuck"
+        self.findings.append(Finding(kind, what, action, name, start, end, n, n, repair=repair))
 
     def bridged(self, name: str, bad: Mask) -> Signal:
         """A channel whose holes are bridged by straight lines, those of the velocity by the displacement."""
@@ -78,8 +82,8 @@ class LogInCheck(msgspec.Struct):
 
 
 def slope(t: Signal, displacement: Signal) -> Signal:
-    """Velocity from the displacement, smoothed over 0.4 s so that the encoder's steps do not show. [m/s]"""
-    return np.gradient(local_quadratic(t, whole(t, displacement), 0.4), t)
+    """Velocity from the displacement, smoothed so that the steps of the encoder do not show. [m/s]"""
+    return np.gradient(local_quadratic(t, whole(t, displacement), SLOPE_WIDTH), t)
 
 
 def whole(t: Signal, x: Signal) -> Signal:

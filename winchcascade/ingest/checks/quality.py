@@ -19,7 +19,7 @@ from winchcascade.ingest.checks.agreement import (
     speed_disagrees,
     without_sign,
 )
-from winchcascade.ingest.checks.balance import others_deliver, powers_of
+from winchcascade.ingest.checks.balance import is_dead, others_deliver, powers_of
 from winchcascade.ingest.checks.channel_findings import (
     MAY_HOLD,
     REPAIRED_IN_PART,
@@ -32,7 +32,7 @@ from winchcascade.ingest.checks.channel_findings import (
 from winchcascade.ingest.checks.dropouts import find_filled
 from winchcascade.ingest.checks.interpolated import find_interpolated
 from winchcascade.ingest.checks.jumps import take_out_jumps
-from winchcascade.ingest.checks.log_in_check import LogInCheck, in_places, slope, stages_of, whole
+from winchcascade.ingest.checks.log_in_check import SLOPE_WIDTH, LogInCheck, in_places, slope, stages_of, whole
 from winchcascade.ingest.checks.spikes import Bends
 from winchcascade.ingest.checks.stuck import ObservedMotion, find_still, find_stuck, motion, repeated_rows
 from winchcascade.ingest.checks.timing import check_clock
@@ -41,10 +41,7 @@ from winchcascade.ingest.checks.witnesses import Witnesses
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
 """Channels that must change while the line pays out faster or slower; a channel of your own may hold its value."""
 
-FROM_DISPLACEMENT = "derived from the displacement"
-"""Action on a velocity that the log lacks, or that is one value throughout."""
-
-APPLIED = ("missing_channel", "not_a_number", "sign_flipped")
+APPLIED = ("missing_channel", "derived_channel", "not_a_number", "sign_flipped")
 """Findings whose action does not change a number that was logged: these are done without repairs, too."""
 
 _FEW = 1000
@@ -97,7 +94,7 @@ def _repaired(log: LogInCheck, *, simulated: bool, open_circuit: bool) -> Checke
     sharp = take_out_jumps(log, open_circuit=open_circuit)
     v, displacement = channels.get("velocity"), channels.get("displacement")
     if not (simulated or v is None or displacement is None) and _constant(v) and not _constant(displacement):
-        log.leave_out("velocity", FROM_DISPLACEMENT)
+        log.leave_out("velocity", "left out")
     if not gives_result(channels, log.rig):
         return Checked(log.t, {}, {}, tuple(findings), np.empty((0, 2)))
     renumbered = np.empty((0, 2)) if simulated else _check_clock(log)
@@ -115,6 +112,7 @@ def _repaired(log: LogInCheck, *, simulated: bool, open_circuit: bool) -> Checke
             _take_out_stuck(log, witnesses, open_circuit=open_circuit)
         else:
             _take_out_still(log, witnesses)
+        findings += _dead(log, open_circuit=open_circuit)
         _compare_channels(log, logged=logged)
     return _checked(log, renumbered)
 
@@ -128,6 +126,7 @@ def _as_logged(log: LogInCheck, found: Checked) -> Checked:
     """
     for name in list(log.channels):
         _take_out_holes(log, name)
+    applied = [kind for kind in APPLIED if kind != "derived_channel" or "velocity" not in log.channels]
     _complete_velocity(log)
     for finding in found.findings:
         x = None if finding.channel is None else log.channels.get(finding.channel)
@@ -135,7 +134,7 @@ def _as_logged(log: LogInCheck, found: Checked) -> Checked:
             turned = -x if finding.action == SIGN_CORRECTED else _directed(log.t, x, log.channels["displacement"])
             log.channels[finding.channel] = turned
     times = found.t, log.t
-    kept = [f if f.kind in APPLIED else _not_repaired(f, times) for f in found.findings if f.kind != "slack_line"]
+    kept = [f if f.kind in applied else _not_repaired(f, times) for f in found.findings if f.kind != "slack_line"]
     log.findings[:] = kept
     return _checked(log, np.empty((0, 2)))
 
@@ -242,20 +241,22 @@ def _derive_velocity(log: LogInCheck) -> None:
     """Derive the velocity that the log lacks from its displacement, whose holes are then those of the velocity too."""
     log.channels["velocity"] = slope(log.t, log.channels["displacement"])
     log.lost["velocity"] = log.lost["displacement"].copy()
-    for k, f in enumerate(log.findings):
-        if f.kind == "missing_channel" and f.channel == "velocity":
-            repair = Repair(FROM_DISPLACEMENT, 0)
-            log.findings[k] = msgspec.structs.replace(f, action=FROM_DISPLACEMENT, repair=repair)
+    _report_derived(log, f"derived from the displacement: its slope, smoothed over {SLOPE_WIDTH:g} s")
 
 
 def _velocity_from_speed(log: LogInCheck, r_drum: float) -> None:
     """Derive the velocity of a log without motion of the line from the speed of rotation and the drum's radius [m]."""
     log.channels["velocity"] = log.channels["speed"] * r_drum
     log.lost["velocity"] = log.lost["speed"].copy()
-    message = "the log has no velocity channel"
-    action = f"derived from the speed of rotation with the drum radius of {r_drum:g} m"
-    log.findings[:] = [f for f in log.findings if not (f.kind == "missing_channel" and f.channel == "velocity")]
-    log.findings.append(Finding("missing_channel", message, action, "velocity", repair=Repair(action, 0)))
+    _report_derived(log, f"derived from the speed of rotation with the drum radius of {r_drum:g} m")
+
+
+def _report_derived(log: LogInCheck, action: str) -> None:
+    """Report a velocity that was made from another channel, in place of one that is missing."""
+    missing = [f for f in log.findings if f.kind == "missing_channel" and f.channel == "velocity"]
+    log.findings[:] = [f for f in log.findings if f not in missing]
+    message = missing[0].message if missing else "the log has no usable velocity"
+    log.findings.append(Finding("derived_channel", message, action, "velocity", repair=Repair(action, 0)))
 
 
 def _give_direction(log: LogInCheck) -> None:
@@ -346,6 +347,27 @@ def _take_out_still(log: LogInCheck, witnesses: Witnesses) -> None:
             what = f"{name} holds one value, {value}, through the whole log while other channels change"
             ends = float(log.t[0]), float(log.t[-1])
             log.findings.append(Finding("stuck", what, "reported and kept", name, *ends, x.size))
+
+
+def _dead(log: LogInCheck, *, open_circuit: bool) -> list[Finding]:
+    """Report channels that are zero throughout although their stages work; in open circuit no current flows."""
+    moving, powers = _motion(log), powers_of(log.channels, stages_of(log))
+    turns = moving is not None and bool((moving.out | moving.back).any())
+    ends = float(log.t[0]), float(log.t[-1])
+    action = "reported and kept, so that its energies are zero; check the sensor, and which column is read"
+    return [
+        Finding(
+            "dead_channel",
+            f"{name} is zero through the whole log while its stage works",
+            action,
+            name,
+            *ends,
+            log.t.size,
+        )
+        for name in log.rig.cascade.channels
+        if name in log.channels and not (open_circuit and name == "idc")
+        if is_dead(name, log.channels, powers, turns=turns)
+    ]
 
 
 def _repeats(stretches: Sequence[tuple[int, int]], samples: int) -> Mask:
