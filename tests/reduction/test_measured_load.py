@@ -25,7 +25,7 @@ LOADS = {"r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm"
 
 @cache
 def clean(name: str, load: float | None) -> Run:
-    return read_run(CAMPAIGN / f"{name}.csv", load=load)
+    return replace(read_run(CAMPAIGN / f"{name}.csv", rig=built_in(), load=36.0), load=load)
 
 
 def scaled(run: Run, **factors: float) -> Run:
@@ -111,7 +111,8 @@ def changed(folder: Path, factor: Callable[[str], float]) -> Path:
 def test_the_record_the_terminal_and_the_page_have_it_beside_the_stated_load(tmp_path: Path) -> None:
     log = changed(tmp_path, lambda name: 1.03 if name.startswith("Vdc") else 1.0)
     page = tmp_path / "page.html"
-    called = call("reduce", log, "--load-ohm", "36", "--json", tmp_path / "it.json", "--html", page)
+    options = ("--rig", "hsu2026", "--load-ohm", "36")
+    called = call("reduce", log, *options, "--json", tmp_path / "it.json", "--html", page)
     record: dict[str, Any] = json.loads((tmp_path / "it.json").read_bytes())
     assert record["log"]["load_ohm"] == 36.0
     assert record["log"]["load_measured_ohm"] == pytest.approx(1.03 * 36.0, rel=0.002)
