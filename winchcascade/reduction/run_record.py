@@ -123,7 +123,10 @@ class WindowRecord(msgspec.Struct, frozen=True):
 
 
 class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """One cycle with its phases, their summary, its window, its metrics and their standard uncertainties."""
+    """One cycle with its phases, their summary, its window, its metrics and their standard uncertainties.
+
+    `sensors_by_limits` is as in `UncertaintyRecord`.
+    """
 
     cycle: int
     complete: bool
@@ -146,6 +149,7 @@ class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
     energy_gen_cycle_j: float | None = None
     eta_net: float | None = None
     standard_uncertainty: Numbers
+    sensors_by_limits: Numbers = {}
     stages: Numbers | UnsetType = UNSET
 
     @property
@@ -179,12 +183,17 @@ class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors."""
+    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors.
+
+    `sensors_by_limits` is, for a check of a printed table, what the accuracies of the sensors that are calibrated in place
+    would leave of the means; empty without such sensors.
+    """
 
     seed: int
     draws: int
     stated: dict[str, str | None]
     sensors: Numbers
+    sensors_by_limits: Numbers = {}
     repeatability: Numbers
     monte_carlo: Numbers
     interval_95_sensors: dict[str, Interval95 | None]

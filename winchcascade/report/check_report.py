@@ -147,6 +147,8 @@ def check_record(check: Check) -> dict[str, Any]:
                     "rounding": cell.rounding,
                     "deviation": cell.deviation,
                     "uncertainty": cell.uncertainty,
+                    "limits": cell.limits,
+                    "basis": cell.basis,
                     **({} if cell.row.number is None else {"means": cell.means}),
                 },
                 "missed_by": cell.missed_by,
@@ -181,10 +183,11 @@ def recipe(check: Check) -> str:
     """What a cell allows, part by part."""
     factors, table = check.factors, check.table
     capped = " (at most the table's)" if isinstance(table, PublishedTable) and table.deviations else ""
+    limited = " and, for the table, by the makers' limits" if any(c.limits for c in check.cells) else ""
     parts = (
         (factors.rounding, "half a unit of the last decimal"),
         (factors.deviation, f"largest deviation of the cycles{capped}"),
-        (factors.uncertainty, "2 standard uncertainties u of the mean by the sensors"),
+        (factors.uncertainty, f"2 standard uncertainties u of the mean by the sensors{limited}"),
     )
     texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in parts if factor]
     means = factors.means * table.tolerance if isinstance(table, PointTable) else 0.0

@@ -88,8 +88,8 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         window=reduction.window,
         quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
         cycles=tuple(
-            cycle_record(c, u, reduction.rig.cascade)
-            for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)
+            cycle_record(c, u, reduction.rig.cascade, limits)
+            for c, u, limits in zip(reduction.cycles, known.cycles, known.cycles_by_limits, strict=True)
         ),
         mean=reduction.mean.fields(),
         max_deviation_percent=reduction.max_deviation_percent.fields(),
@@ -100,6 +100,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             draws=found.draws,
             stated={field_of(name): found.method.get(name) for name in names},
             sensors=known.sensors.fields(names),
+            sensors_by_limits=known.by_limits.fields(names) if known.by_limits else {},
             repeatability=known.repeatability.fields(names),
             monte_carlo=found.drawn.fields(names),
             interval_95_sensors=_intervals(found.interval_95_sensors, names),
@@ -188,9 +189,12 @@ def finding_record(finding: Finding, samples: int) -> FindingRecord:
     )
 
 
-def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cascade = PAPER) -> CycleRecord:
-    """One cycle with the standard uncertainties of its metrics."""
+def cycle_record(
+    cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cascade = PAPER, by_limits: Metrics | None = None
+) -> CycleRecord:
+    """One cycle with the standard uncertainties of its metrics, and those by replaced accuracies of its sensors."""
     phases, window, summary = cycle.phases, cycle.window, cycle.summary
+    names = tuple(dict.fromkeys((*ALL_METRICS, *cascade.metrics)))
     hold = None
     if summary.hold is not None:
         pressure = None if summary.hold.pressure is None else summary.hold.pressure / _KGCM2
@@ -203,8 +207,8 @@ def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cas
         window=WindowRecord(window.onset, window.cutoff, round(window.cutoff - window.onset, 9)),
         net_span=cycle.net,
         **cycle.metrics.fields(),
-        standard_uncertainty=standard_uncertainty.fields()
-        | (standard_uncertainty.fields(cascade.metrics) if cascade.configured else {}),
+        standard_uncertainty=standard_uncertainty.fields(names),
+        sensors_by_limits=by_limits.fields(names) if by_limits else {},
         stages=cycle.metrics.fields(cascade.metrics) if cascade.configured else UNSET,
     )
 
