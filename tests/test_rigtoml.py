@@ -4,7 +4,7 @@ import tomllib
 import pytest
 from loops import failures
 
-from winchcascade.core.errors import OptionError, RigError
+from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Calibrated
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.rig_toml import BUILT_IN, built_in, built_in_text, parse_rig
@@ -255,7 +255,7 @@ def test_a_name_that_is_no_rig_is_reported_with_those_there_are() -> None:
 
 
 def test_a_name_that_no_file_can_have_is_no_rig() -> None:
-    with pytest.raises(OptionError, match="expected a path"):
+    with pytest.raises(RigError, match="no such file and no built-in rig of that name"):
         load_rig("9" * 5000)
 
 

@@ -39,7 +39,7 @@ def without_limits(record: dict[str, Any]) -> dict[str, Any]:
     return record
 
 
-def checked(*arguments: object) -> tuple[int, list[dict[str, Any]]]:
+def checked(*arguments: str | Path) -> tuple[int, list[dict[str, Any]]]:
     """Exit code and cells of a check."""
     called = call("check", *arguments, "--against", TABLE, "--json", "-")
     cells: list[dict[str, Any]] = json.loads(called.out)["cells"]

@@ -83,6 +83,7 @@ NAMES = Expected('a list of names, such as ["ke_rolloff"]', lambda value: _is_li
 PATH = Expected("a path", is_path)
 PATH_OR_NONE = Expected("a path or a name", lambda value: value is None or is_path(value))
 ON_OFF = Expected("on or off", lambda value: value in ("on", "off"))
+RIG_NAME = Expected("a rig file or the name of a built-in rig", lambda value: isinstance(value, str | os.PathLike))
 PROCESSES = Expected("a number of processes from 1 on", lambda value: is_whole(value, 1))
 SEED_NUMBER = Expected("a whole number from 0 on", lambda value: is_whole(value, 0))
 STEP_LENGTH = Expected(
