@@ -18,6 +18,7 @@ from winchcascade.batch.results import Results, campaign_results, check_results
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.table_toml import load_table
 from winchcascade.reduction.efficiency import FIELDS
+from winchcascade.reduction.run_record import RunRecord, run_record
 from winchcascade.reduction.uncertainty import budget
 from winchcascade.tables.check import SAME_LOGS
 
@@ -31,12 +32,13 @@ def results() -> Results:
     return campaign_results(make_plan([str(CAMPAIGN)]), 1)
 
 
-def without_limits(record: dict[str, Any]) -> dict[str, Any]:
+def as_stored_earlier(record: RunRecord) -> RunRecord:
     """A result as it was stored before results held what the limits would leave."""
-    del record["uncertainty"]["sensors_by_limits"]
-    for cycle in record["cycles"]:
+    fields = json.loads(msgspec.json.encode(record))
+    del fields["uncertainty"]["sensors_by_limits"]
+    for cycle in fields["cycles"]:
         del cycle["sensors_by_limits"]
-    return record
+    return run_record(json.dumps(fields).encode(), record.log.path)
 
 
 def checked(*arguments: str | Path) -> tuple[int, list[dict[str, Any]]]:
@@ -93,16 +95,16 @@ def test_sensors_of_which_limits_alone_are_known_count_once(tmp_path: Path) -> N
         )
 
 
-def test_results_of_a_batch_count_what_they_hold(tmp_path: Path) -> None:
-    out = tmp_path / "results"
-    assert call("batch", CAMPAIGN, "--out", out, "--reports", "none").code == 0
-    code, cells = checked(out)
+def test_results_of_a_batch_hold_what_a_check_counts(tmp_path: Path) -> None:
+    assert call("batch", CAMPAIGN, "--out", tmp_path / "results", "--reports", "none").code == 0
+    code, cells = checked(tmp_path / "results")
     assert (code, {cell["tolerance"]["basis"] for cell in cells}) == (0, {"budget_and_limits"})
-    stored = sorted((out / "runs").glob("*.json"))
-    earlier = tmp_path / "earlier"
-    earlier.mkdir()
-    for path in stored:
-        (earlier / path.name).write_bytes(msgspec.json.encode(without_limits(json.loads(path.read_bytes()))))
-    found = [checked(path) for path in sorted(earlier.glob("r*.json"))]
-    assert {cell["tolerance"]["basis"] for _, cells in found for cell in cells} == {"budget"}
-    assert sum(cell["outcome"] == "miss" for _, cells in found for cell in cells) == 5
+
+
+def test_results_that_do_not_hold_the_limits_are_compared_by_their_budget(results: Results) -> None:
+    earlier = tuple((name, as_stored_earlier(record)) for name, record in results.records)
+    found = check_results(msgspec.structs.replace(results, records=earlier), load_table(TABLE))
+    assert {cell.basis for cell in found.cells} == {"budget"}
+    known = {record.log.load_ohm: record.uncertainty.sensors for _, record in results.records}
+    for cell in found.cells:
+        assert cell.uncertainty == pytest.approx(2.0 * (known[cell.load][FIELDS[cell.metric]] or 0.0))
