@@ -14,7 +14,13 @@ from msgspec import UNSET, UnsetType
 from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Repairs
 from winchcascade.reduction.energies import NetSpan
-from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, OperatingPoint, PayoutSummary
+from winchcascade.reduction.phase_summary import (
+    BothWays,
+    HaulInSummary,
+    OperatingPoint,
+    PayoutSummary,
+    mean_plateau_speed,
+)
 from winchcascade.reduction.wave_bootstrap import EnergyError
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
@@ -333,6 +339,11 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     def rig_name(self) -> str:
         """Name of the rig."""
         return self.rig if isinstance(self.rig, str) else self.rig.name
+
+    @property
+    def plateau_speed(self) -> float | None:
+        """Mean speed of the plateaus of the complete cycles, None where there is none. [m/s]"""
+        return mean_plateau_speed(cycle.phase_summary.payout for cycle in self.cycles if cycle.complete)
 
     def numbers(self, part: Part) -> Numbers:
         """Numbers of the metrics by their names, those of configured stages among them."""

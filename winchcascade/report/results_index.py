@@ -11,6 +11,7 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.report import content
 from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
 from winchcascade.report.content import number_column, text_column
+from winchcascade.report.digits import number
 
 INDEX = "index.html"
 """Name of the page in a results folder."""
@@ -81,10 +82,14 @@ def _files(names: Sequence[str]) -> content.Section:
 
 def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> content.Section:
     kinds = ", ".join(ending.upper() for ending in endings)
-    rows = [(run.name, run_load_text(run), f"{run.complete} of {run.cycles}", kinds) for run in runs]
+    rows = [
+        (run.name, run_load_text(run), number(run.plateau_speed_mps, 3), f"{run.complete} of {run.cycles}", kinds)
+        for run in runs
+    ]
     columns = (
         text_column("Log"),
         number_column("Load", "Ω"),
+        number_column("Plateau", "m/s"),
         number_column("Complete cycles"),
         text_column("Files"),
     )
