@@ -21,6 +21,7 @@ from winchcascade.diagnosis.stability import (
     RunNormal,
     expand,
     run_normals,
+    stabilities,
     strengths,
     strengths_alone,
     trends_of,
@@ -192,3 +193,15 @@ def test_a_withheld_run_gives_no_number() -> None:
     assert found.stability is not None
     assert [one.withheld for one in found.stability.runs] == [False, False, True, False, False]
     assert msgspec.structs.astuple(found.stability.runs[2])[1:4] == pytest.approx((math.nan,) * 3, nan_ok=True)
+
+
+def test_a_cause_whose_reported_number_is_absent_has_no_number_in_any_run() -> None:
+    """The diodes of this fit have a slope alone, while their threshold, which is reported, is the stated one."""
+    data = campaign((0.3, 0.3, 0.3, 0.3))
+    fit = fit_set(RigProblem(data, EFFECTS, ("diode_drop",)))
+    place = fit.place["diode_drop"]
+    x = fit.x.copy()
+    x[place.start] = 0.0
+    found = stabilities(data, EFFECTS, msgspec.structs.replace(fit, x=x), 1.0)["diode_drop"]
+    assert [math.isnan(run.value) for run in found.runs] == [True] * len(data.logs)
+    assert found.trends == ()

@@ -98,6 +98,10 @@ def stabilities(data: Fitted, suspects: Suspects, fit: Fit, scale: float) -> dic
         free = freedom(effect)
         ends = [with_values(effect, x).reported for x in (free.absent, fit.x[place], free.low, free.high)]
         size, step = ends[1] - ends[0], fit.x[place] - free.absent
+        if size == 0.0:  # it acts by its other fields alone: no run tells anything of the number that is reported
+            runs = (RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows)))
+            found[name] = Stability(tuple(runs), ())
+            continue
         by = slope_of_reported(effect, fit.x[place]) / size
         joint, curved = (float(by @ of[place, place] @ by) for of in (covariance, inverse))
         uncertain = _Uncertain(
