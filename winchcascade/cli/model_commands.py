@@ -66,6 +66,12 @@ EffectsOption = Annotated[
 ]
 
 
+SensorsOption = Annotated[
+    bool,
+    typer.Option("--sensors", help="Add the errors of the sensors that the rig file states to what the sensors read."),
+]
+
+
 @report_options("html", "pdf", "figures", "tables")
 def simulate_command(
     log: MotionArgument = None,
@@ -74,6 +80,7 @@ def simulate_command(
     rig: RigOption = None,
     sheet: SheetOption = None,
     effects: EffectsOption = None,
+    sensors: SensorsOption = False,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="Write the simulated log into this file.", show_default=False),
@@ -84,10 +91,10 @@ def simulate_command(
     """Simulate the rig along a line motion, and write what its sensors would have logged.
 
     The printed energies are those of the whole motion, up to the instant at which the energy of the line is largest. The
-    simulated log keeps the load.
+    simulated log keeps the load. Errors of sensors that a corrected rig file states are left out, unless --sensors is given.
     """
     from winchcascade.report.terminal import simulation_text
-    from winchcascade.rig.baseline import baseline
+    from winchcascade.rig.baseline import baseline, sensor_errors
     from winchcascade.rig.effects.catalogue import make_effect
     from winchcascade.rig.simulate import simulate, write_log
 
@@ -103,7 +110,8 @@ def simulate_command(
     run = read_with(source, settings)
     if run.load is None:
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
-    model = baseline(settings.rig)
+    model, left_out = baseline(settings.rig), [] if sensors else sensor_errors(settings.rig)
+    model = model.physics if left_out else model
     for name, fields in _fields(effects or []).items():
         model = make_effect(name, fields).apply(model)
     simulation = simulate(run, model)
@@ -114,11 +122,17 @@ def simulate_command(
 
         words, command = ", ".join(effects or []), given_command()
         return simulation_report(
-            simulation, rig=settings.rig, window=settings.window, source=str(source), effects=words, command=command
+            simulation,
+            rig=settings.rig,
+            window=settings.window,
+            source=str(source),
+            effects=words,
+            left_out=left_out,
+            command=command,
         )
 
     write_reports(make, report, f"{out.stem}_simulation", force=force)
-    show(simulation_text(simulation) + written(results))
+    show(simulation_text(simulation, left_out) + written(results))
 
 
 def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:

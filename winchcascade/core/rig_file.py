@@ -316,10 +316,18 @@ class EffectNumber(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StatedEffect(msgspec.Struct, frozen=True):
-    """An effect that a rig file states: the values of its fields by name, and the logs that they come from."""
+    """An effect that a rig file states: the values of its fields by name, and the logs that they come from.
+
+    `of_a_sensor`: it stands under [sensors.errors], as it changes what is read of the rig, and not the rig.
+    """
 
     fields: Mapping[str, EffectNumber]
     logs: tuple[str, ...] = ()
+    of_a_sensor: bool = False
+
+    def table(self, name: str) -> str:
+        """Name of its table in the rig file."""
+        return f"sensors.errors.{name}" if self.of_a_sensor else f"effects.{name}"
 
 
 _KINDS: dict[str, type[Any]] = {

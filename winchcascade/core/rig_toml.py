@@ -142,6 +142,9 @@ class _Log(msgspec.Struct, frozen=True):
     sample_rate_hz: Annotated[float | None, Expected("a number above 0", lambda rate: 0.0 < rate < float("inf"))] = None
 
 
+ERRORS = "errors"
+"""Table under [sensors] with effects that are errors of sensors."""
+
 _MAX_COLUMNS = 100_000
 """No log has more columns."""
 
@@ -154,6 +157,7 @@ def _rig(raw: dict[str, object], where: str) -> Rig:
     texts = {key: convert(raw.get(key, ""), str, f"{where}: {key}") for key in ("title", "source", "note")}
     own = _channels(_table(raw, "channels", where), where)
     known = {**CHANNELS, **own}
+    sensors = _table(raw, "sensors", where)
     sections = {key: _section(raw, key, kind, where) for key, kind in _SECTIONS.items()}
     if sections["dc_link"].load_u_percent and sections["dc_link"].load_limits_percent:
         raise RigError(
@@ -162,13 +166,13 @@ def _rig(raw: dict[str, object], where: str) -> Rig:
     return Rig(
         name=name,
         **texts,
-        sensors=_sensors(_table(raw, "sensors", where), where, known),
+        sensors=_sensors({name: table for name, table in sensors.items() if name != ERRORS}, where, known),
         columns=_columns(
             _table(raw, "columns", where), where, known, geared="gear_ratio" in _table(raw, "drivetrain", where)
         ),
         channels=own,
         cascade=_cascade(raw, known, where),
-        effects=_effects(_table(raw, "effects", where), where),
+        effects=_stated_effects(_table(raw, "effects", where), sensors.get(ERRORS, {}), where),
         sample_rate=_section(raw, "log", _Log, where).sample_rate_hz,
         thresholds=_thresholds(raw, where),
         model=_section(raw, "model", ModelAccuracy, where),
@@ -349,13 +353,30 @@ def _columns(raw: dict[str, object], where: str, known: Mapping[str, Channel], *
     return columns
 
 
-def _effects(raw: dict[str, object], where: str) -> dict[str, StatedEffect]:
+def _stated_effects(of_rig: dict[str, object], of_sensors: object, where: str) -> dict[str, StatedEffect]:
+    """Effects of the rig, and those that are errors of sensors."""
+    if not isinstance(of_sensors, dict):
+        raise RigError(
+            f"{where}: [sensors] {ERRORS} is {of_sensors!r}; expected tables [sensors.{ERRORS}.NAME] of effects."
+        )
+    twice = [name for name in of_rig if name in of_sensors]
+    if twice:
+        raise RigError(
+            f"{where}: {twice[0]} stands under [effects] and under [sensors.{ERRORS}]; expected one of them, so leave one out."
+        )
+    return _effects(of_rig, "effects", where) | {
+        name: msgspec.structs.replace(effect, of_a_sensor=True)
+        for name, effect in _effects(of_sensors, f"sensors.{ERRORS}", where).items()
+    }
+
+
+def _effects(raw: dict[str, object], table: str, where: str) -> dict[str, StatedEffect]:
     """Effects with their fields, each a number or a table; `logs` lists the logs that they come from."""
     effects = {}
     for name, stated in raw.items():
-        place = f"{where}: [effects.{name}]"
+        place = f"{where}: [{table}.{name}]"
         if not isinstance(stated, dict):
-            raise RigError(f"{where}: [effects] {name} is {stated!r}; expected a table [effects.{name}].")
+            raise RigError(f"{where}: [{table}] {name} is {stated!r}; expected a table [{table}.{name}].")
         logs = convert(stated.get("logs", ()), tuple[str, ...], f"{place} logs")
         fields = {key: _effect_number(value, f"{place} {key}") for key, value in stated.items() if key != "logs"}
         effects[name] = StatedEffect(fields, logs)

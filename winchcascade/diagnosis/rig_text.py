@@ -16,12 +16,13 @@ from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import Quantity, Unit, find_unit
 from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
 from winchcascade.core.rig_number import UNCERTAINTIES
-from winchcascade.core.rig_toml import built_in_text, parse_rig
+from winchcascade.core.rig_toml import ERRORS, built_in_text, parse_rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of
 from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.baseline import stated_effects
+from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.wrong_entries import SHARED_RADIUS
 
 if TYPE_CHECKING:
@@ -84,7 +85,8 @@ def corrected_text(
 ) -> str:
     """Write effects into the text of a rig file, in place of those that it states by the same names, and corrected numbers.
 
-    Calibrated numbers are as before their calibration again, since the effects were found against those.
+    Errors of sensors, also those that the file stated among the effects of the rig, go to [sensors.errors]: they change what is
+    read of the rig. Calibrated numbers are as before their calibration again, since the effects were found against those.
 
     Parameters
     ----------
@@ -98,9 +100,11 @@ def corrected_text(
     text = _text_of(rig)
     first, _, rest = text.partition("\n")
     text, end = rest if first.startswith(MARK) else text, _line_end(text)
+    effects = _by_place({**{name: one for name, one in rig.effects.items() if _is_misplaced(name, one)}, **effects})
     for name, effect in effects.items():
-        lines = _without_table(text.splitlines(keepends=True), ("effects", name))
-        text = f"{''.join(lines).rstrip()}{end}{end}{end.join(_effect_lines(name, effect))}{end}"
+        for place in (("effects", name), ("sensors", ERRORS, name)):
+            text = "".join(_without_table(text.splitlines(keepends=True), place))
+        text = f"{text.rstrip()}{end}{end}{end.join(_effect_lines(name, effect))}{end}"
     changed = {place: number.prior for place, number in calibrated_numbers(rig).items()} | dict(entries)
     for place, number in changed.items():
         text = _with_entry(text, place, _quantity_entry(number) if place in entries else _prior_entry(number))
@@ -121,6 +125,19 @@ def corrected_text(
             f"{rig.path}: cannot be corrected without a change to other entries; put each on a line of its own."
         )
     return text
+
+
+def _is_misplaced(name: str, effect: StatedEffect) -> bool:
+    """Whether an effect of the catalogue is an error of a sensor that a rig file states among the effects of the rig."""
+    return name in EFFECTS and EFFECTS[name].of_a_sensor and not effect.of_a_sensor
+
+
+def _by_place(effects: Mapping[str, StatedEffect]) -> dict[str, StatedEffect]:
+    """Effects, each with the place of its table."""
+    return {
+        name: msgspec.structs.replace(effect, of_a_sensor=True) if _is_misplaced(name, effect) else effect
+        for name, effect in effects.items()
+    }
 
 
 def _quantity_entry(number: Quantity) -> dict[str, str]:
@@ -155,7 +172,7 @@ def _inline(entry: Mapping[str, str]) -> str:
 
 
 def _effect_lines(name: str, effect: StatedEffect) -> Iterator[str]:
-    yield f"[effects.{name}]"
+    yield f"[{effect.table(name)}]"
     yield "logs = ["
     yield from (f"    {_quoted(log)}," for log in effect.logs)
     yield "]"
@@ -327,7 +344,7 @@ def corrected_rig_text(found: ModelDiagnosis) -> str:
 
 def corrected_rig(found: ModelDiagnosis) -> Rig:
     """The rig that a diagnosis started from, with its named causes as effects."""
-    rig = msgspec.structs.replace(found.data.rig, effects={**found.rig.effects, **stated_causes(found)})
+    rig = msgspec.structs.replace(found.data.rig, effects=_by_place({**found.rig.effects, **stated_causes(found)}))
     for place, number in corrected_entries(found).items():
         rig = with_quantity(rig, *place, number)
     return rig

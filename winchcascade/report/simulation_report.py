@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from msgspec.structs import replace
 
@@ -18,7 +20,7 @@ from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.document import histories_section
 from winchcascade.report.figures import powers_of
 from winchcascade.report.style import house_style
-from winchcascade.report.terminal import LEDGER_WORDS, energy_shares, energy_span
+from winchcascade.report.terminal import LEDGER_WORDS, energy_shares, energy_span, left_out_words
 from winchcascade.report.time_histories import readout
 from winchcascade.report.wording import PLACES, load_words, subscripts_of, symbols_section
 from winchcascade.rig.simulate import Simulation
@@ -32,6 +34,7 @@ def simulation_report(
     window: str | float | None = None,
     source: str = "",
     effects: str = "",
+    left_out: Sequence[str] = (),
     command: str = "",
 ) -> content.Report:
     """Make the rows and figures of the report of a simulation; phases and windows are marked as `reduce` finds them.
@@ -42,6 +45,7 @@ def simulation_report(
     window : rule of the integration windows; by default that of the run, else the rig's
     source : log or profile whose line motion drove the rig
     effects : that were switched on, in words
+    left_out : errors of sensors that the rig file states and the simulation does not contain
     """
     run, name = simulation.run, "" if rig is None else rig.name
     found = reduce(run, rig=_as_simulated(simulation, given_rig("write_report", rig, run.rig)), window=window)
@@ -58,6 +62,7 @@ def simulation_report(
             content.data_point([run.origin]),
             content.Point("Energies", f"They count {energy_span(simulation)}."),
             content.Point("Effects", f"{upper(effects)}." if effects else "None beyond the model of the rig file."),
+            *([content.Point("Sensors", f"{upper(left_out_words(left_out))}.")] if left_out else []),
         ),
         sections=content.filled(
             content.section("energies", "Energies", _ledger(joule, line)),

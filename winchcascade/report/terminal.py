@@ -246,8 +246,18 @@ def _finding(finding: Finding, samples: int) -> str:
     return one_line(f"{finding.kind}: {finding.message}{where}; {finding.action}{cost}")
 
 
-def simulation_text(simulation: Simulation) -> str:
-    """Where the energy of the line went in a simulation, until that energy has its maximum."""
+def left_out_words(errors: Sequence[str]) -> str:
+    """Which errors of sensors of the rig file a simulation is without."""
+    return f"errors of sensors in the rig file are left out: {', '.join(errors)}; --sensors adds them"
+
+
+def simulation_text(simulation: Simulation, left_out: Sequence[str] = ()) -> str:
+    """Where the energy of the line went in a simulation, until that energy has its maximum.
+
+    Parameters
+    ----------
+    left_out : errors of sensors that the rig file states and the simulation does not contain
+    """
     run, shares = simulation.run, energy_shares(simulation)
     line = dict(shares).get("line", 0.0)
     load = load_words(run.load, "ohm", before="load ")
@@ -255,6 +265,7 @@ def simulation_text(simulation: Simulation) -> str:
         [
             *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
             *wrapped(f"energies: {energy_span(simulation)}; share: of the energy of the line"),
+            *(wrapped(f"note: {left_out_words(left_out)}") if left_out else []),
             "",
             *table_lines(
                 [

@@ -51,6 +51,8 @@ class NoModel(msgspec.Struct, frozen=True):
 def baseline(rig: Rig) -> Model:
     """Make the model of a rig file with the effects that it states, from which a diagnosis starts.
 
+    Errors of sensors are among them, as logs have them; `physics` of the model is without.
+
     Raises
     ------
     RigError : the rig file lacks numbers that a part needs, all of them named, the rig has no one-way clutch, or a stated
@@ -111,11 +113,13 @@ def stated_effects(rig: Rig) -> list[ActiveEffect]:
     """
     effects = []
     for name, stated in rig.effects.items():
-        place = f"{rig.path}: [effects.{name}]"
+        place = f"{rig.path}: [{stated.table(name)}]"
         try:
             effect = make_effect(name, {key: number.value for key, number in stated.fields.items()})
         except OptionError as fault:
             raise RigError(f"{place}: {fault}") from None
+        if stated.of_a_sensor and not effect.effect.of_a_sensor:
+            raise RigError(f"{place} is no error of a sensor; state it as [effects.{name}].")
         if not stated.fields:
             raise RigError(f"{place} has no field; expected {', '.join(field.name for field in effect.effect.fields)}.")
         units = {field.name: field.unit for field in effect.effect.fields}
@@ -125,3 +129,8 @@ def stated_effects(rig: Rig) -> list[ActiveEffect]:
                 raise RigError(f"{place} {key}: the unit is {number.unit!r}; expected {units[key]!r}.")
         effects.append(effect)
     return effects
+
+
+def sensor_errors(rig: Rig) -> list[str]:
+    """Names of the effects that a rig file states and that are errors of its sensors. Raises as `stated_effects`."""
+    return [one.effect.name for one in stated_effects(rig) if one.effect.of_a_sensor]

@@ -214,6 +214,11 @@ class Model(msgspec.Struct, frozen=True):
         """Logged motion of the line over the angle of the drum: its radius, unless the logged motion has another scale. [m]"""
         return self.winch.r_drum * (1.0 + self.sensors.motion_scale)
 
+    @property
+    def physics(self) -> Model:
+        """The rig with sensors that have no error: what a design is made with."""
+        return msgspec.structs.replace(self, sensors=Sensors())
+
 
 Operation = Literal["add", "scale", "compound"]
 """Change of a number: by an amount, by a share of it or, if it is itself a relative deviation, by a further share."""

@@ -171,7 +171,8 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     Parameters
     ----------
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not used
-    model : the baseline of the rig that the run was read with if not given; of the paper's for a run that was not read
+    model : the baseline of the rig that the run was read with if not given, without errors of its sensors; of the paper's for a
+        run that was not read
     step : of the simulation [s]
 
     Raises
@@ -181,7 +182,7 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     OptionError : something else than a run or a model
     """
     check_type("simulate", run, Run, "read_run(log)")
-    model = baseline(given_rig("simulate", run.rig)) if model is None else model
+    model = baseline(given_rig("simulate", run.rig)).physics if model is None else model
     check_type("simulate, model", model, Model, "baseline(rig)")
     check_arguments("simulate", ("step", step, STEP_LENGTH))
     if "velocity" not in run.channels or run.t[-1] - run.t[0] < 2.0 * step:

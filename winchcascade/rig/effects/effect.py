@@ -136,6 +136,11 @@ class Effect(msgspec.Struct, frozen=True):
         msgspec.structs.force_setattr(self, "parameter", self.parameter or first.name)
         msgspec.structs.force_setattr(self, "unit", self.unit or unit)
 
+    @property
+    def of_a_sensor(self) -> bool:
+        """Whether it changes what is read of the rig, and not the rig."""
+        return isinstance(self.law, Change) and self.law.path.startswith("sensors.")
+
 
 class ActiveEffect(msgspec.Struct, frozen=True):
     """An effect with a value for each of its fields."""
