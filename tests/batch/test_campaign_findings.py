@@ -13,7 +13,7 @@ from winchcascade.batch.results import load_results
 from winchcascade.batch.run_batch import run_batch
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.campaign_record import campaign_from, campaign_text
-from winchcascade.report.content import Table
+from winchcascade.report.sheet import Table
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 HURT = "r27ohm.csv"

@@ -7,8 +7,8 @@ from small_trials import answer, cause, say, sealed_trial
 
 from winchcascade.blind.cases import Kind
 from winchcascade.blind.score import Score, score
-from winchcascade.report.content import Table
 from winchcascade.report.publish import publish
+from winchcascade.report.sheet import Table
 from winchcascade.report.trial_report import make_trial_report
 from winchcascade.report.trial_text import trial_text
 

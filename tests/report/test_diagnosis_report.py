@@ -14,10 +14,10 @@ from undrawn import undrawn
 
 from winchcascade.diagnosis.diagnosis_result import Alternative, Spot
 from winchcascade.report.cause_costs import COLUMNS, cost_section, lead_picture, waterfall_costs
-from winchcascade.report.content import Picture, Report, Table
 from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.digits import MINUS
 from winchcascade.report.publish import html_text, pdf_bytes
+from winchcascade.report.sheet import Picture, Report, Table
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 

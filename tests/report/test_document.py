@@ -24,8 +24,8 @@ from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.content import Picture, Point, Report, Table
 from winchcascade.report.document import best_and_worst, lost_share, make_report
+from winchcascade.report.sheet import Picture, Point, Report, Table
 from winchcascade.rig.open_rig import load_rig
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"

@@ -9,8 +9,8 @@ from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.content import Picture, Table
 from winchcascade.report.document import make_report
+from winchcascade.report.sheet import Picture, Table
 from winchcascade.report.style import Format, figure_format, house_style
 from winchcascade.report.wording import SYMBOL, cascade_figure, cascade_symbols, symbols_section, tex
 

@@ -21,9 +21,9 @@ from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import figures
-from winchcascade.report.content import Note, Picture, Report, Section, Table
 from winchcascade.report.document import make_report
 from winchcascade.report.publish import html_text, publish, width
+from winchcascade.report.sheet import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS
 from winchcascade.rig.open_rig import load_rig
 

@@ -22,7 +22,6 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.campaign_record import campaign_from
-from winchcascade.report.content import Note, Picture, Report, Section, Table
 from winchcascade.report.document import make_report
 from winchcascade.report.model_account import GROUPS, ModelComparison, Regression, account_of, compare
 from winchcascade.report.model_figures import back_emf_figure, budget_bars, damper_sweep
@@ -36,6 +35,7 @@ from winchcascade.report.model_section import (
     modelled,
     run_section,
 )
+from winchcascade.report.sheet import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS, house_style
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect

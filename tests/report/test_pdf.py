@@ -20,9 +20,9 @@ from winchcascade.core.rig_toml import parse_rig
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.content import Note, Picture, Report, Section, Table
 from winchcascade.report.document import make_report
 from winchcascade.report.publish import html_text, pdf_bytes, publish
+from winchcascade.report.sheet import Note, Picture, Report, Section, Table
 
 CLEAN = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 

@@ -18,8 +18,8 @@ from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import tables
-from winchcascade.report.content import Table
 from winchcascade.report.digits import MINUS
+from winchcascade.report.sheet import Table
 from winchcascade.report.wording import metrics_note
 
 ROUNDING = 0.17

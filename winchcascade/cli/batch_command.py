@@ -26,7 +26,7 @@ from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behi
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
-    from winchcascade.report.content import Report
+    from winchcascade.report.sheet import Report
 
 TargetsArgument = Annotated[
     list[str],

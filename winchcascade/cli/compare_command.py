@@ -22,7 +22,7 @@ from winchcascade.report.report_files import ReportFiles
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from winchcascade.report.content import Report
+    from winchcascade.report.sheet import Report
 
 SameSensorsOption = Annotated[
     bool,

@@ -31,7 +31,7 @@ from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-    from winchcascade.report.content import Report
+    from winchcascade.report.sheet import Report
 
 WithholdOption = Annotated[
     list[float] | None,

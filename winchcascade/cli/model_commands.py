@@ -42,7 +42,7 @@ from winchcascade.core.jobs import one_thread_each
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
-    from winchcascade.report.content import Report
+    from winchcascade.report.sheet import Report
 
 MotionArgument = Annotated[
     Path | None,

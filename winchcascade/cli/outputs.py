@@ -19,8 +19,8 @@ from winchcascade.report.screen import QUIET, painted
 from winchcascade.report.text_table import file_lines
 
 if TYPE_CHECKING:
-    from winchcascade.report.content import Report
     from winchcascade.report.report_files import ReportFiles
+    from winchcascade.report.sheet import Report
 
 Results = Mapping[str, str | Path | None]
 """Files and folders that a command writes, by the option that names each."""

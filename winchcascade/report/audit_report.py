@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.report import audit_text as words
-from winchcascade.report import content
+from winchcascade.report import sheet as content
 from winchcascade.report.audit_text import law_sentences, point_summary, unread_sentences
-from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import NumberText, number, upper
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.wording import SYMBOL, load_words, page_text
 from winchcascade.tables.attainable import AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import AttainableRow, Cell

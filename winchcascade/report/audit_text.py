@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from winchcascade.core.published_table import PublishedTable, Span, load_text, unit_suffix
 from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
-from winchcascade.report.content import file_digest
 from winchcascade.report.screen import toned
+from winchcascade.report.sheet import file_digest
 from winchcascade.report.text_table import headed, indented, joined, paragraphs, table_lines, wrapped
 from winchcascade.rig.effects.effect import Field
 from winchcascade.tables.attainable import Ability, AttainableRanges

@@ -15,10 +15,10 @@ from winchcascade.core.quantity import KGF
 from winchcascade.core.run import Signal
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import Calibration, Number
-from winchcascade.report import content
-from winchcascade.report.content import TableColumn
+from winchcascade.report import sheet as content
 from winchcascade.report.digits import NumberText, number, places, significant, uncertain, upper
 from winchcascade.report.screen import toned
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.text_table import data_lines, headed, indented, joined, table_lines, wrapped
 from winchcascade.report.wording import page_text
 from winchcascade.rig.backemf import RPM_MIN, BackEmf

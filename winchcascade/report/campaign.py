@@ -18,7 +18,7 @@ from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_
 from winchcascade.core.cascade import field_of
 from winchcascade.reduction.run_record import FindingRecord
 from winchcascade.report import campaign_figures as figures
-from winchcascade.report import content
+from winchcascade.report import sheet as content
 from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
@@ -29,11 +29,11 @@ from winchcascade.report.campaign_record import (
     runs_by_load,
     window_text,
 )
-from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.style import house_style
 from winchcascade.report.wave_section import CampaignWaves, campaign_waves, campaign_waves_section
 from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, symbols_section, unit_of

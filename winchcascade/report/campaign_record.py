@@ -20,9 +20,9 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.run import Units
 from winchcascade.core.version import __version__
 from winchcascade.reduction.run_record import CampaignWavesRecord, FindingRecord, Interval95, Numbers, RunRecord
-from winchcascade.report.content import Limit, TableColumn
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.screen import toned
+from winchcascade.report.sheet import Limit, TableColumn
 from winchcascade.report.text_table import at_most, data_lines, headed, joined, listing, metric_steps, wrapped
 from winchcascade.report.wording import load_words
 

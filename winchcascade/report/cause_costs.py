@@ -12,12 +12,12 @@ import msgspec
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
-from winchcascade.report import content
+from winchcascade.report import sheet as content
 from winchcascade.report.cause_words import named
-from winchcascade.report.content import number_column, text_column
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import NumberText, number
 from winchcascade.report.gap_words import has_own_simulation
+from winchcascade.report.sheet import number_column, text_column
 from winchcascade.report.text_table import aligned_lines, table_lines
 from winchcascade.report.wording import SYMBOL, load_words, tex
 

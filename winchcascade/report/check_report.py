@@ -15,11 +15,11 @@ from winchcascade.core.campaign_file import banner, joint_origin, origin_record,
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.version import __version__
-from winchcascade.report import content
+from winchcascade.report import sheet as content
 from winchcascade.report.audit_text import load_record, table_record, table_rows, title_lines
-from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import MINUS, NumberText, upper
 from winchcascade.report.screen import toned
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.text_table import at_most, data_lines, headed, indented, joined, table_lines, wrapped
 from winchcascade.report.wording import SYMBOL, load_words, page_text
 from winchcascade.tables.check import CellCheck, Check, RowKey

@@ -16,7 +16,7 @@ from winchcascade.comparison.comparison_result import Comparison, MatchedRuns
 from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.cascade import PAPER
-from winchcascade.report import content
+from winchcascade.report import sheet as content
 from winchcascade.report.comparison_text import (
     MATCHED,
     DifferenceRow,
@@ -41,8 +41,8 @@ from winchcascade.report.comparison_text import (
     value_cell,
     zero_cell,
 )
-from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import number, places, uncertain, upper
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.style import (
     COLOURS,
     Look,

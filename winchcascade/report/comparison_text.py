@@ -16,9 +16,9 @@ from winchcascade.core.campaign_file import joint_origin, origin_record, origin_
 from winchcascade.core.cascade import field_of
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
-from winchcascade.report.content import Limit, TableColumn
 from winchcascade.report.digits import NumberText, interval_text, number, places, stated, with_sign
 from winchcascade.report.screen import PIPED, toned
+from winchcascade.report.sheet import Limit, TableColumn
 from winchcascade.report.text_table import headed, joined, listing, paragraphs, wrapped
 from winchcascade.report.wording import SYMBOL, decimals_of, load_words, unit_of
 

@@ -9,10 +9,10 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report import content
 from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report import sheet as content
 from winchcascade.report.cause_costs import cost_section, cost_words, lead_picture
 from winchcascade.report.cause_words import (
     alternatives_words,

@@ -14,10 +14,9 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.report import content
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report import sheet as content
 from winchcascade.report.cause_words import meaning_words, named, numbers_of
-from winchcascade.report.content import TableColumn, number_column, text_column
 from winchcascade.report.diagnosis_causes import threshold_words
 from winchcascade.report.diagnosis_figures import worst_first
 from winchcascade.report.digits import number, significant, uncertain
@@ -35,6 +34,7 @@ from winchcascade.report.gap_words import (
     signed,
 )
 from winchcascade.report.model_account import COMPARED
+from winchcascade.report.sheet import TableColumn, number_column, text_column
 from winchcascade.report.wording import load_words
 
 MAX_PLACES, MAX_NUISANCES = 12, 10

@@ -15,7 +15,8 @@ from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.wave_energies import wave_energies
-from winchcascade.report import content, figures, tables
+from winchcascade.report import figures, tables
+from winchcascade.report import sheet as content
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.style import house_style

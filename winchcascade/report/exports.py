@@ -21,9 +21,9 @@ from winchcascade.core.files import json_bytes, write_set
 from winchcascade.core.jobs import Nobody
 from winchcascade.core.store import digest_of, inside, locked, make_one
 from winchcascade.core.version import __version__
-from winchcascade.report.content import SUBSCRIPTS, Cell, Picture, Report, Table, every_row
 from winchcascade.report.digits import PLUS_MINUS, NumberText
 from winchcascade.report.report_files import ReportFiles
+from winchcascade.report.sheet import SUBSCRIPTS, Cell, Picture, Report, Table, every_row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

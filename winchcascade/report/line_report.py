@@ -11,10 +11,9 @@ from winchcascade.diagnosis.evidence import CLEARLY
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_energies import SMALL_ENERGY
-from winchcascade.report import content
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report import sheet as content
 from winchcascade.report.cause_words import LINE_MEANINGS, set_words
-from winchcascade.report.content import number_column, text_column
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
 from winchcascade.report.diagnosis_tables import where_section, which_section
 from winchcascade.report.digits import number, significant, upper
@@ -24,6 +23,7 @@ from winchcascade.report.gap_words import (
     share_words,
     signed,
 )
+from winchcascade.report.sheet import number_column, text_column
 from winchcascade.report.style import COLOURS, Margins, label_panel, legend_above, line_entry, panel_figure, wide_figure
 
 

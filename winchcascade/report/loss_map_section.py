@@ -15,9 +15,9 @@ from winchcascade.core.campaign_file import Origin, banner
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.loss_points import LossPoints, columns_at
-from winchcascade.report.content import Report, Section, data_point, picture, provenance_section, section
 from winchcascade.report.loss_map_text import coefficients_table, loss_points_words
 from winchcascade.report.publish import publish
+from winchcascade.report.sheet import Report, Section, data_point, picture, provenance_section, section
 from winchcascade.report.style import COLOURS, Margins, house_style, panel_figure
 
 DOTS = 1500

@@ -17,9 +17,9 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.version import __version__
 from winchcascade.reduction.loss_map import CONDITION_MAX, Coefficient, LossMap
-from winchcascade.report.content import ItemTable, Table, TableColumn, rows_of
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain
 from winchcascade.report.matlab_file import matlab_bytes
+from winchcascade.report.sheet import ItemTable, Table, TableColumn, rows_of
 from winchcascade.report.text_table import table_lines, wrapped
 
 COLUMN_WORDS = {

@@ -13,9 +13,8 @@ from msgspec.structs import astuple, replace
 
 from winchcascade.core.rig_file import Rig
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report import content
 from winchcascade.report import model_figures as figures
-from winchcascade.report.content import TableColumn
+from winchcascade.report import sheet as content
 from winchcascade.report.digits import number, upper
 from winchcascade.report.model_account import (
     ALWAYS,
@@ -33,6 +32,7 @@ from winchcascade.report.model_account import (
     quantities,
     speed_width,
 )
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.style import cut_apart
 from winchcascade.report.wording import load_words
 

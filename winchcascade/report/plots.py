@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from winchcascade.report.content import Table
+    from winchcascade.report.sheet import Table
 
 
 Plot = Callable[[Any], None]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from winchcascade.core.files import write_content
-from winchcascade.report.content import SUBSCRIPTS, Report, Table, made_at
+from winchcascade.report.sheet import SUBSCRIPTS, Report, Table, made_at
 from winchcascade.report.style import COLOURS
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from winchcascade.core.errors import OptionError
 if TYPE_CHECKING:
     from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.report.campaign_record import CampaignReduction
-    from winchcascade.report.content import Report
+    from winchcascade.report.sheet import Report
 
 
 class ReportFiles(msgspec.Struct, frozen=True):

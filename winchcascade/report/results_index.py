@@ -8,9 +8,9 @@ from urllib.parse import quote
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.report import content
+from winchcascade.report import sheet as content
 from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
-from winchcascade.report.content import number_column, text_column
+from winchcascade.report.sheet import number_column, text_column
 
 INDEX = "index.html"
 """Name of the page in a results folder."""

@@ -12,11 +12,11 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report import content
-from winchcascade.report.content import TableColumn
+from winchcascade.report import sheet as content
 from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.document import histories_section
 from winchcascade.report.figures import powers_of
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.style import house_style
 from winchcascade.report.terminal import LEDGER_WORDS, energy_shares, energy_span
 from winchcascade.report.time_histories import readout

@@ -18,8 +18,7 @@ from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, shares
-from winchcascade.report import content
-from winchcascade.report.content import TableColumn
+from winchcascade.report import sheet as content
 from winchcascade.report.digits import (
     MINUS,
     interval_text,
@@ -30,6 +29,7 @@ from winchcascade.report.digits import (
     stated,
     uncertain,
 )
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.time_histories import clock_zero
 from winchcascade.report.wording import (
     SYMBOL,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.montecarlo import stated_uncertainty
-from winchcascade.report.content import Limit, TableColumn
 from winchcascade.report.screen import toned
+from winchcascade.report.sheet import Limit, TableColumn
 from winchcascade.report.text_table import (
     at_most,
     data_lines,

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.plain_text import one_line
-from winchcascade.report.content import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
 from winchcascade.report.screen import PIPED, Tone, length, line_width, table_width, toned, without_tones
+from winchcascade.report.sheet import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
 
 
 def aligned_lines(

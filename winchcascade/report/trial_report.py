@@ -21,10 +21,10 @@ from winchcascade.blind.score import (
     taken_as,
 )
 from winchcascade.core.campaign_file import Origin, banner
-from winchcascade.report import content
-from winchcascade.report.content import TableColumn, number_column, text_column
+from winchcascade.report import sheet as content
 from winchcascade.report.digits import MINUS, number, places, significant
 from winchcascade.report.gap_words import display_of
+from winchcascade.report.sheet import TableColumn, number_column, text_column
 from winchcascade.report.style import COLOURS, Margins, house_style, legend_above, panel_figure
 from winchcascade.report.trial_text import (
     HIDDEN,

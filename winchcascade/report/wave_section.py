@@ -14,9 +14,9 @@ from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import CampaignWavesRecord, LogWavesRecord, RunRecord
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
-from winchcascade.report import content
-from winchcascade.report.content import TableColumn
+from winchcascade.report import sheet as content
 from winchcascade.report.digits import NumberText, interval_text, significant
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.text_table import wrapped
 from winchcascade.report.wave_text import (
     classes_table,

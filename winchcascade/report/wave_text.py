@@ -13,8 +13,8 @@ from winchcascade.core.cascade import field_of
 from winchcascade.reduction.run_record import BootstrapRecord, Numbers, RatioRecord, WavesRecord
 from winchcascade.reduction.wave_bootstrap import DRAWS, MIN_WAVES, SEED, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
-from winchcascade.report.content import Cell, ItemTable, Limit, Table, TableColumn
 from winchcascade.report.digits import NumberText, interval_text, significant
+from winchcascade.report.sheet import Cell, ItemTable, Limit, Table, TableColumn
 from winchcascade.report.text_table import indented, listing, metric_steps, paragraphs, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 

@@ -14,9 +14,9 @@ from winchcascade.core.cascade import Cascade, efficiency_name
 from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
-from winchcascade.report.content import SUBSCRIPTS, ItemTable, Section, picture, section
-from winchcascade.report.content import TableColumn as Column
 from winchcascade.report.digits import RAISED
+from winchcascade.report.sheet import SUBSCRIPTS, ItemTable, Section, picture, section
+from winchcascade.report.sheet import TableColumn as Column
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
