@@ -65,6 +65,11 @@ def use_screen(screen: Screen) -> None:
     _PRESENT.set(screen)
 
 
+def present_screen() -> Screen:
+    """The screen for which texts are laid out now."""
+    return _PRESENT.get()
+
+
 def line_width(piped: int = PIPED) -> int:
     """Columns of a sentence. [characters]
 

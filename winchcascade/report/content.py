@@ -1,0 +1,319 @@
+"""What a result states, each number once: tables, figures and sentences. Renderers lay it out and add nothing.
+
+Texts are plain: metrics by their names (`eta_pto`), units as `ohm` and `N.m`, a hyphen for a minus. `glossary.typeset` sets
+them for a page.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar
+
+import msgspec
+
+from winchcascade.core.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+T = TypeVar("T")
+
+Tone = Literal["plain", "good", "warn"]
+
+
+class Measured(NamedTuple):
+    """A value with its standard uncertainty, which decides its digits; `shown` with it where `both`."""
+
+    value: float | None
+    u: float | None = None
+    both: bool = False
+
+
+class Span(NamedTuple):
+    """The ends of an interval, with the standard uncertainty that decides their digits."""
+
+    low: float | None
+    high: float | None
+    u: float | None = None
+
+
+Cell = str | float | Measured | Span | None
+"""A text, a number, a number with its uncertainty, an interval, or None for what does not exist."""
+
+
+# -------------------------------------------------------------------------------------------------------- one rule of digits
+def places(u: float) -> int:
+    """Decimals that a standard uncertainty allows: those of its first two digits (GUM 7.2.6).
+
+    >>> places(0.0048), places(116.0), places(0.0996)
+    (4, -1, 2)
+    """
+    return 1 - math.floor(math.log10(float(f"{u:.1e}")))
+
+
+def known(u: float | None) -> bool:
+    """Whether an uncertainty decides digits."""
+    return bool(u) and u is not None and math.isfinite(u)
+
+
+def number_text(value: float | None, decimals: int | None = None, *, signed: bool = False) -> str:
+    """Text of a number, with four significant digits unless its decimals are given; never a zero with a minus.
+
+    >>> number_text(None), number_text(-7114.9, -1), number_text(-0.0004, 3), number_text(2.0, 1, signed=True)
+    ('-', '-7110', '0.000', '+2.0')
+    """
+    if value is None or math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "inf" if value > 0.0 else "-inf"
+    if decimals is None:
+        if value and not 1e-4 <= abs(value) < 1e8:
+            return f"{value:.3e}"
+        decimals = 0 if isinstance(value, int) else 3 - math.floor(math.log10(abs(value) or 1.0))
+    rounded = round(value, decimals) + 0.0
+    return f"{rounded:{'+' if signed and rounded > 0.0 else ''}.{max(decimals, 0)}f}"
+
+
+def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> str:
+    """Text of a cell; the decimals of a column hold where no uncertainty decides.
+
+    >>> shown(None), shown(0.90337, 3), shown(Measured(0.90337, 0.0048)), shown(Span(5.479, 5.4817), 2)
+    ('-', '0.903', '0.9034', '5.48 to 5.48')
+    >>> shown(Measured(0.90337, 0.0048, both=True))
+    '0.9034 +- 0.0048'
+    """
+    if isinstance(cell, Measured):
+        own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
+        text = number_text(cell.value, own, signed=signed)
+        return f"{text} +- {number_text(cell.u, own)}" if cell.both and known(cell.u) else text
+    if isinstance(cell, Span):
+        own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
+        ends = [number_text(end, own, signed=signed) for end in (cell.low, cell.high)]
+        return " to ".join(ends) if ends != ["-", "-"] else "-"
+    return cell if isinstance(cell, str) else number_text(cell, decimals, signed=signed)
+
+
+def common_places(cells: Iterable[Cell]) -> int | None:
+    """Decimals of a column: those of its smallest uncertainty, but one more than the median allows at most; None without any.
+
+    >>> common_places([Measured(0.5, 0.011), Measured(0.25, 0.0048), "text"])
+    4
+    """
+    allowed = sorted(
+        places(cell.u) for cell in cells if isinstance(cell, Measured | Span) and cell.u is not None and known(cell.u)
+    )
+    return min(allowed[-1], allowed[len(allowed) // 2] + 1) if allowed else None
+
+
+# ------------------------------------------------------------------------------------------------------------------ tables
+class Column(msgspec.Struct, Generic[T], frozen=True):
+    """Column of a table: name, what its cell is for the item of a row, unit, and decimals.
+
+    `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `own_digits`: rows differ in quantity or
+    unit, so that each number has its own decimals.
+    """
+
+    name: str
+    of: Callable[[T], Cell]
+    unit: str = ""
+    decimals: int | None = None
+    brief: bool = True
+    signed: bool = False
+    own_digits: bool = False
+
+    def texts(self, cells: Sequence[Cell]) -> list[str]:
+        """Cells as they are shown, with decimals in common."""
+        common = None if self.own_digits else common_places(cells)
+        if common is None:
+            return [shown(cell, self.decimals, signed=self.signed) for cell in cells]
+        plain = [cell[:-1] if isinstance(cell, Span) else cell for cell in cells]
+        return [
+            number_text(cell.value, common, signed=self.signed)
+            + (f" +- {number_text(cell.u, common)}" if cell.both and known(cell.u) else "")
+            if isinstance(cell, Measured)
+            else shown(Span(*bare), common, signed=self.signed)
+            if isinstance(bare, tuple)
+            else shown(cell, self.decimals, signed=self.signed)
+            for cell, bare in zip(cells, plain, strict=True)
+        ]
+
+
+class Table(msgspec.Struct, Generic[T], frozen=True):
+    """A row for each item; rows `below` summarise. `brief` tables stand in a terminal too.
+
+    `limit` is how many rows are shown at most, the first and the last half of them; files hold all. `links` are addresses of
+    the first cells.
+    """
+
+    id: str
+    caption: str
+    columns: Sequence[Column[T]]
+    items: Sequence[T]
+    below: Sequence[Sequence[Cell]] = ()
+    note: str = ""
+    brief: bool = True
+    limit: int = 60
+    links: Sequence[str] = ()
+
+    @property
+    def cells(self) -> list[list[Cell]]:
+        """Rows as they are, unrounded."""
+        return [[column.of(item) for column in self.columns] for item in self.items] + [list(row) for row in self.below]
+
+    @property
+    def texts(self) -> list[list[str]]:
+        """Rows as they are shown, all of them."""
+        rows = self.cells
+        columns = [column.texts([row[k] for row in rows]) for k, column in enumerate(self.columns)]
+        return [list(row) for row in zip(*columns, strict=True)]
+
+    @property
+    def left(self) -> list[bool]:
+        """Which columns hold texts, which stand to the left."""
+        rows = self.cells[: len(self.items)] or self.cells
+        return [any(isinstance(row[k], str) for row in rows) for k in range(len(self.columns))]
+
+    def shortened(self, rows: Sequence[Sequence[str]]) -> list[list[str]]:
+        """Texts of rows up to the limit, with one row that counts what is left out."""
+        count, half = len(self.items), self.limit // 2
+        if count <= self.limit + 1:
+            return [list(row) for row in rows]
+        more = [f"... {count - 2 * half} more", *[""] * (len(self.columns) - 1)]
+        return [*map(list, rows[:half]), more, *map(list, rows[count - half :])]
+
+    def used(self) -> Table[T]:
+        """The table without the columns that hold nothing; the first one stays."""
+        rows = self.cells
+        keep = [k for k in range(len(self.columns)) if k == 0 or any(row[k] not in (None, "") for row in rows)]
+        return msgspec.structs.replace(
+            self, columns=[self.columns[k] for k in keep], below=[[row[k] for k in keep] for row in self.below]
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """The table with units in the heads and numbers in full; intervals and uncertainties have columns of their own."""
+        import pandas as pd
+
+        found: dict[str, list[object]] = {}
+        for k, column in enumerate(self.columns):
+            cells = [row[k] for row in self.cells]
+            head = f"{column.name} ({column.unit})" if column.unit else column.name
+            names = [head]
+            if any(isinstance(cell, Span) for cell in cells):
+                names = [f"{head}, low", f"{head}, high"]
+            elif any(isinstance(cell, Measured) and cell.both for cell in cells):
+                names = [head, f"{head}, standard uncertainty"]
+            for j, name in enumerate(names):
+                values: list[object] = [
+                    cell[j] if isinstance(cell, tuple) else cell if j == 0 else None for cell in cells
+                ]
+                found[name if name not in found else f"{name}, {len(found)}"] = values
+        return pd.DataFrame(found)
+
+
+def table(
+    name: str, caption: str, columns: Sequence[Column[T]], items: Iterable[T], *, note: str = "", brief: bool = True
+) -> Table[T] | None:
+    """A table of some items; None without any."""
+    listed = list(items)
+    return Table(name, caption, columns, listed, note=note, brief=brief) if listed else None
+
+
+PAIRS: tuple[Column[tuple[str, Cell]], ...] = (
+    Column("Item", lambda row: row[0]),
+    Column("Value", lambda row: row[1], own_digits=True),
+)
+"""Columns of a table of two texts."""
+
+
+# --------------------------------------------------------------------------------------------------------- the other blocks
+class Note(msgspec.Struct, frozen=True):
+    """A sentence, what it is about, and whether it is a warning; `brief` ones stand in a terminal too."""
+
+    text: str
+    about: str = ""
+    tone: Tone = "plain"
+    brief: bool = True
+
+
+class Picture(msgspec.Struct, frozen=True):
+    """A figure, its caption, and what it shows in words; `histories` is the JSON of an interactive one (`render/page.py`)."""
+
+    id: str
+    caption: str
+    alt: str
+    figure: Figure
+    histories: str = ""
+
+
+def picture(figure: Figure | None, name: str, caption: str, alt: str, histories: str = "") -> Picture | None:
+    """A figure as a block; None for none."""
+    return None if figure is None else Picture(name, caption, alt, figure, histories)
+
+
+Block = Table[Any] | Picture | Note
+
+
+class Section(msgspec.Struct, frozen=True):
+    """A heading and what stands under it; a `folded` one is opened by the reader, and open in print."""
+
+    id: str
+    heading: str
+    blocks: Sequence[Block]
+    folded: bool = False
+
+
+def section(name: str, heading: str, *blocks: Block | None, folded: bool = False) -> Section:
+    """A section of the blocks that there are."""
+    return Section(name, heading, [block for block in blocks if block is not None], folded)
+
+
+class Tile(msgspec.Struct, frozen=True):
+    """One number of the first screen: its name, what it is, its value as shown, and what stands below it."""
+
+    name: str
+    about: str
+    value: str
+    beside: str = ""
+
+
+class Link(msgspec.Struct, frozen=True):
+    """A page beside a report: what it is, and its address from there."""
+
+    text: str
+    address: str
+
+
+class Report(msgspec.Struct, frozen=True):
+    """Everything that is said of a result, in order.
+
+    `banner` is a warning on every page. `lead` is a figure beside the tiles. `verdict` is the last line in a terminal.
+    """
+
+    kind: str
+    title: str
+    subtitle: str = ""
+    tiles: Sequence[Tile] = ()
+    points: Sequence[Note | None] = ()
+    sections: Sequence[Section] = ()
+    verdict: Note | None = None
+    banner: str = ""
+    lead: Picture | None = None
+    links: Sequence[Link] = ()
+    generator: str = f"winchcascade/{__version__}"
+
+    @property
+    def notes(self) -> list[Note]:
+        """The points that have a text."""
+        return [point for point in self.points if point is not None and point.text]
+
+    @property
+    def filled(self) -> list[Section]:
+        """The sections that have blocks."""
+        return [one for one in self.sections if one.blocks]
+
+    @property
+    def blocks(self) -> list[Block]:
+        """All blocks, in order."""
+        return [block for one in self.sections for block in one.blocks]
