@@ -27,10 +27,10 @@ function histories(place, data) {
     const last = k === data.rows.length - 1;
     const axis = { stroke: colour("ink"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid") } };
     const plot = new uPlot({
-      width: place.clientWidth, height: last ? 175 : 145, legend: { live: true },
+      width: place.clientWidth, height: last ? 150 : 115, legend: { live: true },
       cursor: { sync: { key: sync.key }, drag: { x: true, y: false } },
       scales: { x: { time: false } },
-      axes: [{ ...axis, label: last ? "time (s)" : undefined, values: last ? undefined : () => [] , size: last ? 40 : 12 }, { ...axis, label: row.label, size: 60 }],
+      axes: [{ ...axis, label: last ? "time (s)" : undefined, values: last ? undefined : () => [] , size: last ? 40 : 8 }, { ...axis, label: row.label, size: 60 }],
       series: [{ label: "t (s)" }, ...row.series.map((one) => ({ label: one.label, stroke: colour(one.colour), width: 1.25, dash: one.dash }))],
       hooks: {
         drawClear: [(drawn) => spans(drawn, data.spans)],

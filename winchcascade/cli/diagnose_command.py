@@ -147,10 +147,13 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
     """The report, with links to the pages of a batch beside it."""
     from winchcascade.report.results_index import INDEX, links_to
+    from winchcascade.report.sheet import Report
 
     folder = Path() if html is None else html.parent
     pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
-    return replace(report_maker_of(found)(), links=links_to(pages))
+    made = report_maker_of(found)()
+    assert isinstance(made, Report)
+    return replace(made, links=links_to(pages))
 
 
 def _files(

@@ -34,7 +34,6 @@ from winchcascade.cli.outputs import (
     report_maker_of,
     show,
     write_reports,
-    written,
 )
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
@@ -42,7 +41,7 @@ from winchcascade.core.jobs import one_thread_each
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
-    from winchcascade.report.sheet import Report
+    pass
 
 MotionArgument = Annotated[
     Path | None,
@@ -86,7 +85,6 @@ def simulate_command(
     The printed energies are those of the whole motion, up to the instant at which the energy of the line is largest. The
     simulated log keeps the load.
     """
-    from winchcascade.report.terminal import simulation_text
     from winchcascade.rig.baseline import baseline
     from winchcascade.rig.effects.catalogue import make_effect
     from winchcascade.rig.simulate import simulate, write_log
@@ -109,16 +107,15 @@ def simulate_command(
     simulation = simulate(run, model)
     write_log(simulation, out, force=force)
 
-    def make() -> Report:
-        from winchcascade.report.simulation_report import simulation_report
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.simulation import simulation_report
 
-        words, command = ", ".join(effects or []), given_command()
-        return simulation_report(
-            simulation, rig=settings.rig, window=settings.window, source=str(source), effects=words, command=command
-        )
-
-    write_reports(make, report, f"{out.stem}_simulation", force=force)
-    show(simulation_text(simulation) + written(results))
+    words, command = ", ".join(effects or []), given_command()
+    stated = simulation_report(
+        simulation, rig=settings.rig, window=settings.window, source=str(source), effects=words, command=command
+    )
+    write_reports(lambda: stated, report, f"{out.stem}_simulation", force=force)
+    show(terminal_text(stated, [path for path in results.values() if path]))
 
 
 def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:

@@ -45,7 +45,7 @@ _MAKERS = {
     "PointAudit": "audit_report:point_audit_report",
     "Reduction": "report_files:_of_reduction",
     "Score": "trial_report:make_trial_report",
-    "Simulation": "simulation_report:simulation_report",
+    "Simulation": "results.simulation:simulation_report",
 }
 """What makes the report of a result, by the name of its class: a result that is made has imported its own modules alone."""
 

@@ -20,7 +20,6 @@ from winchcascade.report.text_table import (
     listing,
     metric_steps,
     plain_cell,
-    table_lines,
     wrapped,
 )
 from winchcascade.report.wording import (
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Finding, Run
     from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.rig.simulate import Simulation
 
 _PIPED = 80
 """Columns of a sentence in a pipe. [characters]"""
@@ -242,63 +240,3 @@ def _finding(finding: Finding, samples: int) -> str:
     share = finding.lost_share(samples)
     cost = f", {share:.2%} of the samples" if share >= 0.0001 else ", less than 0.01% of the samples" if share else ""
     return one_line(f"{finding.kind}: {finding.message}{where}; {finding.action}{cost}")
-
-
-def simulation_text(simulation: Simulation) -> str:
-    """Where the energy of the line went in a simulation, until that energy has its maximum."""
-    run, shares = simulation.run, energy_shares(simulation)
-    line = dict(shares).get("line", 0.0)
-    load = load_words(run.load, "ohm", before="load ")
-    return joined(
-        [
-            *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
-            *wrapped(f"energies: {energy_span(simulation)}; share: of the energy of the line"),
-            "",
-            *table_lines(
-                [
-                    ("energy", "J", "share", "what it is"),
-                    *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-", LEDGER_WORDS[n]) for n, e in shares),
-                ],
-                left=(0, 3),
-                omit=("what it is",),
-            ),
-        ]
-    )
-
-
-def energy_shares(simulation: Simulation) -> list[tuple[str, float]]:
-    """Energies of a simulation that matter, at the instant at which that of the line is largest. [J]"""
-    energy = simulation.energy
-    last = int(energy["line"].argmax())
-    line = abs(float(energy["line"][last]))
-    return [(name, float(joule[last])) for name, joule in energy.items() if abs(joule[last]) >= 5e-4 * line]
-
-
-def energy_span(simulation: Simulation) -> str:
-    """From when to when the energies of a simulation count."""
-    t = simulation.run.t
-    end = t[int(simulation.energy["line"].argmax())]
-    return f"from the start of the log, {t[0]:.2f} s, to {end:.2f} s, when the energy of the line is largest"
-
-
-LEDGER_WORDS = {
-    "line": "delivered by the line",
-    "gas": "stored in the gas",
-    "drum": "stored in the drum",
-    "shaft": "stored in the torsion of the shaft",
-    "rotor": "stored in the rotor",
-    "capacitor": "stored in the capacitor of the DC link",
-    "screw": "lost to friction of the screw",
-    "seal": "lost to friction of the seals",
-    "line_loss": "lost between line and torque sensor",
-    "clutch": "lost in the clutch",
-    "shaft_loss": "lost in the shaft",
-    "mesh": "lost in the gear mesh",
-    "damper": "lost in the damper of the fast shaft",
-    "windage": "lost to windage of the fast shaft",
-    "friction": "lost to friction of the fast shaft",
-    "copper": "lost in the copper of the generator",
-    "diodes": "lost in the diodes",
-    "dc": "delivered by the DC link",
-}
-"""Entries of the ledger of a simulation in words."""
