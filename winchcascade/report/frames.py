@@ -344,7 +344,7 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
     """
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.diagnosis_text import as_json, map_record
+    from winchcascade.report.results.diagnosis_record import as_json, map_record
 
     assert isinstance(found, ModelDiagnosis | LineDiagnosis)  # there are no others
     check_choice("to_pandas", table, DIAGNOSIS_TABLES, "table")

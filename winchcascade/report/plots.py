@@ -180,6 +180,11 @@ def _drawn(
 
 def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
+    if isinstance(result, DiagnosisResult):
+        from winchcascade.report.render.page import table_html as stated_html
+        from winchcascade.report.results.diagnosis import main_table
+
+        return stated_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
     return table_html(*_heading_and_table(result))
 
 
@@ -212,13 +217,3 @@ def _(result: Comparison) -> tuple[str, Table | None]:
 
     heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
     return heading, differences_table("efficiencies", result, headline_metrics(result))
-
-
-@_heading_and_table.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> tuple[str, Table | None]:
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.diagnosis_tables import causes_table
-
-    assert isinstance(result, ModelDiagnosis | LineDiagnosis)  # there are no others
-    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)

@@ -41,7 +41,7 @@ _MAKERS = {
     "CampaignReduction": "report_files:_of_campaign",
     "Check": "check_report:check_report",
     "Comparison": "comparison_report:make_comparison_report",
-    "DiagnosisResult": "diagnosis:make_diagnosis_report",
+    "DiagnosisResult": "results.diagnosis:diagnosis_report",
     "PointAudit": "audit_report:point_audit_report",
     "Reduction": "report_files:_of_reduction",
     "Score": "trial_report:make_trial_report",

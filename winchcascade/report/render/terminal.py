@@ -36,7 +36,7 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
     from rich.text import Text
 
     screen, out = present_screen(), io.StringIO()
-    console = console_of(screen, out)
+    console, wide = (console_of(screen, out, width) for width in (screen.width or PIPED, screen.width or UNBROKEN))
     console.print(Text(_safe(report.title), style="bold"))
     if report.subtitle:
         console.print(Text(_safe(report.subtitle), style="dim"))
@@ -49,7 +49,7 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
             console.print(Text(f"\n{_safe(section.heading)}", style="bold"))
         for block in brief:
             if isinstance(block, Table):
-                console.print(_grid(block), width=screen.width or UNBROKEN)
+                wide.print(_grid(block))
             else:
                 console.print(_note(block))
     if files:
@@ -59,19 +59,23 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
     return "".join(f"{line.rstrip()}\n" for line in out.getvalue().splitlines())
 
 
-def console_of(screen: Screen, out: io.StringIO) -> Console:
-    """A console of the width and the colours of a screen."""
+def console_of(screen: Screen, out: io.StringIO, width: int) -> Console:
+    """A console of a width with the colours of a screen."""
     from rich.console import Console
 
     return Console(
-        file=out, width=screen.width or PIPED, color_system="standard" if screen.colour else None,
+        file=out, width=width, color_system="standard" if screen.colour else None,
         force_terminal=screen.colour, highlight=False, markup=False, emoji=False, legacy_windows=False,
     )  # fmt: skip
 
 
 def _safe(text: str) -> str:
-    """A text without control characters and commands of a runner."""
-    return lines(text)
+    """A text with signs that every terminal shows, without control characters and commands of a runner."""
+    return lines(text.translate(SIGNS).replace("Ω", "ohm"))
+
+
+SIGNS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "·": "."})
+"""Signs of the field, and what stands for them in a terminal."""
 
 
 def _beside(about: str, text: RenderableType) -> RenderableType:

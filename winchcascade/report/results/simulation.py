@@ -72,10 +72,14 @@ def simulation_report(
     ledger = [(part, energy) for part, energy in joule.items() if abs(energy) >= SMALL * abs(line)]
     span = f"From the start of the log, {run.t[0]:.2f} s, to {run.t[end]:.2f} s, when the energy of the line is largest"
     load = load_words(run.load, "ohm", before="load ", unknown="load unknown")
+    about = (f"with {effects}" if effects else "", f"rig {name}" if name else "", run.about)
+    stages = table(
+        "stages", "Powers of the stages over the whole motion.", _stages(run.t), powers_of(found).items(), brief=False
+    )
     return Report(
         kind="Simulation of a rig",
         title=f"{run.name}: simulated at {load}, {run.samples} samples at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s",
-        subtitle=" · ".join(part for part in (f"with {effects}" if effects else "", f"rig {name}" if name else "", run.about) if part),
+        subtitle=" · ".join(part for part in about if part),
         tiles=[
             Tile(part, LEDGER[part], f"{shown(joule[part], 0)} J", f"{100.0 * joule[part] / line:.1f} % of the line")
             for part in ("line", "gas", "dc")
@@ -96,7 +100,7 @@ def simulation_report(
                     ledger,
                 ),
             ),
-            section("stages", "Stages", table("stages", "Powers of the stages over the whole motion.", _stages(run.t), powers_of(found).items(), brief=False)),
+            section("stages", "Stages", stages),
             histories(found),
             provenance(
                 [
