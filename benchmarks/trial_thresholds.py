@@ -84,9 +84,7 @@ def drawn_rig(rig: Rig, rng: np.random.Generator) -> Rig:
         for section in SECTIONS
         for name in getattr(rig, section).__struct_fields__
     }
-    return shifted(
-        rig, {key: rng.normal(0.0, q.tolerance or 0.0) for key, q in numbers.items() if isinstance(q, Quantity)}
-    )
+    return shifted(rig, {key: rng.normal(0.0, q.u or 0.0) for key, q in numbers.items() if isinstance(q, Quantity)})
 
 
 def write_simulated_campaign(folder: Path, effects: list[ActiveEffect], rng: np.random.Generator) -> None:

@@ -32,7 +32,7 @@ def estimated_rig() -> Rig:
     for place in (("generator", "k_e"), ("restoring", "mu_screw"), ("drivetrain", "b_rotor")):
         number = quantity_of(rig, *place)
         assert number is not None
-        rig = with_quantity(rig, *place, msgspec.structs.replace(number, tolerance=0.1 * number.value))
+        rig = with_quantity(rig, *place, msgspec.structs.replace(number, u=0.1 * number.value))
     return rig
 
 

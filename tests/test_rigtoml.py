@@ -1,3 +1,4 @@
+import math
 import tomllib
 
 import pytest
@@ -13,7 +14,7 @@ MINIMAL = 'name = "mine"\n'
 
 
 @pytest.mark.parametrize(
-    ("section", "entry", "si", "tolerance"),
+    ("section", "entry", "si", "u"),
     [
         ("winch", "r_drum", 0.13, None),
         ("winch", "inertia", 0.3, None),
@@ -32,12 +33,12 @@ MINIMAL = 'name = "mine"\n'
         ("dc_link", "c_dc", 2.2e-3, 2.2e-4),
     ],
 )
-def test_a_number_of_the_papers_rig_is_in_si_units_with_its_tolerance(
-    section: str, entry: str, si: float, tolerance: float | None
+def test_a_number_of_the_papers_rig_is_in_si_units_with_its_uncertainty(
+    section: str, entry: str, si: float, u: float | None
 ) -> None:
     quantity = getattr(getattr(built_in("hsu2026"), section), entry)
     assert quantity.value == pytest.approx(si, rel=1e-12)
-    assert quantity.tolerance == (None if tolerance is None else pytest.approx(tolerance, rel=1e-9))
+    assert quantity.u == (None if u is None else pytest.approx(u, rel=1e-9))
     assert quantity.source
 
 
@@ -79,6 +80,48 @@ def test_a_built_in_rig_can_be_written_out_and_read_back(name: str, tmp_path) ->
     path = tmp_path / "my rig.toml"
     path.write_text(built_in_text(name), encoding="utf-8")
     assert load_rig(path).winch == built_in(name).winch
+
+
+@pytest.mark.parametrize(
+    ("stated", "u", "rectangular"),
+    [
+        ("u = 2", 0.002, False),
+        ("u_percent = 2", 0.02 * 0.2, False),
+        ("limits = 2", 0.002 / math.sqrt(3.0), True),
+        ("limits_percent = 2", 0.02 * 0.2 / math.sqrt(3.0), True),
+    ],
+)
+def test_an_uncertainty_is_one_standard_uncertainty_or_limits_of_a_rectangular_distribution(
+    stated: str, u: float, rectangular: bool
+) -> None:
+    radius = parse_rig(
+        f'{MINIMAL}[winch]\nr_drum = {{ value = 200, unit = "mm", {stated} }}\n', "mine.toml"
+    ).winch.r_drum
+    assert radius is not None
+    assert (radius.u, radius.rectangular) == (pytest.approx(u, rel=1e-12), rectangular)
+
+
+@pytest.mark.parametrize(
+    ("stated", "u"), [("", 0.001), ("load_u_percent = 2", 0.02), ("load_limits_percent = 2", 0.02 / math.sqrt(3.0))]
+)
+def test_the_uncertainty_of_a_load_replaces_that_of_the_rig_below(stated: str, u: float) -> None:
+    rig = parse_rig(f'based_on = "hsu2026"\nname = "mine"\n[dc_link]\n{stated}\n', "mine.toml")
+    assert rig.dc_link.load_u == pytest.approx(u, rel=1e-12)
+
+
+@pytest.mark.parametrize("percent", ["", "_percent"])
+@pytest.mark.parametrize(
+    ("table", "entry", "load"),
+    [("winch", 'r_drum = {{ value = 1, unit = "m", {} = 1 }}', ""), ("dc_link", "{} = 1", "load_")],
+)
+def test_a_tolerance_is_rejected_with_both_keys_that_replace_it(
+    table: str, entry: str, load: str, percent: str
+) -> None:
+    stated = entry.format(f"{load}tolerance{percent}")
+    with pytest.raises(RigError) as fault:
+        parse_rig(f"{MINIMAL}[{table}]\n{stated}\n", "mine.toml")
+    assert {f"{load}u{percent}", f"{load}limits{percent}"} <= set(str(fault.value).replace(",", "").split())
+    assert f"[{table}]" in str(fault.value)
 
 
 def test_a_rig_based_on_another_says_only_what_differs() -> None:
@@ -154,7 +197,12 @@ def test_a_wrong_entry_is_one_sentence_with_its_place() -> None:
             MINIMAL + '[restoring]\nmu_screw = { value = -1, unit = "1" }\n',
             "mu_screw is -1; expected a number from 0 on",
         ),
-        (MINIMAL + "[dc_link]\nload_tolerance_percent = -1\n", "is -1; expected percent of the load, from 0 on"),
+        (MINIMAL + "[dc_link]\nload_u_percent = 1\nload_limits_percent = 1\n", "expected one of them"),
+        (
+            MINIMAL + '[winch]\nr_drum = { value = 1, unit = "m", u = 1, limits_percent = 1 }\n',
+            "has u and limits_percent",
+        ),
+        (MINIMAL + "[dc_link]\nload_u_percent = -1\n", "is -1; expected percent of the load, from 0 on"),
         (MINIMAL + "[model]\ndiscrepancy = 0.6\n", "discrepancy is 0.6; expected a share from 0 to 0.5"),
         (MINIMAL + "[thresholds]\nplateau_level = 1.1\n", "plateau_level is 1.1; expected a share between 0 and 1"),
         (MINIMAL + "[sensors]\nforce = 3\n", "[sensors] force is 3; expected a table [sensors.force]"),
@@ -215,7 +263,7 @@ SHA256 = "0123456789abcdef" * 4
 
 def calibrated(record: str) -> str:
     """A rig file whose gear mesh has a record of its calibration."""
-    return f'{MINIMAL}[drivetrain]\neta_mesh = {{ value = 94, unit = "%", tolerance = 0.5, calibrated = {record} }}\n'
+    return f'{MINIMAL}[drivetrain]\neta_mesh = {{ value = 94, unit = "%", u = 0.5, calibrated = {record} }}\n'
 
 
 def test_a_calibrated_number_has_its_prior_in_si_units() -> None:
@@ -225,7 +273,7 @@ def test_a_calibrated_number_has_its_prior_in_si_units() -> None:
     assert number.value == pytest.approx(0.94)
     prior = number.calibrated.prior if number.calibrated else None
     assert prior is not None
-    assert (prior.value, prior.tolerance) == pytest.approx((0.95, 0.02))
+    assert (prior.value, prior.u) == pytest.approx((0.95, 0.02))
     assert (prior.unit, prior.source, prior.calibrated) == ("%", "Table 4", None)
 
 
@@ -237,7 +285,7 @@ def test_a_calibrated_number_need_not_have_a_prior_nor_the_prior_an_uncertainty(
     assert bare.calibrated == Calibrated("a", "")
     assert exact.calibrated is not None
     assert exact.calibrated.prior is not None
-    assert exact.calibrated.prior.tolerance is None
+    assert exact.calibrated.prior.u is None
 
 
 @pytest.mark.parametrize(
@@ -254,7 +302,7 @@ def test_a_calibrated_number_need_not_have_a_prior_nor_the_prior_an_uncertainty(
         (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = 95, unit = "%" }} }}', "calibrated.prior", "unit"),
         (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = 950 }} }}', "calibrated.prior", "9.5"),
         (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = nan }} }}', "calibrated.prior", "nan"),
-        (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = 95, u = -1 }} }}', "calibrated.prior", "-0.01"),
+        (f'{{ log = "a.csv", sha256 = "{SHA256}", prior = {{ value = 95, u = -1 }} }}', "calibrated.prior", "u is -1"),
     ],
 )
 def test_a_wrong_record_of_a_calibration_is_a_fault_with_its_place(record: str, place: str, found: str) -> None:

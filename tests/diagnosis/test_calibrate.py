@@ -42,7 +42,7 @@ def number(calibration: Calibration, name: str) -> tuple[float, float, float]:
 def with_tolerance(section: str, name: str, tolerance: float | None) -> Rig:
     stated = quantity_of(RIG, section, name)
     assert stated is not None
-    return with_quantity(RIG, section, name, msgspec.structs.replace(stated, tolerance=tolerance))
+    return with_quantity(RIG, section, name, msgspec.structs.replace(stated, u=tolerance))
 
 
 def drawn(seed: int) -> tuple[Run, dict[str, float]]:

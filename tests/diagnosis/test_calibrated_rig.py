@@ -14,11 +14,11 @@ from winchcascade.diagnosis.nuisances import calibrated_numbers
 ESTIMATES = """based_on = "hsu2026"
 name = "estimates"
 [restoring]
-mu_screw = { value = 0.04, unit = "1", tolerance_percent = 10 }
+mu_screw = { value = 0.04, unit = "1", u_percent = 10 }
 [drivetrain]
-b_rotor = { value = 7.5e-4, unit = "N.m.s/rad", tolerance_percent = 10 }
+b_rotor = { value = 7.5e-4, unit = "N.m.s/rad", u_percent = 10 }
 [generator]
-k_e = { value = 0.062, unit = "V/rpm", tolerance_percent = 1 }
+k_e = { value = 0.062, unit = "V/rpm", u_percent = 1 }
 """
 """A rig file whose numbers are known so well only that an open circuit replaces them."""
 
@@ -65,7 +65,7 @@ def assert_same_causes(campaign: Path, tmp_path: Path) -> None:
     for section, _, name in (number.partition(".") for number in NUMBERS):
         numbers = [getattr(getattr(one, section), name) for one in (first, second)]
         assert numbers[1].value == pytest.approx(numbers[0].value)
-        assert numbers[1].tolerance == pytest.approx(numbers[0].tolerance)
+        assert numbers[1].u == pytest.approx(numbers[0].u)
 
 
 def test_the_causes_of_three_logs_do_not_depend_on_a_calibration(fixtures: Path, tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def test_a_rig_file_is_written_and_can_be_used(log: Path, tmp_path: Path) -> Non
     rig, estimates = tmp_path / "ours.toml", tmp_path / "estimates.toml"
     estimates.write_text(
         'based_on = "hsu2026"\nname = "estimates"\n[drivetrain]\n'
-        'b_rotor = { value = 7.5e-4, unit = "N.m.s/rad", tolerance_percent = 10 }\n'
+        'b_rotor = { value = 7.5e-4, unit = "N.m.s/rad", u_percent = 10 }\n'
     )
     done = winchcascade("calibrate", log, "--rig", estimates, "--write", rig)
     assert done.returncode == 0, done.stderr
@@ -44,7 +44,7 @@ def test_a_rig_file_is_written_and_can_be_used(log: Path, tmp_path: Path) -> Non
         assert stated.calibrated is not None
         assert stated.calibrated.prior is not None
         before = getattr(getattr(built_in, section), name)
-        assert (stated.calibrated.prior.value, stated.calibrated.prior.tolerance) == (before.value, before.tolerance)
+        assert (stated.calibrated.prior.value, stated.calibrated.prior.u) == (before.value, before.u)
 
 
 def test_a_rig_file_of_ones_own_is_not_replaced(log: Path, tmp_path: Path) -> None:

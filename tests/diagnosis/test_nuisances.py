@@ -75,10 +75,10 @@ def test_a_channel_that_is_not_logged_has_no_errors() -> None:
 def test_makers_limits_serve_where_nothing_was_calibrated_in_place() -> None:
     assert sensor_errors(None) == (0.0, 0.0)
     limits = Sensor(unit="N", high=2000.0, accuracy_full_scale=0.002, accuracy_reading=0.005)
-    assert sensor_errors(limits) == pytest.approx((0.006 / math.sqrt(3.0), 2.0 / math.sqrt(3.0)))
+    assert sensor_errors(limits) == pytest.approx((0.005 / math.sqrt(3.0), 4.0 / math.sqrt(3.0)))
     below = Sensor(unit="N", low=-500.0, high=0.0, accuracy_full_scale=0.002)
-    assert sensor_errors(below) == pytest.approx((0.001 / math.sqrt(3.0), 0.5 / math.sqrt(3.0)))
-    assert sensor_errors(msgspec.structs.replace(limits, u_gain=0.001)) == (0.001, 0.0)
+    assert sensor_errors(below) == pytest.approx((0.0, 1.0 / math.sqrt(3.0)))
+    assert sensor_errors(msgspec.structs.replace(limits, u_gain=0.001)) == pytest.approx((0.001, 4.0 / math.sqrt(3.0)))
 
 
 def test_a_shifted_rig_has_its_number_moved_and_nothing_else() -> None:

@@ -40,7 +40,7 @@ def assert_calibrated(text: str, found: Calibration) -> None:
         quantity = getattr(getattr(rig, n.section), n.name)
         if n.new:
             assert quantity.value == pytest.approx(n.value, abs=0.01 * n.u)
-            assert quantity.tolerance == pytest.approx(n.u, rel=0.01)
+            assert quantity.u == pytest.approx(n.u, rel=0.01)
             assert quantity.source.startswith("calibrated from open circuit.csv (sha256 0123456789ab, 2800 samples): ")
             assert (quantity.calibrated.log, quantity.calibrated.sha256) == ("open circuit.csv", "0123456789abcdef" * 4)
             assert_same(quantity.prior, getattr(getattr(found.rig, n.section), n.name).prior)
@@ -51,7 +51,7 @@ def assert_calibrated(text: str, found: Calibration) -> None:
 def assert_same(number: Quantity, other: Quantity) -> None:
     """Equal but for the last digits, which a file does not hold."""
     assert number.value == pytest.approx(other.value, rel=1e-11)
-    assert number.tolerance == (None if other.tolerance is None else pytest.approx(other.tolerance, rel=1e-11))
+    assert number.u == (None if other.u is None else pytest.approx(other.u, rel=1e-11))
     assert (number.unit, number.source, number.calibrated) == (other.unit, other.source, other.calibrated)
 
 
@@ -104,7 +104,7 @@ def test_other_spellings_of_the_same_are_found(tmp_path: Path, old: str, new: st
 OWN_KEYS = """[generator.k_e]
 # line to line
 value = 0.0617
-tolerance_percent = 0.5
+u_percent = 0.5
 unit = "V/rpm"
 """
 
@@ -120,7 +120,7 @@ def test_keys_on_lines_of_their_own_are_replaced(tmp_path: Path, entry: str) -> 
     found = of_file(own, tmp_path)
     text = calibrated_text(found)
     assert_calibrated(text, found)
-    assert "tolerance_percent" not in text
+    assert "u_percent" not in text
     assert text.count("0.0617") == 1  # as the number before
     assert ("# line to line" in text) == (entry is OWN_KEYS)
 

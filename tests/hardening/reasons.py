@@ -11,7 +11,7 @@ from base_logs import Log, Signal
 from scipy.stats import t as student
 
 from winchcascade.batch.campaign_findings import log_efficiency
-from winchcascade.core.accuracy import CERTAIN, zero_uncertainty
+from winchcascade.core.accuracy import CERTAIN, part_uncertainty
 from winchcascade.reduction.checks.lag import OF_THE_MACHINE, OF_THE_ROTOR, SAME_TIME
 from winchcascade.reduction.checks.zeros import KNOWN
 from winchcascade.reduction.efficiency_between_runs import _chances, _left_out, _rows
@@ -70,7 +70,7 @@ def zero_reason(log: Log, name: str, damaged: Signal) -> Reasoning:
     """A zero is off: does the damaged channel read less than five standard uncertainties of its zero in every hold?"""
 
     def reason(found: Reduction) -> Reason | None:
-        limit = CERTAIN * zero_uncertainty(found.rig.sensors.get(name))
+        limit = CERTAIN * part_uncertainty(found.rig.sensors.get(name), "zero")
         read = []
         for cycle in found.cycles:
             if cycle.phases.hold is not None:
@@ -94,7 +94,9 @@ def force_reason(log: Log, damaged: Signal, band: tuple[float, float]) -> Reason
         rest = slice(0, round(3.0 * log.rate))
         pressure = 98066.5 * float(np.median(log.columns["pressure"][rest]))
         frictionless = pressure * 7850e-6 * 0.010 / (2 * np.pi * 0.13)
-        margin = CERTAIN * float(np.hypot(zero_uncertainty(found.rig.sensors.get("force")), KNOWN * frictionless))
+        margin = CERTAIN * float(
+            np.hypot(part_uncertainty(found.rig.sensors.get("force"), "zero"), KNOWN * frictionless)
+        )
         low, high = band[0] * frictionless - margin, band[1] * frictionless + margin
         read = float(np.median(damaged[rest]))
         if not low < read < high:

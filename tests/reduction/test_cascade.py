@@ -49,10 +49,10 @@ def test_in_open_circuit_nothing_is_delivered_so_only_the_transmission_has_an_ef
     assert values.eta_pto is None
 
 
-@pytest.mark.parametrize(("line", "mech"), [(400.0, 1000.0), (1000.0, -50.0)])
-def test_a_ratio_that_is_no_efficiency_is_not_given_as_one(line: float, mech: float) -> None:
+@pytest.mark.parametrize(("line", "mech", "eta"), [(400.0, 1000.0, 2.5), (1000.0, -50.0, None)])
+def test_a_ratio_above_1_is_given_and_one_below_0_is_not(line: float, mech: float, eta: float | None) -> None:
     values, odd = metrics(energy(line, mech, None), 5.0, open_circuit=False)
-    assert values.eta_trans is None
+    assert values.eta_trans == eta
     assert odd["eta_trans"] == pytest.approx(mech / line)
 
 

@@ -58,8 +58,8 @@ def test_two_stages_have_one_efficiency_and_no_net_energies(tmp_path: Path) -> N
 def test_a_motor_test_runs_the_other_way(tmp_path: Path) -> None:
     forward = reduced(rig_with(tmp_path, '[cascade]\nstages = ["mech", "gen"]\n'))
     back = reduced(rig_with(tmp_path, '[cascade]\nstages = ["gen", "mech"]\n'))
-    assert back.mean.eta_gen_mech is None
-    assert [f.kind for f in back.quality].count("out_of_range") == 1
+    assert back.mean.value("eta_gen_mech") > 1.0
+    assert [f.kind for f in back.quality].count("efficiency_above_one") == 1
     assert back.mean.energy_gen == forward.mean.energy_gen
 
 

@@ -68,7 +68,7 @@ def test_a_load_within_ten_percent_is_no_mismatch(factor: float) -> None:
 
 def test_sensors_that_are_known_badly_allow_a_larger_deviation() -> None:
     rig = built_in()
-    vague = msgspec.structs.replace(rig.sensors["idc"], accuracy_reading=0.5)
+    vague = msgspec.structs.replace(rig.sensors["idc"], u_gain=0.3)
     rig = msgspec.structs.replace(rig, sensors={**rig.sensors, "idc": vague})
     run = msgspec.structs.replace(clean(), load=45.0 / 1.5)
     assert not messages(reduce(run, rig=rig, window=5.48), "load_mismatch")

@@ -219,8 +219,14 @@ def test_the_record_holds_the_net_energies_and_why_they_are_missing() -> None:
     )
 
 
-@pytest.mark.parametrize(("net_energy", "gen"), [(0.0, 6e3), (-1e3, 6e3), (8e3, 9e3)])
-def test_a_cycle_whose_line_gives_no_net_energy_or_less_than_the_generator_has_no_efficiency(
+def test_a_cycle_whose_line_gives_less_than_the_generator_has_an_efficiency_above_1() -> None:
+    joules = {"payout": 10e3, "returned": 2e3, "net": 8e3, "gen_cycle": 9e3}
+    values, span = net_metrics(joules, NetSpan(0.0, 60.0))
+    assert (values["eta_net"], span.reason) == (pytest.approx(1.125), None)
+
+
+@pytest.mark.parametrize(("net_energy", "gen"), [(0.0, 6e3), (-1e3, 6e3), (8e3, -1e3)])
+def test_a_cycle_whose_line_gives_no_net_energy_or_whose_generator_takes_some_has_no_efficiency(
     net_energy: float, gen: float
 ) -> None:
     joules = {"payout": 10e3, "returned": 2e3, "net": net_energy, "gen_cycle": gen}

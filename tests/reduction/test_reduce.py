@@ -16,6 +16,7 @@ from winchcascade import Run, load_rig, read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import parse_rig
+from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.reduction.reduce import window_rule
 
 TABLE_2 = {
@@ -235,10 +236,14 @@ def test_a_gap_of_the_current_costs_no_cycle_in_open_circuit(fixtures: Path) -> 
     assert len(reduce(holed).complete) == len(reduce(run).complete) == 3
 
 
-def test_a_ratio_that_is_no_efficiency_names_its_cycle(fixtures: Path) -> None:
+def test_an_efficiency_above_1_is_given_with_its_mean_and_names_its_cycle(fixtures: Path) -> None:
     run = read_run(fixtures / "campaign" / "r36ohm.csv")
     torque = np.where((run.t > 38.0) & (run.t < 60.0), 3.0, 1.0) * run.channels["torque"]
     bent = msgspec.structs.replace(run, channels={**run.channels, "torque": torque})
-    (finding,) = (f for f in reduce(bent, cycles=(2, 3)).quality if "lies outside 0 to 1" in f.message)
-    assert finding.message.startswith("eta_trans lies outside 0 to 1 in 1 cycle (2.")
-    assert "in cycle 2); check unit, gain and sign" in finding.message
+    found = reduce(bent, cycles=(2, 3))
+    (finding,) = (f for f in found.quality if f.kind == "efficiency_above_one")
+    above, below = (cycle.metrics.value("eta_trans") for cycle in found.cycles)
+    assert above > 1.0 > below
+    assert found.mean.eta_trans == pytest.approx(0.5 * (above + below))
+    assert stated_uncertainty(found)[1].eta_trans
+    assert (finding.count, f"{above:.4f} in cycle 2" in finding.message) == (1, True)

@@ -11,6 +11,7 @@ import pytest
 
 from winchcascade import read_run, reduce
 from winchcascade.core.rig_toml import parse_rig
+from winchcascade.reduction.bins import STORES
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.frames import Row, arrow_schema, arrow_table, write_parquet
 from winchcascade.report.records import reduction_json
@@ -54,6 +55,7 @@ def test_the_json_has_the_fields_of_the_contract(record: dict[str, Any]) -> None
 def test_bins_have_means_and_standard_errors(record: dict[str, Any]) -> None:
     stages = ("power_line_w", "power_mech_w", "power_gen_w", "torque_nm")
     wanted = {"rpm_low", "rpm_high", "count", *stages, *(f"{s}_standard_error" for s in stages)}
+    wanted |= {f"power_{store}_w" for store in STORES}
     assert all(set(b) == wanted for b in record["bins"])
     assert all(b["rpm_high"] - b["rpm_low"] == 100.0 for b in record["bins"])
     assert max(b["rpm_low"] for b in record["bins"]) == pytest.approx(3200.0, abs=150.0)  # 0.88 m/s on the plateau

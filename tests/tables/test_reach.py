@@ -259,7 +259,7 @@ def test_a_rig_without_a_model_is_rejected() -> None:
 def test_tolerances_of_the_rig_widen_what_can_be_reached() -> None:
     loose = parse_rig(
         'based_on = "hsu2026"\nname = "loose"\n[drivetrain]\n'
-        'eta_mesh = { value = 0.95, unit = "1", tolerance = 0.02, source = "assumed" }\n',
+        'eta_mesh = { value = 0.95, unit = "1", u = 0.02, source = "assumed" }\n',
         "loose.toml",
     )
     sharp, wide = cells_of(judged(own_table()), "eta_gen"), cells_of(judged(own_table(), rig=loose), "eta_gen")

@@ -20,10 +20,13 @@ class CompareError(WinchcascadeError):
 
 
 class Gain(msgspec.Struct, frozen=True):
-    """Gain of a sensor, or of the drum radius: its relative standard uncertainty, and what it contributes to each mean."""
+    """Error of a sensor, or of the drum radius, that is the same in all logs of a side: its standard uncertainty, and what it
+    contributes to each mean. A gain may be `sharable` by both sides; a zero may be set anew between them.
+    """
 
     u: float
     of: Mapping[str, float]
+    sharable: bool = True
 
 
 class ComparedRun(msgspec.Struct, frozen=True):
@@ -40,7 +43,8 @@ class ComparedRun(msgspec.Struct, frozen=True):
     cycles : values of each metric in the complete cycles that have it
     repeats : whether the cycles repeat each other, so that their scatter shows the repeatability
     sensors : standard uncertainty of each mean by the errors of the sensors; None where it is not known
-    gains : by sensor, their sources that are the same in all logs of the same sensors
+    gains : by sensor, their errors that are the same in all logs of the same sensors; a zero that only the accuracy of a sensor
+        limits has an entry of its own
     split : metrics whose contributions are known by source
     measures : channels with an error that each energy depends on
     unknown : channels without a stated accuracy
@@ -72,7 +76,7 @@ class ComparedRun(msgspec.Struct, frozen=True):
     formulas: Mapping[str, str | None]
 
     def rest(self, metric: str) -> float:
-        """Standard uncertainty of a mean by what is of this log alone: zeros, sampling and bridged gaps."""
+        """Standard uncertainty of a mean by what is of this log alone: calibrated zeros, sampling and bridged gaps."""
         gains = sum(gain.of.get(metric, 0.0) ** 2 for gain in self.gains.values())
         return math.sqrt(max((self.sensors[metric] or 0.0) ** 2 - gains, 0.0))
 
@@ -165,18 +169,24 @@ def scatter_of(values: Sequence[float]) -> float:
 def _gains(
     parts: UncertaintyRecord, metrics: Mapping[str, str], sensors: Mapping[str, float | None]
 ) -> dict[str, Gain]:
-    """Gains by sensor, that of its acquisition system with it; scaled where a Monte Carlo states more than the budget."""
+    """Gains by sensor, that of its acquisition system with it; scaled where a Monte Carlo states more than the budget.
+
+    A zero that is calibrated in place is one of each log. One that an accuracy limits may be the whole limit in every log: no
+    number of logs averages it out.
+    """
     found: dict[str, Gain] = {}
     for row in parts.budget:
-        if row.part != "gain" or row.source == SAMPLING:
+        by_accuracy = row.part == "zero" and row.basis in ("limits", "expanded_uncertainty")
+        if not (by_accuracy or row.part == "gain") or row.source == SAMPLING:
             continue
-        before = found.get(row.source, Gain(0.0, {}))
+        error = f"{row.source}, zero" if by_accuracy else row.source
+        before = found.get(error, Gain(0.0, {}))
         of = {}
         for metric, name in metrics.items():
             linear, stated = parts.sensors.get(name), sensors[metric]
             scale = stated / linear if linear and stated else 1.0
             of[metric] = math.hypot(before.of.get(metric, 0.0), scale * (row.contribution.get(name) or 0.0))
-        found[row.source] = Gain(math.hypot(before.u, row.standard_uncertainty or 0.0), of)
+        found[error] = Gain(math.hypot(before.u, row.standard_uncertainty or 0.0), of, sharable=not by_accuracy)
     return found
 
 

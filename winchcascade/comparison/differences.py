@@ -77,7 +77,7 @@ class Difference(msgspec.Struct, frozen=True):
 
 
 class _Side(msgspec.Struct, frozen=True):
-    """Mean of one metric over the logs of a side, and the parts of its uncertainty; `gains` are signed, by sensor."""
+    """Mean of one metric over the logs of a side, and the parts of its uncertainty; `gains` are signed, by error."""
 
     mean: float
     cycles: int
@@ -205,6 +205,7 @@ def shared_gains(a: Sequence[ComparedRun], b: Sequence[ComparedRun]) -> tuple[fr
     stated: dict[str, list[float]] = {}
     for run in (*a, *b):
         for name, gain in run.gains.items():
-            stated.setdefault(name, []).append(gain.u)
+            if gain.sharable:
+                stated.setdefault(name, []).append(gain.u)
     unlike = {name for name, found in stated.items() if max(found) - min(found) > SAME * max(found)}
     return frozenset(stated) - unlike, tuple(sorted(unlike))

@@ -12,6 +12,9 @@ from winchcascade.core.rig_file import Rig, Sensor
 
 Part = Literal["zero", "gain"]
 Shape = Literal["rectangular", "normal"]
+Basis = Literal["calibration_in_place", "limits", "expanded_uncertainty", "standard_uncertainty", "resampling"]
+"""What an error is known by: `u_zero` and `u_gain` of a sensor, limits of a maker, an accuracy with a coverage factor, `u` of a
+number of the rig, or samples of the log that are left out."""
 
 
 LEAKAGE = 2.0
@@ -41,7 +44,8 @@ _SENSORS = 200
 class ErrorSource(msgspec.Struct, frozen=True):
     """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read.
 
-    `u` is its standard uncertainty; `limit` the half width of a rectangular distribution, None for a normal one.
+    `u` is its standard uncertainty; `limit` the half width of a rectangular distribution, None for a normal one; `basis` what
+    the rig file states it by.
     """
 
     channel: str
@@ -49,6 +53,7 @@ class ErrorSource(msgspec.Struct, frozen=True):
     u: float
     limit: float | None = None
     origin: str = ""
+    basis: Basis = "limits"
 
     @property
     def shape(self) -> Shape:
@@ -58,31 +63,37 @@ class ErrorSource(msgspec.Struct, frozen=True):
 
 @lru_cache(_SENSORS)
 def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
-    """Errors that the stated accuracies of a sensor and of its acquisition system allow, in SI units; empty without any.
+    """Zero and gain errors that the rig file allows a sensor, in SI units; empty without any.
 
-    Accuracies are limits of rectangular distributions. One in shares of the full scale (or absolute, with a known range)
-    is half zero and half gain; a share of the reading is gain alone; an absolute one without a range is zero alone.
-    With a coverage factor they are expanded uncertainties of normal distributions, and zero and gain each have the share
-    1 / sqrt(2), so that both in squares are the stated one at full scale (GUM 6.2). Without any accuracy of the sensor,
-    standard uncertainties of a calibration in place count. The acquisition system adds errors of its own to a known sensor.
+    Each of the two is that of a calibration in place where the rig file states one (`u_zero`, `u_gain`), which contains the
+    acquisition system; else what the accuracies of the sensor and of its acquisition system allow. Never both.
+
+    Accuracies are limits of rectangular distributions, or with a coverage factor expanded uncertainties of normal ones. One in
+    shares of the full scale, or absolute, limits the error at any reading, so it is a zero error and does not shrink at small
+    readings; a share of the reading is a gain error. Where the zero alone is calibrated, a share of the full scale limits the
+    gain.
 
     >>> from winchcascade.core.rig_file import Sensor
     >>> [(s.part, s.limit) for s in error_sources("force", Sensor("N", high=20000.0, accuracy_full_scale=0.002))]
-    [('zero', 20.0), ('gain', 0.001)]
-    >>> [(s.part, s.u) for s in error_sources("vdc", Sensor("V", accuracy_reading=0.004, coverage=2.0))]
-    [('gain', 0.002)]
+    [('zero', 40.0)]
+    >>> [(s.part, s.u) for s in error_sources("vdc", Sensor("V", accuracy_reading=0.004, coverage=2.0, u_zero=0.1))]
+    [('zero', 0.1), ('gain', 0.002)]
     """
     full_scale = max(abs(sensor.low or 0.0), abs(sensor.high or 0.0))
     absolute = (sensor.accuracy or 0.0) + (sensor.accuracy_full_scale or 0.0) * full_scale
-    own = _Stated(absolute, sensor.accuracy_reading or 0.0, full_scale, sensor.coverage)
-    acquired = _Stated(
-        (sensor.daq_full_scale or 0.0) * full_scale, sensor.daq_reading or 0.0, full_scale, sensor.daq_coverage
-    )
-    found = _sources(channel, own, sensor.source)
-    if not found:
-        in_place: tuple[tuple[Part, float | None], ...] = (("zero", sensor.u_zero), ("gain", sensor.u_gain))
-        found = [ErrorSource(channel, part, u, None, sensor.source) for part, u in in_place if u]
-    return (*found, *_sources(channel, acquired, ACQUISITION)) if found else ()
+    own = _Stated(absolute, sensor.accuracy_reading or 0.0, sensor.coverage, sensor.source)
+    daq = (sensor.daq_full_scale or 0.0) * full_scale
+    acquired = _Stated(daq, sensor.daq_reading or 0.0, sensor.daq_coverage, ACQUISITION)
+    to_gain = 0.0 if sensor.u_zero is None or full_scale == 0.0 else 1.0 / full_scale
+    in_place: dict[Part, float | None] = {"zero": sensor.u_zero, "gain": sensor.u_gain}
+    found: list[ErrorSource] = []
+    for part, u in in_place.items():
+        if u is not None:
+            found += [ErrorSource(channel, part, u, None, sensor.source, "calibration_in_place")] if u else []
+            continue
+        sizes = [(s.absolute if part == "zero" else s.reading + s.absolute * to_gain, s) for s in (own, acquired)]
+        found += [_source(channel, part, size, stated) for size, stated in sizes if size]
+    return tuple(found)
 
 
 class _Stated(msgspec.Struct, frozen=True):
@@ -90,37 +101,25 @@ class _Stated(msgspec.Struct, frozen=True):
 
     absolute: float
     reading: float
-    full_scale: float
     coverage: float | None
+    origin: str
 
 
-def _sources(channel: str, stated: _Stated, origin: str) -> list[ErrorSource]:
-    """Zero and gain errors of one stated accuracy; none for one that is not stated."""
-    ranged = stated.full_scale > 0.0
-    share = 1.0 if not ranged else 0.5 if stated.coverage is None else math.sqrt(0.5)
-    zero = share * stated.absolute
-    gain = (zero / stated.full_scale if ranged else 0.0) + stated.reading
-    sizes: tuple[tuple[Part, float], ...] = (("zero", zero), ("gain", gain))
+def _source(channel: str, part: Part, size: float, stated: _Stated) -> ErrorSource:
+    """Error by an accuracy of some size, a limit or an expanded uncertainty."""
     if stated.coverage is not None:
-        return [ErrorSource(channel, part, size / stated.coverage, None, origin) for part, size in sizes if size]
-    return [ErrorSource(channel, part, limit / math.sqrt(3.0), limit, origin) for part, limit in sizes if limit]
+        return ErrorSource(channel, part, size / stated.coverage, None, stated.origin, "expanded_uncertainty")
+    return ErrorSource(channel, part, size / math.sqrt(3.0), size, stated.origin)
 
 
 def part_uncertainty(sensor: Sensor | None, part: Part) -> float:
-    """Standard uncertainty of zero [SI unit of the channel] or gain [1] of a sensor with its acquisition system, in squares."""
-    return 0.0 if sensor is None else math.hypot(*(s.u for s in error_sources("", sensor) if s.part == part))
-
-
-def zero_uncertainty(sensor: Sensor | None) -> float:
-    """Standard uncertainty of a sensor's zero: as calibrated in place, else by its accuracy; 0 where none is stated.
+    """Standard uncertainty of zero [SI unit of the channel] or gain [1] of a sensor with its acquisition system, in squares.
 
     >>> from winchcascade.core.rig_file import Sensor
-    >>> zero_uncertainty(Sensor("N", accuracy=30.0, u_zero=2.0)), zero_uncertainty(None)
+    >>> part_uncertainty(Sensor("N", accuracy=30.0, u_zero=2.0), "zero"), part_uncertainty(None, "zero")
     (2.0, 0.0)
     """
-    if sensor is None:
-        return 0.0
-    return sensor.u_zero or part_uncertainty(sensor, "zero")
+    return 0.0 if sensor is None else math.hypot(*(s.u for s in error_sources("", sensor) if s.part == part))
 
 
 def open_circuit_current(rig: Rig, voltage: float) -> float:
@@ -132,7 +131,7 @@ def open_circuit_current(rig: Rig, voltage: float) -> float:
     """
     bleed = rig.dc_link.r_bleed
     resistance = bleed.value if bleed is not None and bleed.value > 0.0 else BLEED
-    return LEAKAGE * voltage / resistance + CERTAIN * zero_uncertainty(rig.sensors.get("idc"))
+    return LEAKAGE * voltage / resistance + CERTAIN * part_uncertainty(rig.sensors.get("idc"), "zero")
 
 
 def student(freedom: float) -> float:

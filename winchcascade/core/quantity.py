@@ -220,16 +220,18 @@ def unit_names(dimension: str) -> dict[float, str]:
 
 
 class Quantity(msgspec.Struct, frozen=True):
-    """A number in SI units with its source and, where it is known, one standard uncertainty in the same unit.
+    """A number in SI units with its source and, where it is known, one standard uncertainty `u` in the same unit.
 
-    `calibrated` records where a number comes from that `calibrate` wrote.
+    `calibrated` records where a number comes from that `calibrate` wrote. `rectangular`: the rig file states limits of the
+    maker, whose half width is sqrt(3) u.
     """
 
     value: float
     unit: str
     source: str = ""
-    tolerance: float | None = None
+    u: float | None = None
     calibrated: Calibrated | None = None
+    rectangular: bool = False
 
     @property
     def prior(self) -> Quantity:

@@ -1,4 +1,4 @@
-"""A rig as data: geometry, sensors, columns, thresholds and tolerances, as a rig file states them.
+"""A rig as data: geometry, sensors, columns, thresholds and uncertainties, as a rig file states them.
 
 A rig may lack stages and sensors: what is absent is None or not listed, and the metrics that need it are null.
 """
@@ -139,7 +139,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `accuracy_full_scale` is a share of the end of the range that is farther from zero, `accuracy_reading` of the reading;
     what is stated adds up. Accuracies are limits, or with `coverage` expanded uncertainties of that coverage factor. `daq_...`
     are the same of the acquisition system, which adds an error of its own. `u_zero` and `u_gain` are standard uncertainties of
-    zero and gain of a sensor that was calibrated in place.
+    zero and gain of a sensor that was calibrated in place with its acquisition system; each replaces the accuracies.
     """
 
     unit: Annotated[str, Expected('the unit of the numbers, such as "N"')]
@@ -180,11 +180,14 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Winch(msgspec.Struct, frozen=True):
     """The drum that the tether turns.
 
+    `motion` is where displacement and velocity are measured: by an encoder on the drum, which counts radius times angle, or on
+    the line itself. A velocity that a reduction makes of the speed of the shaft is of the drum in any case.
     `line_can_push` of a rod or a rack in its place: the force of the line then has both signs, and is never slack.
     """
 
     r_drum: Annotated[Quantity | None, Measure("length", 1e-3, 100.0)] = None
     inertia: Annotated[Quantity | None, Measure("inertia")] = None
+    motion: Annotated[Literal["drum", "line"], Expected('"drum" or "line"')] = "drum"
     line_can_push: Annotated[bool, Expected("true or false")] = False
 
 
@@ -227,12 +230,24 @@ class Generator(msgspec.Struct, frozen=True):
     i_rated: Annotated[Quantity | None, Measure("current")] = None
 
 
+_LoadPercent = Expected("percent of the load, from 0 on", lambda percent: 0.0 <= percent < 1e9)
+
+
 class DcLink(msgspec.Struct, frozen=True):
-    """Capacitor, bleed resistance and load behind the bridge."""
+    """Capacitor, bleed resistance and load behind the bridge.
+
+    The uncertainty of a load is one standard uncertainty or the +- limits of its maker, in percent of the load.
+    """
 
     c_dc: Annotated[Quantity | None, Measure("capacitance")] = None
     r_bleed: Annotated[Quantity | None, Measure("resistance")] = None
-    load_tolerance_percent: Annotated[float, Expected("percent of the load, from 0 on", lambda p: 0.0 <= p < 1e9)] = 0.0
+    load_u_percent: Annotated[float, _LoadPercent] = 0.0
+    load_limits_percent: Annotated[float, _LoadPercent] = 0.0
+
+    @property
+    def load_u(self) -> float:
+        """Standard uncertainty of a load as a share of it; limits are those of a rectangular distribution. [1]"""
+        return (self.load_u_percent + self.load_limits_percent / math.sqrt(3.0)) / 100.0
 
 
 class Thresholds(msgspec.Struct, frozen=True):

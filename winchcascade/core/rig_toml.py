@@ -14,7 +14,7 @@ import msgspec
 
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.errors import RigError, check_type
-from winchcascade.core.quantity import Calibrated, Quantity, find_unit, read_as
+from winchcascade.core.quantity import find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
     DcLink,
@@ -31,6 +31,7 @@ from winchcascade.core.rig_file import (
     Winch,
     phase_rule,
 )
+from winchcascade.core.rig_number import HUGE, check_replaced, convert, finite, number_of, possible, quantity
 from winchcascade.core.run import CHANNELS, Channel
 from winchcascade.core.toml_text import (
     Entries,
@@ -46,33 +47,6 @@ from winchcascade.core.toml_text import (
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
 _FOLDER = Path(__file__).parent.parent / "rigfiles"
-
-
-class _Prior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A number before its first calibration, in the unit of the number."""
-
-    value: float
-    u: float | None = None
-    source: str = ""
-
-
-class _Calibrated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a calibrated number comes from."""
-
-    log: str
-    sha256: str
-    prior: _Prior | None = None
-
-
-class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A number as a rig file writes it."""
-
-    value: float
-    unit: str
-    source: str = ""
-    tolerance: float | None = None
-    tolerance_percent: float | None = None
-    calibrated: _Calibrated | None = None
 
 
 def built_in_text(name: str) -> str:
@@ -131,7 +105,8 @@ def parse_rig(text: str, where: str) -> Rig:
 
 def _merged(base: dict[str, object], over: dict[str, object]) -> dict[str, object]:
     """Lay one table over another; what has a unit or a name is replaced whole, so that no old number clings to it."""
-    merged = dict(base)
+    loads = {"load_u_percent", "load_limits_percent"}
+    merged = {key: value for key, value in base.items() if not (key in loads and loads & over.keys())}
     for key, value in over.items():
         below = base.get(key)
         if (
@@ -177,18 +152,20 @@ class _Log(msgspec.Struct, frozen=True):
 _MAX_COLUMNS = 100_000
 """No log has more columns."""
 
-HUGE = 1e12
-"""No range, accuracy or tolerance of a rig is larger, in SI units."""
-
 
 def _rig(raw: dict[str, object], where: str) -> Rig:
     _check_keys(raw, _TABLES, f"{where}: ")
     name = raw.get("name")
     if not isinstance(name, str) or not name:
         raise RigError(f'{where}: the entry name is missing; add name = "my rig".')
-    texts = {key: _convert(raw.get(key, ""), str, f"{where}: {key}") for key in ("title", "source", "note")}
+    texts = {key: convert(raw.get(key, ""), str, f"{where}: {key}") for key in ("title", "source", "note")}
     own = _channels(_table(raw, "channels", where), where)
     known = {**CHANNELS, **own}
+    sections = {key: _section(raw, key, kind, where) for key, kind in _SECTIONS.items()}
+    if sections["dc_link"].load_u_percent and sections["dc_link"].load_limits_percent:
+        raise RigError(
+            f"{where}: [dc_link] has load_u_percent and load_limits_percent; expected one of them, leave the other out."
+        )
     return Rig(
         name=name,
         **texts,
@@ -204,7 +181,7 @@ def _rig(raw: dict[str, object], where: str) -> Rig:
         model=_section(raw, "model", ModelAccuracy, where),
         phases=phase_rule(_table(raw, "phases", where), where),
         path=where,
-        **{key: _section(raw, key, kind, where) for key, kind in _SECTIONS.items()},
+        **sections,
     )
 
 
@@ -213,6 +190,7 @@ def _section(raw: dict[str, object], key: str, kind: type[Entries], where: str) 
     declared = {field.name: field.type for field in struct_fields(kind)}
     values = _table(raw, key, where)
     place = f"{where}: [{key}]"
+    check_replaced(values, place)
     for name in values:
         table = None if name in declared else _TABLE_OF.get(name)
         if table is not None:
@@ -229,10 +207,10 @@ def _declared(value: object, name: str, kind: Any, place: str) -> Any:
         return entry(value, name, kind, place, RigError)
     place = f"{place} {name}"
     if python_type is not float:
-        return _quantity(value, place, measure)
+        return quantity(value, place, measure)
     if measure.dimension is not None and isinstance(value, dict):
-        return _quantity(value, place, measure).value
-    return _possible(_number(value, place), place, measure)
+        return quantity(value, place, measure).value
+    return possible(number_of(value, place), place, measure)
 
 
 def _thresholds(raw: dict[str, object], where: str) -> Thresholds:
@@ -249,9 +227,9 @@ def _cascade(raw: dict[str, object], known: Mapping[str, Channel], where: str) -
         return PAPER
     from winchcascade.core.cascade_toml import CascadeTable, StageTable, read_cascade
 
-    table = _convert(raw["cascade"], CascadeTable, f"{where}: [cascade]") if "cascade" in raw else None
+    table = convert(raw["cascade"], CascadeTable, f"{where}: [cascade]") if "cascade" in raw else None
     stages = _table(raw, "stage", where)
-    own = {name: _convert(stage, StageTable, f"{where}: [stage.{name}]") for name, stage in stages.items()}
+    own = {name: convert(stage, StageTable, f"{where}: [stage.{name}]") for name, stage in stages.items()}
     return read_cascade(table, own, known, where)
 
 
@@ -262,94 +240,8 @@ def _table(raw: dict[str, object], key: str, where: str) -> dict[str, object]:
     return dict(value)
 
 
-def _convert(value: object, kind: Any, place: str) -> Any:
-    """Check a value against a type; msgspec's finding becomes one sentence with the place in the file."""
-    try:
-        return msgspec.convert(value, kind)
-    except msgspec.ValidationError as fault:
-        what, _, deeper = str(fault).partition(" - at `$")
-        inner = re.sub(r"^\.", " ", deeper.rstrip("`"))
-        raise RigError(f"{place}{inner}: {_in_words(what, None if inner else kind)}.") from None
-
-
-_TYPES = {
-    "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a table",
-    "array": "a list",
-}  # fmt: skip
-"""Types of TOML in words."""
-
-
-def _in_words(what: str, kind: Any) -> str:
-    """A finding of msgspec in words; `kind` is the type that was expected, None for a part of it."""
-    if found := re.fullmatch(r"Expected `([^`]*)`, got `([^`]*)`", what):
-        expected = [_TYPES.get(name, name) for name in found[1].split(" | ") if name != "null"]
-        return f"expected {' or '.join(expected)}, found {_TYPES.get(found[2], found[2])}"
-    if found := re.fullmatch(r"Object contains unknown field `([^`]*)`", what):
-        fields = [f.encode_name for f in struct_fields(kind)] if isinstance(kind, type(msgspec.Struct)) else []
-        return f"{found[1]} is no entry here" + (f"; expected {', '.join(fields)}" if fields else "")
-    if found := re.fullmatch(r"Object missing required field `([^`]*)`", what):
-        return f"the entry {found[1]} is missing"
-    return f"{what[:1].lower()}{what[1:]}"
-
-
 def _check_keys(raw: Mapping[str, object], known: Sequence[str], place: str) -> None:
     check_keys(raw, known, place, f"no entry of a rig file; expected {', '.join(known)}", RigError)
-
-
-def _number(value: object, place: str) -> float:
-    return _finite(_convert(value, float, place), place)
-
-
-def _finite(value: float, place: str) -> float:
-    if not math.isfinite(value):
-        raise RigError(f"{place} is {value}; expected a finite number.")
-    return value
-
-
-def _quantity(value: object, place: str, measure: Measure) -> Quantity:
-    if not isinstance(value, dict):
-        raise RigError(f'{place} is {value!r}; expected {{ value = ..., unit = "...", source = "..." }}.')
-    number: _Number = _convert(value, _Number, place)
-    unit = find_unit(number.unit)
-    if unit is None or unit.dimension != measure.dimension:
-        raise RigError(f"{place}: the unit {number.unit!r} is none of {str(measure.dimension).replace('_', ' ')}.")
-    in_si = _possible(_finite(number.value, place) * unit.factor + unit.offset, place, measure)
-    tolerance = None if number.tolerance is None else number.tolerance * unit.factor
-    if number.tolerance_percent is not None:
-        tolerance = abs(in_si) * number.tolerance_percent / 100.0
-    if tolerance is not None and not 0 <= tolerance <= HUGE:
-        raise RigError(f"{place}: the tolerance is {tolerance:g}; expected a number that is not negative.")
-    return Quantity(in_si, number.unit, number.source, tolerance, _calibrated(number, f"{place} calibrated", measure))
-
-
-_SHA256 = re.compile("([0-9a-f]{64})?")
-
-
-def _calibrated(number: _Number, place: str, measure: Measure) -> Calibrated | None:
-    """The record of a calibrated number, its prior in SI units."""
-    record = number.calibrated
-    if record is None:
-        return None
-    if _SHA256.fullmatch(record.sha256) is None:
-        raise RigError(
-            f"{place}.sha256 is {record.sha256!r}; expected the 64 hexadecimal digits of the SHA-256 of the log, or "
-            '"" where the log is no file.'
-        )
-    if record.prior is None:
-        return Calibrated(record.log, record.sha256)
-    prior = {
-        "value": record.prior.value,
-        "unit": number.unit,
-        "source": record.prior.source,
-        "tolerance": record.prior.u,
-    }
-    return Calibrated(record.log, record.sha256, _quantity(prior, f"{place}.prior", measure))
-
-
-def _possible(value: float, place: str, measure: Measure) -> float:
-    if not measure.holds(value):
-        raise RigError(f"{place} is {value:g}; expected {measure.words}.")
-    return value
 
 
 _OWN_NAME = re.compile(r"[A-Za-z]\w*")
@@ -371,7 +263,7 @@ def _channels(raw: dict[str, object], where: str) -> dict[str, Channel]:
                 f'{where}: [channels] {name} is {stated!r}; expected a table [channels.{name}] with unit = "...".'
             )
         _check_keys(stated, ("unit",), f"{place} ")
-        text = _convert(stated.get("unit", ""), str, f"{place} unit")
+        text = convert(stated.get("unit", ""), str, f"{place} unit")
         unit = find_unit(text)
         if unit is None:
             raise RigError(f'{place}: the unit {text!r} is unknown; expected one such as "W", "bar", "L/min" or "1".')
@@ -439,7 +331,7 @@ def _columns(raw: dict[str, object], where: str, known: Mapping[str, Channel], *
         place = f"{where}: [columns] {name}"
         if name not in known and name != "time":
             raise RigError(f"{place} is no channel; expected time or one of {', '.join(known)}.")
-        column = Column(stated) if isinstance(stated, str) else _convert(stated, Column, place)
+        column = Column(stated) if isinstance(stated, str) else convert(stated, Column, place)
         if bool(column.name.strip()) == (column.number is not None):
             raise RigError(f'{place}: expected either name = "..." or number = ..., the column from 1 on.')
         if column.number is not None and not 1 <= column.number <= _MAX_COLUMNS:
@@ -471,7 +363,7 @@ def _effects(raw: dict[str, object], where: str) -> dict[str, StatedEffect]:
         place = f"{where}: [effects.{name}]"
         if not isinstance(stated, dict):
             raise RigError(f"{where}: [effects] {name} is {stated!r}; expected a table [effects.{name}].")
-        logs = _convert(stated.get("logs", ()), tuple[str, ...], f"{place} logs")
+        logs = convert(stated.get("logs", ()), tuple[str, ...], f"{place} logs")
         fields = {key: _effect_number(value, f"{place} {key}") for key, value in stated.items() if key != "logs"}
         effects[name] = StatedEffect(fields, logs)
     return effects
@@ -479,14 +371,14 @@ def _effects(raw: dict[str, object], where: str) -> dict[str, StatedEffect]:
 
 def _effect_number(value: object, place: str) -> EffectNumber:
     if not isinstance(value, dict):
-        return EffectNumber(_number(value, place))
-    number: EffectNumber = _convert(value, EffectNumber, place)
+        return EffectNumber(number_of(value, place))
+    number: EffectNumber = convert(value, EffectNumber, place)
     unit = find_unit(number.unit) if number.unit else None
     if unit is None and number.unit:
         raise RigError(f"{place}: the unit {number.unit!r} is unknown.")
     factor = 1.0 if unit is None else unit.factor
     in_si = {
-        key: _finite(given, f"{place} {key}") * factor
+        key: finite(given, f"{place} {key}") * factor
         for key in ("value", "low", "high")
         if (given := getattr(number, key)) is not None
     }

@@ -100,6 +100,7 @@ FindingKind = Literal[
     "unit_conflict",
     "speed_mismatch",
     "efficiency_change",
+    "efficiency_above_one",
     "origin_conflict",
 ]
 

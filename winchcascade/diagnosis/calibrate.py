@@ -183,7 +183,7 @@ def calibrate(
     freed = _freed(before)
     regression = back_emf_of(run, freed, payouts)
     k_e = _back_emf_constant(before, regression)
-    with_k_e = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, tolerance=k_e.u)
+    with_k_e = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, u=k_e.u)
     exact = msgspec.structs.replace(freed, model=ModelAccuracy(discrepancy=0.0))
     data = Fitted([run], with_quantity(exact, "generator", "k_e", with_k_e), [cycles])
     value, covariance, misfit, settled = _posterior(data)
@@ -258,7 +258,7 @@ def _back_emf_constant(rig: Rig, regression: BackEmf) -> Number:
 
 def _u_of(number: Quantity | None) -> float:
     """Standard uncertainty that a rig file states, infinite where it states none."""
-    return math.inf if number is None or number.tolerance is None else number.tolerance
+    return math.inf if number is None or number.u is None else number.u
 
 
 def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -> Number:
@@ -292,8 +292,8 @@ def _freed(rig: Rig) -> Rig:
                 raise RigError(
                     f"rig {rig.name}: {name} under [{section}] is 0; a calibration starts from an estimate, give one."
                 )
-            wide = FREED.get((section, name), 0.0) * abs(number.value) or number.tolerance or MESH_TOLERANCE
-            rig = with_quantity(rig, section, name, msgspec.structs.replace(number, tolerance=wide))
+            wide = FREED.get((section, name), 0.0) * abs(number.value) or number.u or MESH_TOLERANCE
+            rig = with_quantity(rig, section, name, msgspec.structs.replace(number, u=wide))
     return rig
 
 

@@ -28,7 +28,7 @@ OF_THE_MODEL = {
     ("winch", "inertia"): 0.07,
     ("drivetrain", "inertia_rotor"): 0.03,
 }
-"""Standard uncertainty of a number due to the model, as a share of it, beside the tolerance of the rig file. Generator: the
+"""Standard uncertainty of a number due to the model, as a share of it, beside that of the rig file. Generator: the
 ideal bridge on a stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares
 move as much. Inertias: the acceleration of a smoothed velocity is some hundredths too small where the motion turns."""
 
@@ -120,10 +120,10 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
         for name in getattr(rig, section).__struct_fields__:
             value = getattr(getattr(rig, section), name)
             if isinstance(value, Quantity):
-                sd = math.hypot(value.tolerance or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
+                sd = math.hypot(value.u or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
                 found.append(Nuisance("rig", name, sd, value.unit, section=section))
     found += [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
-    share = rig.dc_link.load_tolerance_percent / 100.0
+    share = rig.dc_link.load_u
     loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
     found += [Nuisance("load", f"{load:g} ohm", share, "1", load=load) for load in loads]
     logged = [name for name in CHANNELS if any(name in run.channels for run in runs)]
@@ -154,16 +154,8 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
-    """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel].
-
-    As calibrated in place where the rig file states that; else from the maker's limits, as a reduction takes them.
-    """
-    if sensor is None:
-        return 0.0, 0.0
-    if sensor.u_gain is None:
-        zero = part_uncertainty(sensor, "zero") if sensor.u_zero is None else sensor.u_zero
-        return part_uncertainty(sensor, "gain"), zero
-    return sensor.u_gain, sensor.u_zero or 0.0
+    """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel], as a reduction takes them."""
+    return part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")
 
 
 def quantity_of(rig: Rig, section: str, name: str) -> Quantity | None:

@@ -15,6 +15,7 @@ import numpy as np
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import Quantity, Unit, find_unit
 from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
+from winchcascade.core.rig_number import UNCERTAINTIES
 from winchcascade.core.rig_toml import built_in_text, parse_rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of
@@ -48,13 +49,13 @@ _TABLE = re.compile(rf"\{{(?:{_SIGN}|{_CALIBRATED})*\}}")
 _quoted = partial(json.dumps, ensure_ascii=False)
 """A TOML string; JSON escapes the same characters by the same signs."""
 
-_OF_A_NUMBER = ("value", "unit", "source", "tolerance", "tolerance_percent", "calibrated")
+_OF_A_NUMBER = ("value", "unit", "source", "calibrated", *UNCERTAINTIES)
 
 
 def calibrated_text(calibration: Calibration) -> str:
     """Write the numbers that an open circuit gives into the text of the rig file.
 
-    A number that is found anew gets its value, its standard uncertainty as `tolerance`, a `source` that names the log, and as
+    A number that is found anew gets its value, its standard uncertainty as `u`, a `source` that names the log, and as
     `calibrated` the log and the number before the first calibration; a number that the log does not determine better keeps its
     entry. The first line names this tool, its version and the log.
 
@@ -124,27 +125,27 @@ def corrected_text(
 
 def _quantity_entry(number: Quantity) -> dict[str, str]:
     """Keys and TOML values of a number in the unit of its file."""
-    scale, u = find_unit(number.unit) or Unit("number", 1.0), number.tolerance or 0.0
+    scale, u = find_unit(number.unit) or Unit("number", 1.0), number.u or 0.0
     return {
         "value": rounded((number.value - scale.offset) / scale.factor, u / scale.factor),
         "unit": _quoted(number.unit),
-        "tolerance": f"{u / scale.factor:.3g}",
+        "u": f"{u / scale.factor:.3g}",
         "source": _quoted(number.source),
     }
 
 
 def _prior_entry(number: Quantity) -> dict[str, str]:
     """Keys and TOML values of a number as it was before its calibration."""
-    stated = _stated(number, "tolerance")
+    stated = _stated(number)
     return {"value": stated["value"], "unit": _quoted(number.unit), **stated}
 
 
-def _stated(number: Quantity, u: str) -> dict[str, str]:
-    """Value, standard uncertainty by the key `u` and source of a number, in the unit of its file; none that is not stated."""
+def _stated(number: Quantity) -> dict[str, str]:
+    """Value, standard uncertainty and source of a number, in the unit of its file; none that is not stated."""
     scale = find_unit(number.unit) or Unit("number", 1.0)
     entry = {"value": f"{(number.value - scale.offset) / scale.factor:.12g}"}
-    if number.tolerance is not None:
-        entry[u] = f"{number.tolerance / scale.factor:.12g}"
+    if number.u is not None:
+        entry["u"] = f"{number.u / scale.factor:.12g}"
     return entry | ({"source": _quoted(number.source)} if number.source else {})
 
 
@@ -222,16 +223,16 @@ def _entry(number: Number, calibration: Calibration) -> dict[str, str]:
     old = quantity_of(calibration.rig, number.section, number.name)
     unit = number.unit if old is None else old.unit
     scale = find_unit(unit) or Unit("number", 1.0)
-    tolerance = number.u / scale.factor
+    u = number.u / scale.factor
     was = "" if math.isnan(number.before) else f"; was {(number.before - scale.offset) / scale.factor:.6g}"
     record = {"log": _quoted(printable_name(calibration.run.name)), "sha256": _quoted(calibration.run.sha256)}
     prior = old if old is None or old.calibrated is None else old.calibrated.prior
     if prior is not None:
-        record["prior"] = _inline(_stated(prior, "u"))
+        record["prior"] = _inline(_stated(prior))
     return {
-        "value": rounded((number.value - scale.offset) / scale.factor, tolerance),
+        "value": rounded((number.value - scale.offset) / scale.factor, u),
         "unit": _quoted(unit),
-        "tolerance": f"{tolerance:.3g}",
+        "u": f"{u:.3g}",
         "source": _quoted(f"{CALIBRATED}{log_name(calibration.run)}: {number.how}{was}"),
         "calibrated": _inline(record),
     }

@@ -11,6 +11,7 @@ import numpy as np
 from winchcascade.core.integrate import BLOCK, Stream
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Run, Signal
+from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.phase_summary import PlateauSummary
 from winchcascade.reduction.phases import Cycle, Plateau
@@ -19,11 +20,20 @@ TORQUE = "torque"
 """Key of the torque of the PTO shaft among the quantities that a bin averages."""
 
 
+STORES = ("rotor", "spring", "capacitor")
+"""Where energy is stored between the torque sensor and the load while the speed changes: the spring is that of the shaft."""
+
+STORED_WITHIN = 0.2
+"""Width over which a signal is smoothed before its change is taken: short against a braking of half a second. What remains of
+the noise averages out in a bin, as its changes add up to the difference of the ends. [s]"""
+
+
 class Bin(msgspec.Struct, frozen=True):
     """One bin of generator speed [rpm]: samples in it, and of each stage's power mean and standard error [W].
 
-    `torque` is averaged in the same way [N m].
-    The standard error is s/sqrt(n) of the samples as if they were independent; it is None for a single sample.
+    `torque` is averaged in the same way [N m]. `stored` are the mean powers that go into `STORES` while the speed changes [W]:
+    the difference of the powers of shaft and DC link less these is a loss. The standard error is s/sqrt(n) of the samples as
+    if they were independent; it is None for a single sample.
     """
 
     rpm_low: float
@@ -33,6 +43,7 @@ class Bin(msgspec.Struct, frozen=True):
     standard_error: Mapping[str, float | None]
     torque: float | None = None
     torque_standard_error: float | None = None
+    stored: Mapping[str, float | None] = {}
 
     def __getattr__(self, name: str) -> float | None:
         """Mean power of a stage as an attribute, such as `power_line`, as of `Metrics`; None for one that is not known. [W]
@@ -84,6 +95,47 @@ def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
     return None
 
 
+def storing(t: Signal, x: Signal, constant: float) -> Signal:
+    """Power into a store of the energy constant x^2 / 2.
+
+    J omega domega/dt of a rotor, tau dtau/dt / k of a spring, C V dV/dt of a capacitor.
+
+    Parameters
+    ----------
+    t, x : (n,) stamps [s] and the signal
+    constant : J [kg m2], 1 / k [rad/(N m)] or C [F], for the unit of the signal
+
+    Returns
+    -------
+    (n,) powers, negative where the store gives energy back [W]
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 5.0, 101)
+    >>> storing(t, 3.0 * t, 2.0).round(6)[50]  # 2 times 7.5 times 3
+    np.float64(45.0)
+    """
+    if t.size < 2:
+        return np.zeros_like(x)
+    smooth = local_quadratic(t, x, STORED_WITHIN)
+    found: Signal = constant * smooth * np.gradient(smooth, t)
+    return found
+
+
+def stored_powers(run: Run, rig: Rig) -> dict[str, Signal]:
+    """Powers that go into `STORES`, (n,), of those that the rig file states. [W]"""
+    found, speed, channels = {}, generator_speed(run, rig), run.channels
+    inertia, k_shaft, c_dc = rig.drivetrain.inertia_rotor, rig.drivetrain.k_shaft, rig.dc_link.c_dc
+    if speed is not None and inertia is not None:
+        signal, rpm = speed
+        found["rotor"] = storing(run.t, signal, inertia.value * (rpm * math.pi / 30.0) ** 2)
+    if TORQUE in channels and k_shaft is not None and k_shaft.value > 0.0:
+        found["spring"] = storing(run.t, channels[TORQUE], 1.0 / k_shaft.value)
+    if "vdc" in channels and c_dc is not None:
+        found["capacitor"] = storing(run.t, channels["vdc"], c_dc.value)
+    return found
+
+
 def bin_powers(
     speed: Signal,
     rpm: float,
@@ -98,7 +150,7 @@ def bin_powers(
     speed, rpm : (n,) signal, and the factor that turns it into generator speed [rpm]
     driven : (n,) samples that count
     powers : of each stage, as a function of the rows of the log, None for one that is not measured [W]; under `TORQUE`
-        the torque [N m]
+        the torque [N m], under the names of `STORES` what is stored [W]
     width : of a bin [rpm]
     """
     if not driven.any():
@@ -125,7 +177,10 @@ def bin_powers(
         mean = {name: means[k] for name, (means, _) in columns.items()}
         error = {name: errors[k] if samples[k] > 1 else None for name, (_, errors) in columns.items()}
         torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
-        bins.append(Bin((low + k) * width, (low + k + 1) * width, samples[k], mean, error, torque, torque_error))
+        stored = {name: mean.pop(name, None) for name in STORES}
+        error = {name: u for name, u in error.items() if name in mean}
+        edges = (low + k) * width, (low + k + 1) * width
+        bins.append(Bin(*edges, samples[k], mean, error, torque, torque_error, stored))
     return tuple(bins)
 
 

@@ -70,9 +70,9 @@ def ratio(out: float | None, into: float | None) -> float | None:
     return out / into
 
 
-def is_efficiency(value: float) -> bool:
-    """Whether a ratio of energies can be called an efficiency: no stage gives out more than it takes in."""
-    return 0.0 <= value <= 1.0
+def not_negative(value: float | None) -> float | None:
+    """A ratio of energies, None for one below 0: power flows the other way there, and the ratio is no efficiency."""
+    return None if value is None or value < 0.0 else value
 
 
 def runs_idle(delivered: Sequence[float | None]) -> bool:
@@ -99,7 +99,8 @@ def metrics(
 
     Returns
     -------
-    the metrics, and the ratios that are no efficiency and therefore None in them, by name
+    the metrics, and the ratios outside 0 to 1, by name. One above 1 is a result with an uncertainty and stands in the metrics
+    too; one below 0 is no efficiency and None in them.
     """
     values = Metrics(energy)
     for stage in cascade.names:
@@ -109,9 +110,9 @@ def metrics(
     for name, (out, into) in cascade.ratios.items():
         idle = energy[out] == 0.0 or (open_circuit and cascade.undelivered(name))
         value = None if idle else ratio(energy[out], energy[into])
-        if value is not None and not is_efficiency(value):
-            odd[name], value = value, None
-        values[name] = value
+        if value is not None and not 0.0 <= value <= 1.0:
+            odd[name] = value
+        values[name] = not_negative(value)
     return values, odd
 
 

@@ -15,7 +15,7 @@ from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import Stream, integrals, integrals_of
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Run, Signal
-from winchcascade.reduction.efficiency import is_efficiency, ratio
+from winchcascade.reduction.efficiency import ratio
 from winchcascade.reduction.gap_error import energy_error, gap_limits, gaps_of, instant_error
 from winchcascade.reduction.phased_run import PhasedRun, Window, travel_in
 from winchcascade.reduction.phases import Cycle
@@ -113,9 +113,9 @@ def net_metrics(joules: Mapping[str, float | None], span: NetSpan) -> tuple[dict
         return {}, span
     values = {f"energy_{name}": joules[name] for name in ("payout", "returned", "net", "gen_cycle")}
     eta = ratio(joules["gen_cycle"], net)
-    if eta is None or is_efficiency(eta):
+    if eta is None or eta >= 0.0:
         return values | {"eta_net": eta}, span
-    return values | {"eta_net": None}, msgspec.structs.replace(span, reason="E_gen / E_net lies outside 0 to 1")
+    return values | {"eta_net": None}, msgspec.structs.replace(span, reason="E_gen / E_net is below 0")
 
 
 class Energies(msgspec.Struct, frozen=True):

@@ -36,8 +36,7 @@ SEED = 20260
 """Seed of the shift of the lattice unless another is given, so that the same log gives the same interval."""
 
 DRAWS = 8191
-"""Default number of draws of all errors, a prime; the ends of an interval are then known to 0.5 % of its width, to 1 % where
-few cycles decide it."""
+"""Default number of draws of all errors, a prime; the ends of an interval are then known to 1 % of its width."""
 
 MIN_DRAWS = 100
 """Smallest number of draws: the ends of an interval are then known to 10 % of its width."""
@@ -124,7 +123,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     >>> from winchcascade.ingest.read import read_run
     >>> found = uncertainty(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48))
     >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
-    (0.0048, 'gum')
+    (0.0019, 'gum')
     """
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
     if not draws >= MIN_DRAWS or draws % 1:
@@ -295,7 +294,9 @@ def _draw(model: ErrorModel, strata: Sequence[Index], seed: int, draws: int) -> 
     """
     of_gaps = iter(strata[len(model.sources) :])
     limit = sampling_limit(model.stages) or 1.0
-    powers = tuple(_Power(stage.first, stage.second, stage.scale, stage.by_radius) for stage in model.stages.values())
+    powers = tuple(
+        _Power(stage.first, stage.second, stage.scale, stage.radius_power) for stage in model.stages.values()
+    )
     weights = (_kept_weights if draws == DRAWS else _weights)(model.sources, powers, seed, draws)
     drawn = {}
     for (name, stage), power in zip(model.stages.items(), powers, strict=True):
@@ -316,7 +317,7 @@ class _Power(NamedTuple):
     first: str
     second: str | None
     scale: float
-    by_radius: bool
+    radius_power: int
 
 
 def _weights(
@@ -330,8 +331,8 @@ def _weights(
         errors[s.channel, s.part] = errors.get((s.channel, s.part), 0.0) + drawn_error  # sensor and acquisition system
     found = {}
     for power in dict.fromkeys(powers):
-        factor = np.ones(draws)
-        for channel in (power.first, power.second or "", R_DRUM if power.by_radius else ""):
+        factor = (np.ones(draws) + errors.get((R_DRUM, "gain"), 0.0)) ** -power.radius_power
+        for channel in (power.first, power.second or ""):
             factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
         zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (power.first, power.second))
         weights = np.empty((4, draws))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import part_uncertainty, zero_uncertainty
+from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import extremes, integrals, median
 from winchcascade.core.rig_file import Rig, Thresholds, WindowRule
@@ -67,7 +67,7 @@ class PhasedRun(msgspec.Struct, frozen=True):
 
     def u_zero(self, channel: str) -> float:
         """Standard uncertainty of a sensor's zero, 0 where none is stated. [SI unit of the channel]"""
-        return zero_uncertainty(self.rig.sensors.get(channel))
+        return part_uncertainty(self.rig.sensors.get(channel), "zero")
 
 
 def find_phases(run: Run, rig: Rig, rule: WindowRule, cycles: tuple[int, int] | None = None) -> PhasedRun:

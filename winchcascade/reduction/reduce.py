@@ -15,7 +15,7 @@ from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
-from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed
+from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed, stored_powers
 from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
 from winchcascade.reduction.checks.ratios import ratio_findings
@@ -218,14 +218,16 @@ def _results(
         number = phased.first + k
         joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
         of_cycle, net = net_metrics(joules, net)
-        values, no_efficiency = metrics(
+        values, outside = metrics(
             {f"energy_{stage}": joules[stage] for stage in phased.rig.cascade.names} | of_cycle,
             window.cutoff - window.onset,
             open_circuit=phased.run.open_circuit,
             cascade=phased.rig.cascade,
         )
-        for name, value in no_efficiency.items():
+        for name, value in outside.items():
             odd.setdefault(name, []).append((number, value))
+        if (values["eta_net"] or 0.0) > 1.0:
+            odd.setdefault("eta_net", []).append((number, values.value("eta_net")))
         if window.fault is not None:
             rows = phased.rows(window.onset, window.cutoff)
             message, action = f"cycle {number} is incomplete: {window.fault}", "listed, left out of the mean"
@@ -261,4 +263,5 @@ def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
     driven = engaged(run, [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted], rig)
     powers = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
+    powers |= {store: watts.__getitem__ for store, watts in stored_powers(run, rig).items()}
     return bin_powers(speed, rpm, driven, powers, rig.thresholds.rpm_bin)

@@ -131,6 +131,7 @@ _METRICS = tuple(name for name in CycleRecord.__struct_fields__ if name.startswi
 class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One row of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance.
 
+    `basis` is what the error is known by: a sensor has either that of its calibration in place or those of its accuracy.
     The row of the bridged gaps has a contribution and a share alone.
     """
 
@@ -138,6 +139,7 @@ class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
     part: str | UnsetType = UNSET
     unit: str | UnsetType = UNSET
     distribution: str | UnsetType = UNSET
+    basis: str | UnsetType = UNSET
     limit: float | UnsetType | None = UNSET
     standard_uncertainty: float | UnsetType = UNSET
     origin: str | UnsetType | None = msgspec.field(name="from", default=UNSET)
@@ -163,7 +165,12 @@ class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BinRecord(msgspec.Struct, frozen=True):
-    """One bin of generator speed with mean powers and their standard errors."""
+    """One bin of generator speed with mean powers and their standard errors.
+
+    `power_rotor_w`, `power_spring_w` and `power_capacitor_w` go into the rotor, the spring of the shaft and the capacitor of
+    the DC link while the speed changes, null where the rig file states no inertia, stiffness or capacitance. The loss between
+    shaft and DC link is P_mech - P_gen less these.
+    """
 
     rpm_low: float
     rpm_high: float
@@ -176,6 +183,9 @@ class BinRecord(msgspec.Struct, frozen=True):
     power_gen_w_standard_error: float | None
     torque_nm: float | None
     torque_nm_standard_error: float | None
+    power_rotor_w: float | None = None
+    power_spring_w: float | None = None
+    power_capacitor_w: float | None = None
     stages: Numbers | UnsetType = UNSET
 
 

@@ -13,17 +13,17 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import ErrorSource, error_sources
-from winchcascade.core.cascade import Cascade
+from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
+from winchcascade.core.cascade import Cascade, Product
 from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Index, Mask, Signal
+from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
 
 R_DRUM = "r_drum"
-"""Name of the drum radius among the sources: it has a tolerance where a rig file states one."""
+"""Name of the drum radius among the sources: it has an uncertainty where a rig file states one."""
 
 SAMPLING = "sampling"
 """Name of the sampling among the sources: its limit is what every second or third sample alone changes of a mean energy."""
@@ -76,9 +76,9 @@ class StageEnergy(msgspec.Struct, frozen=True):
     """Integrals over k spans that give one energy of a cascade for any errors of its two channels, each (k,).
 
     The product of the channels, each alone, and the length of the span [s], 0 for a cycle without this energy; `second` is
-    None for a stage that is one logged power. `scale` turns the product into a power; it holds the drum's radius where
-    `by_radius` says so. `bridged` is what gaps may have changed of each energy, `sampled` what thinning
-    changes of it [J].
+    None for a stage that is one logged power. `scale` turns the product into a power. `radius_power` is the power of the stated
+    drum radius that the energy is proportional to. `bridged` is what gaps may have changed of each energy, `sampled` what
+    thinning changes of it [J].
     """
 
     first: str
@@ -88,7 +88,7 @@ class StageEnergy(msgspec.Struct, frozen=True):
     y: Signal
     t: Signal
     scale: float
-    by_radius: bool
+    radius_power: int
     bridged: Signal
     sampled: Signal
 
@@ -134,7 +134,7 @@ def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
         len(channels), len(spans), len(cycles)
     )
     alone = {name: dict(zip(spans, of_spans, strict=True)) for name, of_spans in zip(channels, whole, strict=True)}
-    stages = {}
+    stages, on_drum = {}, _is_on_drum(run, rig)
     for part, (stage, span) in rig.cascade.parts.items():
         energy, product = [c.metrics[f"energy_{part}"] for c in cycles], products[stage]
         if product is None or all(joule is None for joule in energy):
@@ -150,11 +150,28 @@ def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
             y=alone[names[1]][span] if len(names) == 2 else t,
             t=t,
             scale=scale,
-            by_radius=product.by_radius,
+            radius_power=_radius_power(product, on_drum=on_drum),
             bridged=np.array(reduction.bridged.get(part, [0.0] * len(energy))),
             sampled=np.array(reduction.sampled.get(part, [0.0] * len(energy))),
         )
     return stages
+
+
+def _is_on_drum(run: Run, rig: Rig) -> bool:
+    """Whether the line velocity is the stated drum radius times the speed of the drum, and not measured on the line."""
+    motion, speed = run.channels.get("velocity"), run.channels.get("speed")
+    if rig.winch.motion == "drum" or motion is None or speed is None or rig.r_drum is None:
+        return rig.winch.motion == "drum"
+    return bool(np.allclose(motion, speed * rig.r_drum, rtol=1e-9, atol=1e-9))
+
+
+def _radius_power(product: Product, *, on_drum: bool) -> int:
+    """Power of the stated drum radius that a power is proportional to.
+
+    An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega is not. Of a velocity that is
+    measured on the line it is the other way round.
+    """
+    return (on_drum and "velocity" in product.channels) - product.by_radius
 
 
 def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
@@ -253,10 +270,15 @@ def _sources(rig: Rig, stages: Mapping[str, StageEnergy]) -> list[ErrorSource]:
     sensors = {name: rig.sensors[name] for name in sorted(_channels(stages)) if name in rig.sensors}
     found = [source for name, sensor in sensors.items() for source in error_sources(name, sensor)]
     radius = rig.winch.r_drum
-    if any(s.by_radius for s in stages.values()) and radius is not None and radius.tolerance:
-        found.append(ErrorSource(R_DRUM, "gain", radius.tolerance / radius.value, None, radius.source))
-    limit, origin = sampling_limit(stages), "reduction of every second and third sample"
-    return [*found, ErrorSource(SAMPLING, "gain", limit / math.sqrt(3.0), limit, origin)] if limit > 0.0 else found
+    if any(s.radius_power for s in stages.values()) and radius is not None and radius.u:
+        u = radius.u / radius.value
+        basis: Basis = "limits" if radius.rectangular else "standard_uncertainty"
+        limit = math.sqrt(3.0) * u if radius.rectangular else None
+        found.append(ErrorSource(R_DRUM, "gain", u, limit, radius.source, basis))
+    if limit := sampling_limit(stages):
+        origin = "reduction of every second and third sample"
+        found.append(ErrorSource(SAMPLING, "gain", limit / math.sqrt(3.0), limit, origin, "resampling"))
+    return found
 
 
 def sampling_limit(stages: Mapping[str, StageEnergy]) -> float:
@@ -329,7 +351,7 @@ def _stage_slopes(sources: Sequence[ErrorSource], stage: StageEnergy) -> Signal:
         if source.channel == SAMPLING:
             slope[:] = stage.sampled / (source.limit or 1.0)
         elif source.channel == R_DRUM:
-            slope[:] = -stage.energy if stage.by_radius else 0.0
+            slope[:] = -stage.radius_power * stage.energy
         elif source.channel in (stage.first, stage.second):
             other = stage.y if source.channel == stage.first else stage.x
             slope[:] = -stage.energy if source.part == "gain" else -stage.scale * other

@@ -17,7 +17,7 @@ import numpy as np
 from winchcascade.core.accuracy import Shape, student
 from winchcascade.core.integrate import quantile
 from winchcascade.core.run import Mask, Signal
-from winchcascade.reduction.efficiency import is_efficiency, ratio
+from winchcascade.reduction.efficiency import not_negative, ratio
 
 DRAWS = 4000
 SEED = 20260101
@@ -162,8 +162,7 @@ def _standard(shape: Shape, rng: np.random.Generator) -> Signal:
 
 def efficiency_or_none(out: float | None, into: float | None) -> float | None:
     """A ratio of sums, None where it is no efficiency."""
-    value = ratio(out, into)
-    return value if value is None or is_efficiency(value) else None
+    return not_negative(ratio(out, into))
 
 
 def block_length(x: Signal) -> int:

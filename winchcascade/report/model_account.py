@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -14,7 +14,7 @@ from winchcascade.core.errors import LogError, WinchcascadeError
 from winchcascade.core.quantity import KGF
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Mask, Run, Signal
-from winchcascade.reduction.bins import engaged
+from winchcascade.reduction.bins import engaged, storing
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import Simulation
@@ -222,12 +222,13 @@ SHOWN = {
     "loss_w": Shown(
         "Electrical-side loss",
         "W",
-        "electrical-side loss P_mech − P_gen over generator speed (Eq. 11 of Hsu et al. 2026)",
+        "electrical-side loss P_mech − P_gen (Eq. 11 of Hsu et al. 2026) without stored energy over generator speed",
     ),
     "eta_gen": Shown(
         "Electrical-stage efficiency",
         "1",
-        "efficiency of the electrical stage over generator speed, mean P_gen over mean P_mech of each bin (Eq. 6)",
+        "efficiency of the electrical stage, mean P_gen over mean P_mech of each bin (Eq. 6) without stored energy over "
+        "generator speed",
         symbol=r"$\eta_\mathrm{gen}$",
     ),
 }
@@ -327,16 +328,26 @@ class Abscissa(NamedTuple):
     middles: bool = False
 
 
-def quantities(channels: Mapping[str, Signal], r_drum: float | None) -> dict[str, Signal]:
-    """Channels and powers that are compared, (n,) each by name, with the loss P_mech - P_gen (Eq. 11)."""
+def quantities(comparison: ModelComparison, run: Run) -> dict[str, Signal]:
+    """Channels and powers of the log or of its simulation that are compared, (n,) each by name.
+
+    The loss is P_mech - P_gen (Eq. 11) less what goes into rotor, shaft and capacitor while the speed changes, with the numbers
+    of the model: without this a machine that speeds up would seem to lose what it stores.
+    """
+    channels, model = run.channels, comparison.simulation.model
     names = (("torque_nm", "torque"), ("vdc_v", "vdc"), ("idc_a", "idc"), ("force_n", "force"))
     found = {name: channels[channel] for name, channel in names if channel in channels}
     if "pressure" in channels:
         found["pressure_kgcm2"] = found[HAUL_IN] = channels["pressure"] / _KGCM2
-    powers = {f"power_{name}_w": BUILT_IN[name].watts(channels, r_drum) for name in ("mech", "gen")}
+    powers = {f"power_{name}_w": BUILT_IN[name].watts(channels, comparison.rig.r_drum) for name in ("mech", "gen")}
     found |= {name: watt for name, watt in powers.items() if watt is not None}
     if found.keys() >= powers.keys():
-        found["loss_w"] = found["power_mech_w"] - found["power_gen_w"]
+        shaft, omega = model.drivetrain, comparison.rpm * (np.pi / 30.0)
+        rotor = storing(run.t, omega, shaft.inertia_rotor)
+        spring = storing(run.t, channels["torque"], 1.0 / shaft.k_shaft) if "torque" in channels else 0.0
+        found["input_w"] = found["power_mech_w"] - rotor - spring
+        found["output_w"] = found["power_gen_w"] + storing(run.t, channels["vdc"], model.dc_link.c_dc)
+        found["loss_w"] = found["input_w"] - found["output_w"]
     return found
 
 
@@ -353,22 +364,20 @@ def abscissas(comparison: ModelComparison) -> dict[str, Abscissa]:
     found["force_n"] = Abscissa(v, comparison.driven | comparison.haul_in, round_width(float(np.ptp(v))))
     if comparison.rig.rpm_per_velocity is not None:
         speed = Abscissa(comparison.rpm, comparison.driven, speed_width(comparison), middles=True)
-        found |= dict.fromkeys(("torque_nm", "vdc_v", "idc_a", "power_mech_w", "power_gen_w", "loss_w"), speed)
+        found |= dict.fromkeys(("torque_nm", "vdc_v", "idc_a", "power_gen_w", "input_w", "output_w", "loss_w"), speed)
     return found
 
 
 def curves_of(comparison: ModelComparison) -> dict[str, ComparedCurve]:
     """Make the curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean something there."""
-    log, simulated = (
-        quantities(run.channels, comparison.rig.r_drum) for run in (comparison.run, comparison.simulation.run)
-    )
+    log, simulated = (quantities(comparison, run) for run in (comparison.run, comparison.simulation.run))
     found: dict[str, tuple[Signal, ...]] = {}
     for name, (x, rows, width, middles) in abscissas(comparison).items():
         if name in log:
             columns = (column[rows] for column in (x, log[name], simulated[name]))
             middle, *binned = means(x[rows], width, *columns, minimum=minimum_of(comparison))
             found[name] = (middle if middles else binned[0], *binned[1:])
-    for name, above, below in (("resistance_ohm", "vdc_v", "idc_a"), ("eta_gen", "power_gen_w", "power_mech_w")):
+    for name, above, below in (("resistance_ohm", "vdc_v", "idc_a"), ("eta_gen", "output_w", "input_w")):
         if above in found and below in found:
             found[name] = (found[above][0], *map(ratio, found[above][1:], found[below][1:]))
     shown = {*SHOWN, HAUL_IN} - set(_LOADED if comparison.run.open_circuit else ())

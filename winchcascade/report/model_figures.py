@@ -153,7 +153,7 @@ def _panel(
         ax.set_ylim(0.0, 1.12 * max(max(c.log + c.simulated) for _, _, c in curves))
     elif name == "eta_gen":
         low, high = ax.get_ylim()
-        ax.set_ylim(max(low, 0.0), min(max(high, 0.9), 1.0))
+        ax.set_ylim(max(low, 0.0), max(high, 0.9))
 
 
 # ---------------------------------------------------------------------------------------------------------- the legends

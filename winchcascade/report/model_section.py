@@ -94,7 +94,7 @@ def _run_pictures(comparison: ModelComparison, account: Account) -> list[content
     shown = [
         (TETHER, "model-tether", f"{means} {speed}"),
         (GENERATOR, "model-generator", means),
-        (LOSSES, "model-losses", means),
+        (LOSSES, "model-losses", f"{means} {_STORED}"),
     ]
     if account.open_circuit:
         shown = [((*TETHER, "vdc_v"), "model-tether", f"{means} {speed} {_OPEN_CIRCUIT}")]
@@ -117,7 +117,7 @@ def _panels(
 
 def clouds(comparison: ModelComparison) -> figures.Clouds:
     """Samples of the log that stand behind its curves, in the units of the curves; an even selection of many."""
-    log, found = quantities(comparison.run.channels, comparison.rig.r_drum), {}
+    log, found = quantities(comparison, comparison.run), {}
     for name, (x, own, *_) in abscissas(comparison).items():
         if name in log:
             rows = np.flatnonzero(own | comparison.haul_in if name == "pressure_kgcm2" else own)
@@ -222,7 +222,7 @@ def _campaign_pictures(given: Sequence[Named]) -> list[content.Block | None]:
         (TETHER, "model-tether", f"{means} {_speed_words(accounts[0])}", None),
         (GENERATOR[:1], "model-torque", means if opened is None else f"{means} {_OPEN_CIRCUIT}", gear),
         (GENERATOR[1:], "model-generator", means, None),
-        (LOSSES, "model-losses", means, None),
+        (LOSSES, "model-losses", f"{means} {_STORED}", None),
     )
     pictures = [
         _panels(name, words, drawn, names, figures.panels(drawn, names, word=word, rated=rated, gear=above))
@@ -257,6 +257,11 @@ _DECIMALS = {"torque": 2, "vdc": 2, "idc": 3, "pressure": 3, "force": 1}
 _UNKNOWN = ChannelDifference(math.nan, math.nan)
 _FINE = 2000.0
 """With less energy of the line than this a budget has a decimal. [J]"""
+
+_STORED = (
+    "Stored energy: while the speed changes, J ω dω/dt goes into the rotor and τ dτ/dt / k into the shaft, which is taken off "
+    "P_mech; C V dV/dt goes into the capacitor and is added to P_gen."
+)
 
 _OPEN_CIRCUIT = (
     "In open circuit only the bleed carries a current: torque, Idc and what follows from them mean nothing there and are left "

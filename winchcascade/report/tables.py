@@ -13,7 +13,7 @@ from winchcascade.core.cascade import PAPER
 from winchcascade.core.quantity import Unit, find_unit, si_unit
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Channel, Finding
-from winchcascade.reduction.bins import Bin
+from winchcascade.reduction.bins import STORES, Bin
 from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -257,6 +257,7 @@ def _phases_table(
 def bins_table(reduction: Reduction) -> content.Table | None:
     """Mean powers in bins of generator speed; None where that speed is unknown."""
     stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
+    stores = [store for store in STORES if any(b.stored.get(store) is not None for b in reduction.bins)]
     shown = reduction.bins[
         :: max(1, -(-len(reduction.bins) // (content.row_limit(MAX_BINS) or len(reduction.bins) or 1)))
     ]
@@ -269,12 +270,30 @@ def bins_table(reduction: Reduction) -> content.Table | None:
             ),
             TableColumn("Samples", of=lambda b: b.count),
             *(column for stage in stages for column in _power_columns(stage)),
+            *(TableColumn[Bin](f"into {store}", "W", of=partial(_stored, store)) for store in stores),
         ],
         note=(
             "" if len(shown) == len(reduction.bins) else f"{len(shown)} of {len(reduction.bins)} bins, evenly chosen. "
         )
-        + "The standard error takes samples as independent, which smooth motion makes too small.",
+        + "The standard error takes samples as independent, which smooth motion makes too small. "
+        + _storage_words(stores),
     ).of(shown if stages else ())
+
+
+def _stored(store: str, of: Bin) -> str:
+    return number(of.stored.get(store), 0)
+
+
+def _storage_words(stores: Sequence[str]) -> str:
+    """What a difference of two powers in a bin contains beside losses, and whether the table gives it."""
+    needed = {"rotor": "inertia_rotor", "capacitor": "c_dc"}
+    missing = " or ".join(what for store, what in needed.items() if store not in stores)
+    if not missing:
+        return "Into rotor, spring of the shaft, capacitor: stored while the speed changes; P_mech − P_gen less these is lost."
+    return (
+        f"Without {missing} in the rig file, or its channel in the log, a difference of powers contains what is stored while "
+        "the speed changes, and is no loss."
+    )
 
 
 def _power_columns(stage: str) -> list[TableColumn[Bin]]:
@@ -418,9 +437,9 @@ def budget_table(found: Uncertainty, rig: Rig) -> content.Table | None:
     rows = [(_about(r, channels), shares(r.of, known.mean)) for r in known.rows]
     scatter = shares(known.repeatability, known.mean)
     cells = [(*about, *(percent(getattr(share, m) or None) for m in metrics)) for about, share in rows]
-    cells.append(("repeatability", "", "normal", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
+    cells.append(("repeatability", "", "normal", "", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
     columns: list[TableColumn[str]] = [
-        *(TableColumn(name, text=True) for name in ("Source", "Limit", "Distribution", "u", "From")),
+        *(TableColumn(name, text=True) for name in ("Source", "Limit", "Distribution", "u", "Known by", "From")),
         *(TableColumn(SYMBOL[m], "%") for m in metrics),
     ]
     return content.formatted_table(
@@ -428,8 +447,10 @@ def budget_table(found: Uncertainty, rig: Rig) -> content.Table | None:
         "Uncertainty budget: share of the variance of each mean, in percent.",
         columns,
         cells if metrics else (),
-        "Errors of a sensor are the same over the whole log, so they do not average out over its cycles. A limit in "
-        f"shares of the full scale is half zero and half gain error. u: standard uncertainty of the error.{_from(rig.source)}",
+        "Errors of a sensor are the same over the whole log, so they do not average out over its cycles. Zero and gain are "
+        "those of a calibration in place where the rig file states it (u_zero, u_gain), else those of the accuracy. "
+        "A limit in shares of the full scale is a zero error. "
+        f"u: standard uncertainty of the error.{_from(rig.source)}",
     )
 
 
@@ -438,22 +459,23 @@ def _from(source: str) -> str:
     return f" From: the rig file's words; its source is {source}." if source else ""
 
 
-def _about(row: BudgetRow, channels: Mapping[str, Channel]) -> tuple[str, str, str, str, str]:
+def _about(row: BudgetRow, channels: Mapping[str, Channel]) -> tuple[str, str, str, str, str, str]:
     source = row.source
     if source is None:
-        return source_name(None), "", "rectangular", "", "data beside the gaps"
+        return source_name(None), "", "rectangular", "", "", "data beside the gaps"
     factor, unit = 100.0, "%"
     if source.part != "gain" and source.channel != R_DRUM:
         factor, unit = 1.0, si_unit(channels[source.channel].dimension).replace(".", "·")
     limit = "" if source.limit is None else f"{significant(source.limit * factor)} {unit}"
-    return source_name(source), limit, source.shape, f"{significant(source.u * factor)} {unit}", source.origin or "–"
+    u, basis = f"{significant(source.u * factor)} {unit}", source.basis.replace("_", " ")
+    return source_name(source), limit, source.shape, u, basis, source.origin or "–"
 
 
 def sensors_table(reduction: Reduction) -> content.Table | None:
     """Sensors of the channels of the log, as the rig file states them."""
     return content.ItemTable[tuple[str, Sensor]](
         "sensors",
-        "Sensors, as the rig file states them; accuracies are limits.",
+        "Sensors, as the rig file states them; accuracies are limits, used where no calibration in place is stated.",
         [
             TableColumn("Channel", text=True, of=lambda item: item[0]),
             TableColumn("Instrument", text=True, of=lambda item: item[1].instrument or "–"),
@@ -486,7 +508,14 @@ def _accuracy(sensor: Sensor) -> str:
     own = "" if sensor.accuracy is None else f"{_in_unit(sensor.accuracy, sensor)} {sensor.unit}"
     stated = _sum_text(sensor.accuracy_full_scale, sensor.accuracy_reading, own, sensor.coverage)
     acquired = _sum_text(sensor.daq_full_scale, sensor.daq_reading, "", sensor.daq_coverage)
-    return (stated or "not stated") + (f"; acquisition {acquired}" if acquired else "")
+    zero = "" if sensor.u_zero is None else f"zero {_in_unit(sensor.u_zero, sensor)} {sensor.unit}"
+    gain = "" if sensor.u_gain is None else f"gain {_given_number(100.0 * sensor.u_gain)} %"
+    in_place = ", ".join(filter(None, (zero, gain)))
+    return (
+        (stated or "not stated")
+        + (f"; acquisition {acquired}" if acquired else "")
+        + (f"; calibrated in place, u: {in_place}" if in_place else "")
+    )
 
 
 def _sum_text(full_scale: float | None, reading: float | None, absolute: str, coverage: float | None) -> str:

@@ -55,7 +55,7 @@ def wave_lines(found: WaveEnergies) -> list[str]:
 def _ratio(found: WaveEnergies, name: str, eta: RatioOfSums) -> str:
     value = f"{plain_cell(eta.value, 3)} of all waves together"
     if eta.value is None:
-        return f"{value}: the ratio lies outside 0 to 1"
+        return f"{value}: the ratio is below 0"
     return value + _interval(eta, lambda low, high, _: f"{low:.3f} to {high:.3f}", _unknown(found, found.pairs[name]))
 
 

@@ -89,8 +89,7 @@ def _contradicts_load(phased: PhasedRun, points: list[_Operating], voltage: floa
     if load is None or load <= 0.0 or voltage <= max(CERTAIN * u_zero, 0.0):
         return False
     share, u_share = _middle([p.i_dc * load / p.v_dc if p.v_dc > 0.0 else 0.0 for p in points])
-    tolerance = phased.rig.dc_link.load_tolerance_percent / 100.0
-    gains = share * math.hypot(phased.u_gain("vdc"), phased.u_gain("idc"), tolerance)
+    gains = share * math.hypot(phased.u_gain("vdc"), phased.u_gain("idc"), phased.rig.dc_link.load_u)
     u = math.hypot(gains, phased.u_zero("idc") * load / voltage, share * u_zero / voltage, u_share)
     return not 1.0 / (1.0 + MISMATCH) < share < 1.0 + MISMATCH and abs(share - 1.0) >= CERTAIN * u
 

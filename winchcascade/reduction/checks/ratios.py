@@ -1,4 +1,4 @@
-"""Efficiencies that are none: outside 0 to 1, of power that flows against the cascade, or as small as by a wrong unit."""
+"""Efficiencies above 1 or below 0, of power that flows against the cascade, or as small as by a wrong unit."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Run
-from winchcascade.reduction.efficiency import NOTHING, is_efficiency, ratio
+from winchcascade.reduction.efficiency import NOTHING, ratio
 from winchcascade.reduction.reduction_result import CycleResult
 
 IMPLAUSIBLE = 0.01
@@ -20,7 +20,7 @@ Place = tuple[int, float]
 def ratio_findings(
     results: Sequence[CycleResult], odd: Mapping[str, Sequence[Place]], run: Run, rig: Rig
 ) -> list[Finding]:
-    """Report efficiencies that are none, with the reason of those without a value.
+    """Report efficiencies above 1, and those that are none, with the reason of those without a value.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ def ratio_findings(
     cascade, open_circuit = rig.cascade, run.open_circuit
     if rig.phases.source == "waves":  # a single wave may take energy from the gas, or leave energy in it
         sums = {name: sum(c.metrics[name] or 0.0 for c in results if c.complete) for name in cascade.energies}
-        findings = _no_ratios_of_sums(sums, cascade, open_circuit=open_circuit)
+        findings = _odd_ratios_of_sums(sums, cascade, open_circuit=open_circuit)
         places = {name: [(1, joule)] for name, joule in sums.items()}
         of = "of all waves together"
     else:
-        findings = [_no_efficiency(name, found) for name, found in odd.items()]
+        findings = [finding for name, found in odd.items() for finding in _outside(name, found)]
         places = {name: [(c.cycle, c.metrics[name] or 0.0) for c in results if c.complete] for name in cascade.energies}
         of = ""
     for name, (out, into) in cascade.ratios.items():
@@ -44,28 +44,34 @@ def ratio_findings(
     return findings
 
 
-def _no_ratios_of_sums(sums: Mapping[str, float], cascade: Cascade, *, open_circuit: bool) -> list[Finding]:
-    """Efficiencies of all complete waves together that are none."""
+def _odd_ratios_of_sums(sums: Mapping[str, float], cascade: Cascade, *, open_circuit: bool) -> list[Finding]:
+    """Report efficiencies of all complete waves together that lie outside 0 to 1."""
     found = []
     for name, (out, into) in cascade.ratios.items():
         value = ratio(sums[out], sums[into])
-        if value is not None and not is_efficiency(value) and not (open_circuit and cascade.undelivered(name)):
-            what = f"{name} of all waves together lies outside 0 to 1 ({value:.3f})"
-            found.append(
-                Finding("out_of_range", f"{what}; check unit, gain and sign of what it is made of", "not reported")
-            )
+        if value is not None and not 0.0 <= value <= 1.0 and not (open_circuit and cascade.undelivered(name)):
+            found.append(_odd(name, "of all waves together", value, "", 1))
     return found
 
 
-def _no_efficiency(name: str, places: Sequence[Place]) -> Finding:
-    number, value = max(places, key=lambda place: abs(place[1] - 0.5))
-    return Finding(
-        "out_of_range",
-        f"{name} lies outside 0 to 1 in {len(places)} cycle{'s' if len(places) > 1 else ''} ({value:.3f} in cycle {number}); "
-        f"check unit, gain and sign of what it is made of",
-        "not reported",
-        count=len(places),
-    )
+def _outside(name: str, places: Sequence[Place]) -> Iterable[Finding]:
+    """Report the cycles whose efficiency is above 1, and those whose ratio is below 0, each with the one farthest off."""
+    for above in (True, False):
+        chosen = [place for place in places if (place[1] > 1.0) == above]
+        if chosen:
+            number, value = max(chosen, key=lambda place: abs(place[1]))
+            where = f"in {len(chosen)} cycle{'s' if len(chosen) > 1 else ''}"
+            yield _odd(name, where, value, f" in cycle {number}", len(chosen))
+
+
+def _odd(name: str, where: str, value: float, place: str, count: int) -> Finding:
+    """The finding on a ratio outside 0 to 1: one above 1 is a result, one below 0 is no efficiency."""
+    check = "check unit, gain and sign of what it is made of"
+    if value > 1.0:
+        message = f"{name} is above 1 {where} ({value:.4f}{place}); unless its uncertainty contains 1, {check}"
+        return Finding("efficiency_above_one", message, "reported and kept", count=count)
+    message = f"{name} lies below 0 {where} ({value:.3f}{place}); {check}"
+    return Finding("out_of_range", message, "not reported", count=count)
 
 
 def _against(name: str, into: Sequence[Place], out: Sequence[Place], remedy: str, of: str) -> Iterable[Finding]:
