@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.plain_text import lines
 from winchcascade.report.content import Note, Report, Table, Tone
-from winchcascade.report.screen import PIPED, Screen, present_screen
+from winchcascade.report.screen import ESCAPE, PIPED, Screen, present_screen
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,11 +52,12 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
                 wide.print(_grid(block))
             else:
                 console.print(_note(block))
-    if files:
-        console.print(_beside("files", Text("\n".join(_safe(str(path)) for path in files))))
+    for k, path in enumerate(files):  # a path is never broken
+        head = f"{'' if k else 'files':<{MARGIN}}"
+        console.print(Text.assemble((head, "bold"), _safe(str(path))), soft_wrap=True)
     if report.verdict is not None:
         console.print("", _note(report.verdict), sep="\n")
-    return "".join(f"{line.rstrip()}\n" for line in out.getvalue().splitlines())
+    return "".join(f"{line.rstrip()}\n" for line in out.getvalue().replace("\x1b", ESCAPE).splitlines())
 
 
 def console_of(screen: Screen, out: io.StringIO, width: int) -> Console:
