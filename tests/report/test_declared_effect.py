@@ -1,5 +1,7 @@
 """An effect that changes one number needs its declaration only: commands, diagnosis and reports take all from there."""
 
+import re
+
 import pytest
 from diagnosed import SUSPECTS, made_logs
 
@@ -7,7 +9,8 @@ from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.report.diagnosis_causes import cause_rows, tolerance_of
 from winchcascade.report.diagnosis_tables import causes_table
 from winchcascade.report.diagnosis_text import diagnosis_text
-from winchcascade.report.effects_text import effects_text
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.effects import effects_report
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 from winchcascade.rig.open_rig import load_rig
@@ -29,8 +32,10 @@ PRESSURE_ZERO = Effect(
 @pytest.mark.slow
 def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(EFFECTS, "pressure_zero", PRESSURE_ZERO)
-    assert "pressure_zero    sensor        offset (Pa)" in effects_text().splitlines()
-    assert effects_text("pressure_zero").startswith("pressure_zero (sensor): Zero error of the pressure sensor.")
+    assert re.search(
+        r"(?m)^pressure_zero +offset +Zero error of the pressure sensor.$", terminal_text(effects_report())
+    )
+    assert terminal_text(effects_report("pressure_zero")).startswith("pressure_zero (sensor): Zero error")
     runs = [one.run for one in made_logs({"pressure_zero": {"offset": 40e3}})]
     found = diagnose(runs, load_rig("hsu2026"), {name: EFFECTS[name] for name in (*SUSPECTS, "pressure_zero")})
     (cause,) = found.causes

@@ -175,9 +175,10 @@ def effects_command(
     ] = None,
 ) -> None:
     """List the effects that the model of a rig leaves out, or describe one of them in full."""
-    from winchcascade.report.effects_text import effects_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.effects import effects_report
 
-    show(effects_text(name))
+    show(terminal_text(effects_report(name)))
 
 
 def rig_command(
