@@ -44,7 +44,6 @@ _MAKERS = {
     "DiagnosisResult": "results.diagnosis:diagnosis_report",
     "PointAudit": "audit_report:point_audit_report",
     "Reduction": "report_files:_of_reduction",
-    "Score": "trial_report:make_trial_report",
     "Simulation": "results.simulation:simulation_report",
 }
 """What makes the report of a result, by the name of its class: a result that is made has imported its own modules alone."""
