@@ -145,7 +145,6 @@ def documented(command: str, table: str) -> list[str]:
             0,
             marks=pytest.mark.slow,
         ),
-        pytest.param(("calibrate", "fixtures/campaign/open_circuit.csv"), "numbers", 0, marks=pytest.mark.slow),
         pytest.param(COMMANDS["simulate"], "energies", 0, marks=pytest.mark.slow),
     ],
 )

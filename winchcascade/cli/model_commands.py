@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -39,9 +39,6 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.report.report_files import ReportFiles
-
-if TYPE_CHECKING:
-    pass
 
 MotionArgument = Annotated[
     Path | None,
@@ -152,7 +149,9 @@ def calibrate_command(
     from winchcascade.diagnosis.calibrate import calibrate, complete_payouts
     from winchcascade.diagnosis.rig_text import calibrated_text
     from winchcascade.reduction.reduce import reduce
-    from winchcascade.report.calibration_sheet import calibration_record, calibration_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.calibration import calibration_report
+    from winchcascade.report.results.calibration_record import calibration_record
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
@@ -164,8 +163,9 @@ def calibrate_command(
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
     write_reports(report_maker_of(calibration), report, f"{Path(run.name).stem}_calibration", force=force)
-    files = {option: path for option, path in results.items() if option != "--write"}
-    printed = Printed(lambda: calibration_text(calibration, write), files)
+    printed = Printed(
+        lambda: terminal_text(calibration_report(calibration), [path for path in results.values() if path])
+    )
     deliver(json, lambda: json_bytes(calibration_record(calibration)), printed, force=force)
 
 

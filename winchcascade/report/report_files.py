@@ -11,8 +11,10 @@ import msgspec
 from winchcascade.core.errors import OptionError
 
 if TYPE_CHECKING:
+    from winchcascade.diagnosis.calibrate import Calibration
     from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.report.campaign_record import CampaignReduction
+    from winchcascade.report.content import Report as Stated
     from winchcascade.report.sheet import Report
 
 
@@ -37,7 +39,7 @@ class ReportFiles(msgspec.Struct, frozen=True):
 
 _MAKERS = {
     "Audit": "audit_report:audit_report",
-    "Calibration": "calibration_sheet:calibration_report",
+    "Calibration": "report_files:_of_calibration",
     "CampaignReduction": "report_files:_of_campaign",
     "Check": "check_report:check_report",
     "Comparison": "comparison_report:make_comparison_report",
@@ -64,6 +66,15 @@ def report_of(result: object, *, command: str = "") -> Report:
         )
     report: Report = resolve_name(f"winchcascade.report.{maker}")(result, command=command)
     return report
+
+
+def _of_calibration(result: Calibration, *, command: str) -> Stated:
+    from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.results.calibration import calibration_report, fit_blocks
+    from winchcascade.report.style import house_style
+
+    with house_style():
+        return calibration_report(result, fit_blocks(result, damper_curves(result)), command=command)
 
 
 def _of_reduction(result: Reduction, *, command: str) -> Report:
