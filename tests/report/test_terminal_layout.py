@@ -6,6 +6,7 @@ from calls import call
 
 from winchcascade.core.plain_text import lines
 from winchcascade.report.content import Column, Note, Report, section, table
+from winchcascade.report.glossary import typeset
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.screen import PIPE, Screen, painted, use_screen
 
@@ -49,3 +50,7 @@ def test_every_effect_of_the_catalogue_is_listed_and_found() -> None:
         (row,) = [line for line in listed if line.split(" ")[0] == name]
         assert effect.parameter in row
     assert call("effects", "ke_rollof").code == 2
+
+
+def test_an_option_keeps_its_name_where_units_have_signs() -> None:
+    assert typeset("open circuit (--load-ohm), 9 ohm, in ohm") == "open circuit (--load-ohm), 9\u00a0Ω, in Ω"

@@ -59,6 +59,8 @@ def damper_curves(calibration: Calibration) -> DamperCurves | None:
     run = _part(calibration.run, onset - LEAD, min([onset + LONGEST, *(begin - LEAD for begin, _ in others)]))
     try:
         model = baseline(calibrated_rig(calibration))
+        if model.drivetrain.b_rotor <= 0.0:
+            return None
         dampers = tuple(factor * model.drivetrain.b_rotor for factor in FACTORS)
         shafts = [msgspec.structs.replace(model.drivetrain, b_rotor=damper) for damper in dampers]
         simulations = [simulate(run, msgspec.structs.replace(model, drivetrain=shaft)) for shaft in shafts]

@@ -81,7 +81,7 @@ _METRIC = re.compile(
 )
 _SIGNS: tuple[tuple[str, str], ...] = (
     (r"(?<=\d) ohm\b", "\u00a0Ω"),
-    (r"\bohm\b", "Ω"),
+    (r"(?<!--load-)\bohm\b", "Ω"),
     (r"\b(N|m)\.(?=m\b|s/rad)", r"\1·"),
     (r"kg/cm2\b", "kg/cm²"),
     (r"\bR2\b", "R²"),

@@ -151,17 +151,16 @@ def _against(calibration: Calibration) -> list[Note]:
         when, within = "late" if r.lag > 0 else "early", 1e3 * BEYOND * r.u_lag
         found.append(f"Vdc is recorded {1e3 * abs(r.lag):.0f} ms {when}, 95 % within {within:.0f} ms.")
     if calibration.misfit > MISFIT:
-        times = math.sqrt(calibration.misfit)
-        found.append(f"Force, torque and pressure differ from the calibrated model by {times:.1f} times their noise.")
+        found.append(
+            f"The log differs from the calibrated model by {math.sqrt(calibration.misfit):.1f} times its noise."
+        )
     if strained:
         most = _names([f"{strain.name} by {abs(strain.by):.0f}" for strain in strained[:3]])
-        found.append(
-            f"The fit moves {len(strained)} priors by more than {STRAINED:g} standard uncertainties: {most} first."
-        )
+        found.append(f"The fit moves priors by more than {STRAINED:g} standard uncertainties, above all {most}.")
     if not calibration.settled:
         found.append("The fit did not converge, so damper and friction are no result.")
     if calibration.run.findings:
-        found.append(f"The log has {len(calibration.run.findings)} findings, which `winchcascade reduce` lists.")
+        found.append(f"`winchcascade reduce` lists what is wrong with the log ({len(calibration.run.findings)}).")
     return [Note(text, "Finding", "warn") for text in found]
 
 
@@ -181,7 +180,7 @@ def _regression(calibration: Calibration) -> str:
     r = calibration.regression
     eq8 = shown(Measured(r.eq8, (r.high - r.k_e) / BEYOND))
     return (
-        f"{r.rpm.size} samples from {r.rpm.min():.0f} to {r.rpm.max():.0f} rpm, R2 = {r.r2:.5f}; u of the fit "
+        f"{r.rpm.size} samples from {r.rpm.min():.0f} to {r.rpm.max():.0f} rpm; u of the fit "
         f"{100.0 * r.u_fit / r.k_e:.2f} %, of the gain of the Vdc sensor {100.0 * r.u_sensor / r.k_e:.2f} %. Eq. 8 alone gives "
         f"{eq8} V/rpm ({100.0 * (r.eq8 / r.k_e - 1.0):+.1f} %): it leaves out the currents of bleed resistor and capacitor."
     )
