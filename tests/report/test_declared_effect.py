@@ -6,10 +6,10 @@ import pytest
 from diagnosed import SUSPECTS, made_logs
 
 from winchcascade.diagnosis.diagnose import diagnose
+from winchcascade.report.content import Measured
 from winchcascade.report.diagnosis_causes import cause_rows, tolerance_of
-from winchcascade.report.diagnosis_tables import causes_table
-from winchcascade.report.diagnosis_text import diagnosis_text
 from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.diagnosis import causes_table
 from winchcascade.report.results.effects import effects_report
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
@@ -43,10 +43,9 @@ def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(mon
     assert cause.parameters["offset"].low < 40e3 < cause.parameters["offset"].high
     table = causes_table(found)
     assert table is not None
-    assert table.rows[0][:3] == ("Pressure sensor zero (pressure_zero)", "sensor", "zero of the pressure sensor")
-    assert str(table.rows[0][3]).startswith("+")
-    assert str(table.rows[0][3]).endswith("kPa")
-    assert table.rows[0][-1] == "Zero error of the pressure sensor."
-    assert "zero of the pressure sensor" in " ".join(diagnosis_text(found).split())
+    row = dict(zip((column.name for column in table.columns), table.cells[0], strict=True))
+    assert (row["effect"], row["what changes"], row["unit"]) == ("pressure_zero", "zero of the pressure sensor", "kPa")
+    assert isinstance(row["found"], Measured)
+    assert row["found"].value == pytest.approx(1e-3 * cause.parameters["offset"].value)
     assert tolerance_of(found, PRESSURE_ZERO) > 0.0
     assert [row.name for row in cause_rows(found)] == ["offset"]
