@@ -159,9 +159,10 @@ def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequen
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:
-    """Smallest and largest efficiency that a waterfall passes. [%]"""
-    levels = [costs.measured, *accumulate((part.value for part in costs.parts), initial=costs.as_given)]
-    return min(levels), max(levels)
+    """Smallest and largest efficiency that a waterfall passes, with the ends of its intervals. [%]"""
+    levels = [*accumulate((part.value for part in costs.parts), initial=costs.as_given)]
+    ends = [level + end for level, part in zip(levels, costs.parts, strict=False) for end in (part.low, part.high)]
+    return min(costs.measured, *levels, *ends), max(costs.measured, *levels, *ends)
 
 
 def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
