@@ -91,24 +91,18 @@ def spans_of(found: ModelDiagnosis, item: SimulatedCycle) -> Iterator[tuple[floa
 def histories_json(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> str:
     """The cycle as `page.js` reads it, one plot for each channel."""
     t, rows = drawn(found, item)
-    sides = list(zip(names_of(found, word), LINES, strict=True))
+    dashes = [{"dash": [6, 3]} if "ls" in style else {} for _, style in LINES]
+
+    def series(row: Row) -> list[dict[str, object]]:
+        names, colours = names_of(found, f"{row.name}, {word}"), (colour for colour, _ in LINES)
+        return [
+            {"label": name, "colour": colour, "values": plain(curve), **dash}
+            for name, colour, dash, curve in zip(names, colours, dashes, row.curves, strict=False)
+        ]
+
     record = {
         "t": plain(t),
-        "rows": [
-            {
-                "label": f"{row.name} ({row.unit})",
-                "series": [
-                    {
-                        "label": name,
-                        "colour": colour,
-                        "values": plain(curve),
-                        **({"dash": [6, 3]} if "ls" in style else {}),
-                    }
-                    for (name, (colour, style)), curve in zip(sides, row.curves, strict=False)
-                ],
-            }
-            for row in rows
-        ],
+        "rows": [{"label": row.unit, "series": series(row)} for row in rows],
         "spans": [{"from": a, "to": b, "colour": colour} for a, b, colour in spans_of(found, item)],
     }
     return msgspec.json.encode(record).decode()

@@ -114,7 +114,10 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         points=points(found),
         sections=[
             section("causes", "Causes", causes_table(found), *(Note(text) for text in actions(found))),
-            section("costs", "What each cause costs", cost_table(found, leading_metric(found.contributions))),
+            section(
+                "costs", "What each cause costs" if found.causes else "Efficiencies",
+                cost_table(found, leading_metric(found.contributions)),
+            ),
             section("next", "What next", note_of(words.experiment_words(found))),
             residual(found),
             _other_costs(found),
@@ -300,7 +303,7 @@ def _other_costs(found: ModelDiagnosis) -> Section:
     leading = leading_metric(found.contributions)
     others = [metric for metric in EFFICIENCIES if metric != leading]
     tables = (cost_table(found, metric, brief=False) for metric in others)
-    return section("other-costs", "What each cause costs of other efficiencies", *tables, folded=True)
+    return section("other-costs", "Other efficiencies", *tables, folded=True)
 
 
 def cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool = True) -> Table[CostRow] | None:
@@ -445,7 +448,7 @@ def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
 
 def numbers(found: DiagnosisResult) -> Section:
     """Numbers of the causes beside what is known of them, jointly and run by run, and what differs between runs."""
-    model = found if isinstance(found, ModelDiagnosis) else None
+    model, item = (found, "run") if isinstance(found, ModelDiagnosis) else (None, "cycle")
     return section(
         "numbers", "Numbers of the causes",
         *(Note(text, "Trend", "warn") for text in trend_sentences(found)),
@@ -460,8 +463,9 @@ def numbers(found: DiagnosisResult) -> Section:
             "A falling curve with a band; its value at 10 A is in the table of causes.",
         ),
         picture(
-            stability_figure(found), "stability", "Number of each cause from one alone, 95 %; band: the joint number.",
-            "Points with error bars one beside the other, and a band; the values are in the JSON.",
+            stability_figure(found), "stability",
+            f"Number of each cause from every {item} alone, 95 %; band: the joint number.",
+            f"Points with error bars for every {item}, and a band; the values are in the JSON.",
         ),
         folded=True,
     )  # fmt: skip
@@ -531,7 +535,6 @@ def _provenance(found: ModelDiagnosis, command: str) -> Section:
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("Source of the rig's numbers", rig.source),
         ("SHA-256 of the rig file", file_digest(rig.path)),
-        ("Suspects", ", ".join(found.suspects)),
         ("Fits", f"{sets} sets of effects; {len(found.data.nuisances)} tolerances beside each"),
         ("Seed of the resampled cycles", str(found.seed)),
     ]
