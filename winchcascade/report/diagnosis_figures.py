@@ -28,7 +28,6 @@ from winchcascade.report.style import (
     Entry,
     LineStyle,
     Margins,
-    is_narrow,
     label_panel,
     legend_above,
     line_entry,
@@ -363,11 +362,8 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
             ax.plot(one.t[shown], (error * factor)[shown], color=COLOURS[colour], lw=1.0)
         ax.margins(x=0.005)
         ax.ticklabel_format(axis="y", useOffset=False)
-        if is_narrow():
-            ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})")
-        else:
-            ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
-            ax.yaxis.set_label_coords((EDGE - left) / (right - left), 0.5)
+        ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
+        ax.yaxis.set_label_coords((EDGE - left) / (right - left), 0.5)
     axes[-1].set_xlabel("Time (s)")
     entries = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
     entries += [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]

@@ -27,7 +27,7 @@ from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.report.digits import MINUS, NumberText, number, places
+from winchcascade.report.digits import MINUS, number, places
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
@@ -50,11 +50,8 @@ def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
     low, value, high = (number(x * how.factor, decimals) for x in (found.low, found.value, found.high))
-    sign, factor, unit = "+" if how.signed and found.value > 0.0 else "", how.factor, how.unit
-    return (
-        NumberText(f"{sign}{value} {unit}".rstrip(), found.value * factor, unit=unit),
-        NumberText(f"{low} to {high} {unit}".rstrip(), found.low * factor, found.high * factor, unit=unit),
-    )
+    sign = "+" if how.signed and found.value > 0.0 else ""
+    return f"{sign}{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
 
 
 def probability_words(p: float) -> str:
@@ -63,7 +60,7 @@ def probability_words(p: float) -> str:
     >>> probability_words(0.873), probability_words(0.9999), probability_words(0.0003)
     ('0.87', '> 0.99', '< 0.01')
     """
-    return NumberText("> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}", p)
+    return "> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}"
 
 
 def phase_words(phase: str) -> str:
@@ -78,9 +75,9 @@ def signed(z: float) -> str:
     ('+3.1', '−42', '> 999', '0.0')
     """
     if abs(z) > 999.0:
-        return NumberText("> 999" if z > 0 else f"< {MINUS}999", z)
+        return "> 999" if z > 0 else f"< {MINUS}999"
     text = "0.0" if abs(z) < 0.05 else f"{z:+.1f}" if abs(z) < 9.95 else f"{z:+.0f}"
-    return NumberText(text.replace("-", MINUS), z)
+    return text.replace("-", MINUS)
 
 
 def share_words(share: float) -> str:
@@ -89,8 +86,7 @@ def share_words(share: float) -> str:
     >>> share_words(0.943), share_words(0.9996), share_words(-0.2)
     ('94 %', '> 99 %', '−20 %')
     """
-    text = "> 99 %" if share >= 0.995 else f"{number(100.0 * share, 0)} %"
-    return NumberText(text, 100.0 * share, unit="%")
+    return "> 99 %" if share >= 0.995 else f"{number(100.0 * share, 0)} %"
 
 
 def apart_words(z: float) -> str:

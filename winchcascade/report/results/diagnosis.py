@@ -428,7 +428,7 @@ def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
                 Column("channel", lambda row: NAMES[row[0]]),
                 *map(_misfit, ("before", "after", "noise")),
                 Column("unit", lambda row: CHANNELS[row[0]].unit),
-                Column("", lambda row: "worse" if row[1].worse else ""),
+                Column("result", lambda row: "worse" if row[1].worse else ""),
             ],
             shrunk,
         ),

@@ -221,7 +221,7 @@ def _tried(found: LineDiagnosis) -> Section:
                 Column("error", lambda names: 100.0 * choice.error(names), "% of the gap", 2),
                 Column("evidence", lambda names: choice.evidence[names] - chosen, "nats", 1, signed=True),
                 Column("probability", lambda names: probability_words(choice.probability[names])),
-                Column("", lambda names: "chosen" if names == found.chosen else ""),
+                Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],
             ranked[:LISTED],
             brief=False,
