@@ -244,7 +244,7 @@ def test_nothing_in_common_is_one_sentence(place: Path, tmp_path: Path) -> None:
 
 # ------------------------------------------------------------------------------------------------ notes
 def test_windows_that_differ_are_noted(place: Path, found: Comparison) -> None:
-    plain = reduce(read_run(place / "after" / "r36ohm.csv", load=36.0))
+    plain = reduce(read_run(place / "after" / "r36ohm.csv"), window="auto")
     other = compare(place / "before", plain)
     assert "the windows of A are 5.48 s, those of B auto" in messages(other, "windows")
     assert "cannot be compared" in messages(other, "windows")

@@ -20,8 +20,6 @@ from winchcascade.core.files import json_bytes
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from winchcascade.report.sheet import Report
 
 SameSensorsOption = Annotated[
@@ -57,6 +55,7 @@ def compare_command(
     Runs are matched by load, without a load by file name. Errors of sensors count as independent.
     """
     from winchcascade.batch.compare_results import compare
+    from winchcascade.batch.results import input_files
     from winchcascade.comparison.gate import check_limit, drop_gate
     from winchcascade.core.jobs import processes
     from winchcascade.report.comparison_text import comparison_record, comparison_text, failed_text
@@ -64,7 +63,7 @@ def compare_command(
     if max_drop is not None:
         check_limit(max_drop)
     outputs: Results = {"--json": json, **report.by_option}
-    check_outputs(outputs, [*_inputs(a), *_inputs(b)], force=force)
+    check_outputs(outputs, [*input_files(a), *input_files(b)], force=force)
     found = compare(a, b, same_sensors=same_sensors, jobs=jobs or processes())
     gate = None if max_drop is None else drop_gate(found, max_drop)
 
@@ -85,11 +84,3 @@ def compare_command(
         force=force,
     )
     raise typer.Exit(0 if gate is None or gate.ok else 1)
-
-
-def _inputs(side: Path) -> Iterator[Path]:
-    """Files of a side, which no result replaces."""
-    yield side
-    folder = side if side.is_dir() else side.parent
-    yield from folder.glob("*")
-    yield from folder.glob("runs/*")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from winchcascade.comparison.comparison_result import Comparison
-from winchcascade.core.errors import OptionError, check_choice
+from winchcascade.core.errors import OptionError, check_choice, check_type
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.campaign_record import CampaignReduction
@@ -160,6 +160,8 @@ def _drawn(
     height : of each row [in]
     sharex, sharey : axes that the rows have in common
     """
+    from matplotlib.axes import Axes
+
     with house_style():
         if ax is None:
             import matplotlib.pyplot as plt
@@ -170,6 +172,7 @@ def _drawn(
             )  # fmt: skip
             found = axes[:, 0]
         else:
+            check_type("plot, ax", ax, Axes, "matplotlib")
             found = np.array([ax], dtype=object)
         draw(found[0] if rows == 1 else found)
         title = found[0].get_title(loc="left")
