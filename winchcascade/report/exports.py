@@ -216,7 +216,6 @@ SHOWS = {
     "stages": "gap-map-of-stages",
     "streams": "powers-over-time-and-speed",
     "trend": "cycle-by-cycle",
-    "differences": "efficiency-differences",
     "waterfall": "efficiency-cause-by-cause",
 }
 """What a figure shows, for the name of its file, by its name in a report; others keep that name."""

@@ -367,7 +367,7 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
 
 def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
     """A row for each difference of a comparison; the unit of its numbers is in its column `unit`."""
-    from winchcascade.report.comparison_text import difference_rows_of
+    from winchcascade.report.results.comparison_record import difference_rows_of
 
     _check_units(units)
     numbers = ("a", "b", "difference", "low_95", "high_95", "standard_uncertainty", "repeatability", "sensors")
