@@ -21,14 +21,8 @@ from winchcascade.core.files import json_bytes
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
-<<<<<<< HEAD
-    from winchcascade.report.sheet import Report
-=======
-    from collections.abc import Iterator
-
     from winchcascade.comparison.gate import Gate
     from winchcascade.report.content import Report
->>>>>>> h-pcmp
 
 SameSensorsOption = Annotated[
     bool,
@@ -88,8 +82,6 @@ def compare_command(
     printed = Printed(lambda: terminal_text(stated(), files), failures=failures)
     deliver(json, lambda: json_bytes(comparison_record(found, gate)), printed, force=force)
     raise typer.Exit(0 if gate is None or gate.ok else 1)
-<<<<<<< HEAD
-=======
 
 
 def _failed(gate: Gate) -> str:
@@ -102,12 +94,3 @@ def _failed(gate: Gate) -> str:
 
     drops = section("limit", "Limit of a drop", drops_table(replace(gate, drops=gate.failed)))
     return terminal_text(Report("Comparison", gate_words(gate), sections=[drops]))
-
-
-def _inputs(side: Path) -> Iterator[Path]:
-    """Files of a side, which no result replaces."""
-    yield side
-    folder = side if side.is_dir() else side.parent
-    yield from folder.glob("*")
-    yield from folder.glob("runs/*")
->>>>>>> h-pcmp
