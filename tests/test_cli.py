@@ -190,7 +190,7 @@ def test_a_log_without_a_payout_is_reported(tmp_path: Path) -> None:
 
 def test_a_broken_campaign_beside_the_log_is_reported(log: Path) -> None:
     (log.parent / "campaign.toml").write_text("[[run]\n")
-    assert "To reduce run 1 é.csv without it, give --rig" in one_sentence("reduce", log)
+    assert "To read run 1 é.csv without it, give --rig" in one_sentence("reduce", log)
 
 
 @pytest.mark.parametrize(

@@ -120,7 +120,7 @@ def test_the_rig_and_window_of_the_command_line_win(campaign: Path, tmp_path: Pa
     options = ("--rig", tmp_path / "mine.toml", "--window", "5", "--reports", "none", "--out", tmp_path / "out")
     assert winchcascade("batch", campaign, *options).returncode == 0
     record = json.loads((tmp_path / "out" / "runs" / "r36ohm.csv.json").read_bytes())
-    assert (record["rig"], record["window"], record["log"]["load_ohm"]) == ("mine", 5.0, 36.0)
+    assert (record["rig"]["name"], record["window"], record["log"]["load_ohm"]) == ("mine", 5.0, 36.0)
 
 
 def test_the_workbook_is_written_where_asked_for(campaign: Path, out: Path, tmp_path: Path) -> None:

@@ -138,7 +138,6 @@ def documented(command: str, table: str) -> list[str]:
         (COMMANDS["reduce"], "windows", 0),
         (COMMANDS["reduce"], "whole cycles", 1),
         (COMMANDS["reduce"], "phases", 2),
-        (COMMANDS["compare"], "differences", 0),
         pytest.param(
             ("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"),
             "logs",

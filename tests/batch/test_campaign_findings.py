@@ -6,13 +6,21 @@ import shutil
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from pyarrow import parquet
 
+from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import load_results
 from winchcascade.batch.run_batch import run_batch
+from winchcascade.core.campaign_file import CampaignRun, load_campaign
+from winchcascade.core.run import Run
+from winchcascade.ingest.read import read_run
+from winchcascade.reduction.efficiency_between_runs import LogEfficiency
+from winchcascade.reduction.reduce import reduce
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.campaign_record import campaign_from, campaign_text
+from winchcascade.report.records import reduction_record
 from winchcascade.report.sheet import Table
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
@@ -74,3 +82,38 @@ def test_the_dataset_and_a_check_hold_it_too(out: Path) -> None:
             kinds = [finding.kind for finding in record.quality]
             assert kinds.count("efficiency_change") == (name == HURT)
             assert name != HURT or len(kinds) == len(own) + 1
+
+
+Logs = dict[str, tuple[CampaignRun, Run]]
+
+
+@pytest.fixture(scope="module")
+def logs() -> Logs:
+    """The loaded logs of the shipped campaign."""
+    runs = [entry for entry in load_campaign(CAMPAIGN).runs if entry.file.stem != "open_circuit"]
+    return {entry.file.name: (entry, read_run(entry.file, load=entry.load)) for entry in runs}
+
+
+def _efficiency(name: str, entry: CampaignRun, run: Run) -> LogEfficiency | None:
+    return log_efficiency(name, reduction_record(reduce(run, window=entry.window)))
+
+
+@pytest.mark.parametrize(
+    ("hurt", "channel", "gain"),
+    [
+        ("r18ohm.csv", "force", 1.1),
+        ("r18ohm.csv", "torque", 0.9),
+        ("r9ohm.csv", "force", 1.05),
+        ("r9ohm.csv", "torque", 0.9),
+        ("r9ohm.csv", "torque", 0.95),
+        ("r4p5ohm.csv", "force", 1.1),
+        ("r4p5ohm.csv", "torque", 0.9),
+        ("r4p5ohm.csv", "torque", 1.3),
+    ],
+)
+def test_the_wrong_log_is_marked_and_not_the_one_beside_it(logs: Logs, hurt: str, channel: str, gain: float) -> None:
+    """A wrong log at the end of the loads spoils the prediction of the log beside it."""
+    entry, run = logs[hurt]
+    wrong = replace(run, channels={**run.channels, channel: gain * run.channels[channel]})
+    given = {name: _efficiency(name, *of) for name, of in (logs | {hurt: (entry, wrong)}).items()}
+    assert {name for name, _ in findings_between(given.values())} == {hurt}

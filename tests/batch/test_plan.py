@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from winchcascade.batch.log_settings import LogSettings
 from winchcascade.batch.plan import Work, make_plan
+from winchcascade.core.campaign_settings import LogSettings
 from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 
 MAX_BYTES = 200

@@ -75,7 +75,7 @@ def kite() -> Iterator[Case]:
 def rates(folder: Path) -> Iterator[Case]:
     """Reduce the base logs of the matrix at their three rates."""
     for log in bases(RATES):
-        run = read_run(csv(log)(folder), load=log.load)
+        run = read_run(csv(log)(folder), load=log.load, rig=load_rig("hsu2026"))
         shortest = min(c.phases.payout_end - c.phases.onset for c in truth(log).complete)
         for rule in (log.window, "auto", "payout", round(0.97 * shortest, 2)):
             yield Case(f"{log!r} window {rule}", reduce(run, window=rule))
@@ -115,8 +115,7 @@ def files(folder: Path) -> Iterator[Case]:
 
 
 def _reduced(path: Path, log: Log, rig_file: Path | None = None) -> Reduction:
-    rig = load_rig(rig_file) if rig_file else None
-    return reduce(read_run(path, load=log.load, rig=rig), window=log.window, rig=rig)
+    return reduce(read_run(path, load=log.load, rig=load_rig(rig_file or "hsu2026")), window=log.window)
 
 
 def simulated(folder: Path) -> Iterator[Case]:
@@ -136,7 +135,7 @@ def simulated(folder: Path) -> Iterator[Case]:
                 columns = dict(zip(headers, table[:: 100 // rate].T, strict=True))
                 path = folder / f"{name} {rate} Hz.csv"
                 _write(path, _noisy(columns, rate) if noisy else columns, headers)
-                run = read_run(path, load=load)
+                run = read_run(path, load=load, rig=load_rig("hsu2026"))
                 for rule in (5.96, "auto", "payout"):
                     found = reduce(run, window=rule)
                     true.setdefault(rule, found)

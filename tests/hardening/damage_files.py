@@ -24,6 +24,7 @@ from winchcascade.core.errors import WinchcascadeError
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.rig.open_rig import load_rig
 
 OTHER = {"r4p5ohm": "r9ohm", "r18ohm": "r27ohm", "r45ohm": "r36ohm"}
 """A log at another load, to stand beside each of the three."""
@@ -75,7 +76,7 @@ def load_property(log: Log, rng: Rng) -> Damage:
     def judge(folder: Path) -> Outcome:
         path = csv(log, preamble=f"{key}: {text}\n\n")(folder)
         try:
-            run = read_run(path)
+            run = read_run(path, rig=load_rig("hsu2026"))
             found = reduce(run, window=log.window)
         except WinchcascadeError as fault:
             return Outcome(("load",), f"rejected: {fault}")
@@ -213,7 +214,7 @@ def _ambiguous(log: Log, what: str, write: Callable[[Path], Path], names: Sequen
     def judge(folder: Path) -> Outcome:
         path = write(folder)
         try:
-            run = read_run(path, load=log.load)
+            run = read_run(path, load=log.load, rig=load_rig("hsu2026"))
         except WinchcascadeError as fault:
             named = all(name in str(fault) for name in names)
             return Outcome(("one of several tables",), f"rejected: {fault}" if named else "")
@@ -353,7 +354,7 @@ def long_window(log: Log, rng: Rng) -> Damage:
 
     def judge(folder: Path) -> Outcome:
         path = csv(log)(folder)
-        run = read_run(path, load=log.load)
+        run = read_run(path, load=log.load, rig=load_rig("hsu2026"))
         try:
             found = reduce(run, window=window)
         except WinchcascadeError as fault:
@@ -452,7 +453,7 @@ def between_logs(log: Log, rng: Rng) -> Damage:
     def judge(folder: Path) -> Outcome:
         known = _clean_words(folder, "batch")
         path = csv(damaged)(folder)
-        beyond, _ = moved(truth(log), reduce(read_run(path, load=log.load), window=log.window))
+        beyond, _ = moved(truth(log), reduce(read_run(path, load=log.load, rig=load_rig("hsu2026")), window=log.window))
         new = sorted(_batch(folder, log.name, damaged)[0] - known)
         reason = campaign_reason(log.name, folder / "results") if not new else None
         return Outcome(beyond, "new words: " + " ".join(new) if new else "", reason)
@@ -531,7 +532,7 @@ def widened(log: Log, rng: Rng) -> Damage:
 
     def judge(folder: Path) -> Outcome:
         path = csv(damaged)(folder)
-        found = reduce(read_run(path, load=log.load), window=log.window)
+        found = reduce(read_run(path, load=log.load, rig=load_rig("hsu2026")), window=log.window)
         beyond, _ = moved(truth(log), found)
         known = _clean_words(folder, "check")
         _batch(folder, log.name, damaged)
@@ -557,7 +558,9 @@ def unmarked(log: Log, rng: Rng) -> Damage:
     def judge(folder: Path) -> Outcome:
         _, clean = _batch(folder, log.name, None)
         _, row = _batch(folder, log.name, damaged)
-        if not reduce(read_run(csv(damaged)(folder), load=log.load), window=log.window).quality:
+        if not reduce(
+            read_run(csv(damaged)(folder), load=log.load, rig=load_rig("hsu2026")), window=log.window
+        ).quality:
             return Outcome((), "")
         marked = row != clean
         return Outcome(("a row with findings",), "marked" if marked else "")

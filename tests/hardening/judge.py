@@ -98,7 +98,7 @@ def undamaged(log: Log, window: float | str) -> Reduction:
     """Write a log in a folder of its own and reduce it."""
     folder = _SCRATCH[0] / "undamaged"
     folder.mkdir(exist_ok=True)
-    return reduce(read_run(csv(log)(folder), load=log.load), window=window)
+    return reduce(read_run(csv(log)(folder), load=log.load, rig=load_rig("hsu2026")), window=window)
 
 
 @cache
@@ -127,14 +127,14 @@ def judged(damage: Damage, folder: Path) -> Outcome:
 
 
 def _reduced(damage: Damage, path: Path, folder: Path) -> Reduction:
-    rig = None
+    rig = load_rig("hsu2026")
     if damage.rig:
         place = folder / "rig.toml"
         place.write_text(damage.rig, encoding="utf-8")
         rig = load_rig(place)
     load = damage.log.load if damage.load is None else damage.load
     run = read_run(path, rig=rig, load=None if damage.stated_in_file else load)
-    found = reduce(run, rig=rig, window=damage.log.window if damage.window is None else damage.window)
+    found = reduce(run, window=damage.log.window if damage.window is None else damage.window)
     require_payouts(found)
     return found
 

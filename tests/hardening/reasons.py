@@ -141,7 +141,7 @@ def campaign_reason(name: str, results: Path) -> Reason | None:
         if rows is None:
             return None
         off, speed, _ = (float(x[k] / rows.y[k] ** 2) for x in _left_out(rows, left))
-        chance = float(_chances(rows, left)[k]) * len(logs) * len(METRICS)
+        chance = float(_chances(rows, left)[0][k]) * len(logs) * len(METRICS)
         words = f"{metric} {abs(off):.3f} from what the other logs predict; {speed:.3f} by speed, and the rest with a "
         found.append((chance, words + f"probability of {min(chance, 1.0):.2g} by chance ({ALPHA:g} is reported)"))
     if min(found)[0] <= ALPHA:

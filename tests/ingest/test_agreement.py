@@ -104,7 +104,7 @@ def test_what_says_nothing_of_gain_and_zero_gives_no_finding(name: str) -> None:
 def test_a_velocity_made_of_the_displacement_is_not_held_against_it() -> None:
     signals = {name: x for name, x in channels(table()).items() if name != "velocity"}
     found = check(T, signals, RIG, simulated=False, open_circuit=False)
-    assert {f.kind for f in found.findings} == {"missing_channel"}
+    assert {f.kind for f in found.findings} == {"derived_channel"}
 
 
 def test_blocks_leave_out_holes_and_gaps() -> None:

@@ -10,10 +10,10 @@ from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, ki
 from loops import failures
 
 from winchcascade import Run, load_rig
+from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import KGF
 from winchcascade.core.quantity import UNITS as UNIT_TABLE
-from winchcascade.core.run import CHANNELS
 from winchcascade.ingest import dialects
 from winchcascade.ingest.dialects import Header, read_header, recognise
 

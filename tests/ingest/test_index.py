@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import openpyxl
 import pyarrow as pa
@@ -15,8 +16,9 @@ from campaign_log import HEAD, NOON, ROWS, SAME, T, clean, efficiencies, kinds, 
 from daily import daily
 from read_here import readers_here
 
-from winchcascade import Rig, read_run
+from winchcascade import read_run
 from winchcascade.core.errors import LogError
+from winchcascade.core.rig_toml import built_in
 
 STAMPS = stamps("%Y-%m-%d %H:%M:%S.~")
 NAMES_OF_NONE = ["", "index", "__index_level_0__", "Unnamed: 0"]
@@ -88,7 +90,7 @@ def test_an_index_that_counts_rows_is_no_clock(write: Writer, name: str, step: i
     assert "has , " not in str(caught.value)
     assert ", ," not in str(caught.value)
     with readers_here():
-        run = read_run(path, rig=Rig(name="fast", sample_rate=25.0))
+        run = read_run(path, rig=msgspec.structs.replace(built_in(), sample_rate=25.0))
     assert run.fs == 25.0
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 

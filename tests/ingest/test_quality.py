@@ -25,8 +25,8 @@ from synthetic import KGCM2, SCENARIOS, make_log
 
 from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
 from winchcascade.core.campaign_file import campaign_beside
+from winchcascade.core.channels import CHANNELS
 from winchcascade.core.rig_toml import parse_rig
-from winchcascade.core.run import CHANNELS
 from winchcascade.ingest.checks.channel_findings import saturated
 from winchcascade.ingest.checks.quality import Checked, check
 
@@ -137,7 +137,7 @@ def test_empty_cells_are_counted_placed_and_bridged(tmp_path: Path, name: str) -
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "velocity"])
 def test_metrics_that_need_a_missing_channel_are_null_and_cycles_stay_complete(tmp_path: Path, name: str) -> None:
     result = reduce(written(tmp_path, table(), without=name), window=WINDOW["r36ohm"])
-    assert [(f.kind, f.channel) for f in result.quality] == [("missing_channel", name)]
+    assert [(f.kind, f.channel) for f in result.quality] == [("rig_assumed", None), ("missing_channel", name)]
     assert [c.complete for c in result.cycles] == [True, True, True]
     lost = {"force": ("energy_line", "eta_trans", "eta_pto"), "torque": ("energy_mech", "eta_trans", "eta_gen")}
     lost |= dict.fromkeys(("vdc", "idc"), ("energy_gen", "eta_gen", "eta_pto"))
@@ -146,19 +146,17 @@ def test_metrics_that_need_a_missing_channel_are_null_and_cycles_stay_complete(t
 
 
 @pytest.mark.parametrize(
-    ("without", "value", "kind"),
-    [("velocity", 1.0, "missing_channel"), (None, np.nan, "missing_channel"), (None, 0.0, "stuck")],
+    ("without", "value", "kinds"),
+    [("velocity", 1.0, []), (None, np.nan, []), (None, 0.0, ["dead_channel"])],
     ids=["missing", "empty", "dead"],
 )
 def test_a_velocity_that_is_missing_empty_or_dead_is_derived_from_the_displacement(
-    tmp_path: Path, without: str | None, value: float, kind: str
+    tmp_path: Path, without: str | None, value: float, kinds: list[str]
 ) -> None:
     rows = table().copy()
     rows[:, column("velocity")] = value
     run = written(tmp_path, rows, without=without)
-    finding = only(run, kind)
-    assert finding.channel == "velocity"
-    assert "derived from the displacement" in finding.action
+    assert [(f.kind, f.channel) for f in run.findings] == [(kind, "velocity") for kind in (*kinds, "derived_channel")]
     mean = reduce(run, window=WINDOW["r36ohm"]).mean
     for eta in ("eta_trans", "eta_gen", "eta_pto"):
         assert getattr(mean, eta) == pytest.approx(getattr(clean().mean, eta), abs=EFFICIENCY)

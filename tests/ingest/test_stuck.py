@@ -49,10 +49,14 @@ def freeze(name: str, which: Sequence[str], start: float, seconds: float, value:
     return check(t, copies, RIG, simulated=False, open_circuit=False)
 
 
+HELD = ("stuck", "dead_channel")
+"""Kinds of findings on a channel that holds a value, the second one on one that is zero throughout."""
+
+
 def stuck(found: Checked) -> set[str | None]:
-    others = {(f.kind, f.channel) for f in found.findings if f.kind != "stuck"}
+    others = {(f.kind, f.channel) for f in found.findings if f.kind not in (*HELD, "derived_channel")}
     assert others <= {("out_of_range", "torque")}  # which the heavy load really has
-    return {f.channel for f in found.findings if f.kind == "stuck"}
+    return {f.channel for f in found.findings if f.kind in HELD}
 
 
 def is_stuck(name: str, channel: str, where: str, seconds: float) -> Checked:
@@ -126,11 +130,12 @@ def test_an_encoder_that_stops_counting_is_found_by_the_torque(where: str) -> No
 
 def test_a_channel_that_is_one_value_throughout_is_left_out() -> None:
     def check(name: str, channel: str, value: float | None) -> None:
-        t, _ = log(name)
+        t, signals = log(name)
         found = freeze(name, [channel], t[0], t[-1], value)
         assert stuck(found) == {channel}
         assert channel not in found.channels
-        (finding,) = [f for f in found.findings if f.kind == "stuck"]
+        (finding,) = [f for f in found.findings if f.kind in HELD]
+        assert finding.kind == ("dead_channel" if value == 0.0 or signals[channel][0] == 0.0 else "stuck")
         assert (finding.start, finding.end, finding.count) == (t[0], t[-1], t.size)
 
     channels = [n for n in NAMES if n not in ("velocity", "displacement")]
@@ -143,6 +148,7 @@ def test_a_dead_displacement_is_left_out_and_a_dead_velocity_derived_from_it(nam
     assert "displacement" not in freeze(name, ["displacement"], t[0], t[-1]).channels
     derived = freeze(name, ["velocity"], t[0], t[-1])
     assert stuck(derived) == {"velocity"}
+    assert [f.channel for f in derived.findings if f.kind == "derived_channel"] == ["velocity"]
     assert np.ptp(derived.channels["velocity"]) > 1
 
 

@@ -30,7 +30,7 @@ def driven(
 ) -> list[int]:
     rig = built_in()
     rig = msgspec.structs.replace(rig, drivetrain=msgspec.structs.replace(rig.drivetrain, one_way_clutch=clutch))
-    run = Run("a.csv", T, channels, 1.0, T.size, gaps=gaps or {})
+    run = Run("a.csv", T, {"displacement": T, **channels}, 1.0, T.size, gaps=gaps or {})
     rows: list[int] = np.flatnonzero(engaged(run, [CYCLE], [plateau], rig)).tolist()
     return rows
 

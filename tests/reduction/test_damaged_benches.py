@@ -59,7 +59,8 @@ def test_power_against_the_cascade_is_the_reason_for_a_missing_efficiency(
     channels[wrong] = -channels[wrong]
     found, quality = reduced(tmp_path, channels, RIG.replace("steps", source))
     assert found["total"]["eta_gen"] is None
-    (finding,) = quality
+    opposed, finding = quality
+    assert (opposed["kind"], finding["kind"]) == ("sign_mismatch", "out_of_range")
     assert "eta_gen has no value in" in finding["message"]
     assert "check the sign of torque and speed and the order of the stages" in finding["message"]
     sign = '[stage.mech]\npower = "-torque * speed"\n'

@@ -144,7 +144,8 @@ def test_a_metric_without_an_uncertainty_has_no_interval() -> None:
 def test_without_a_complete_cycle_there_is_no_interval() -> None:
     rig = built_in()
     steady_for_long = msgspec.structs.replace(rig.thresholds, plateau_hold=100.0)
-    found = uncertainty(reduce(reduction36().run, rig=msgspec.structs.replace(rig, thresholds=steady_for_long)))
+    never_steady = msgspec.structs.replace(rig, thresholds=steady_for_long)
+    found = uncertainty(reduce(reduction36().run, rig=never_steady, window="auto"))
     assert (dict(found.interval_95), dict(found.method)) == ({}, {})
 
 
@@ -289,7 +290,7 @@ def test_each_error_is_drawn_once_from_each_stratum(draws: int) -> None:
 
 @pytest.mark.parametrize("draws", [99, 0, -5, 2000.5, math.nan, math.inf])
 def test_a_number_of_draws_that_gives_no_interval_is_rejected(draws: Any) -> None:
-    with pytest.raises(OptionError, match=r"^draws: .+; expected a whole number of 100 or more. The default is 8191.$"):
+    with pytest.raises(OptionError, match=r"draws is .+; expected a whole number from 100"):
         uncertainty(reduction36(), draws=draws)
 
 

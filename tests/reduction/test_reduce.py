@@ -47,7 +47,7 @@ def test_a_rebuilt_log_reduces_to_the_published_row(fixtures: Path, load: float)
     "path", sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv")), ids=lambda p: p.stem
 )
 def test_a_clean_log_gives_no_finding(path: Path) -> None:
-    assert reduce(read_run(path)).quality == ()
+    assert reduce(read_run(path, load=math.inf if path.stem == "open_circuit" else None)).quality == ()
 
 
 def test_an_open_circuit_has_no_electrical_efficiency(fixtures: Path) -> None:
@@ -83,7 +83,7 @@ def logged(name: str) -> tuple[Scenario, Run]:
 def made(name: str, rule: str | float):  # type: ignore[no-untyped-def]
     """A reduction of a made log, and the truth of its motion."""
     scenario, run = logged(name)
-    reduction = reduce(run, window=rule)
+    reduction = reduce(run, rig=load_rig("hsu2026"), window=rule)
     return reduction, truth(scenario, rule=rule, smoothed=True)  # type: ignore[arg-type]
 
 
@@ -188,7 +188,7 @@ DAMAGED = {
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_damaged_log_reduces_to_the_clean_runs_efficiencies(fixtures: Path, name: str) -> None:
     clean = reduce(read_run(fixtures / "campaign" / "r36ohm.csv"), window=5.48).mean
-    reduction = reduce(read_run(fixtures / "damaged_logs" / name), window=5.48)
+    reduction = reduce(read_run(fixtures / "damaged_logs" / name, rig=load_rig("hsu2026")), window=5.48)
     assert {f.kind for f in reduction.quality} == DAMAGED[name]
     for metric in ("eta_trans", "eta_gen", "eta_pto"):
         found = getattr(reduction.mean, metric)
@@ -202,7 +202,8 @@ def test_a_damaged_log_reduces_to_the_clean_runs_efficiencies(fixtures: Path, na
 def test_labelled_logs_are_clean_but_for_torque_above_the_sensors_range(shared: Path) -> None:
     kinds = []
     for path in sorted((shared / "labelled").glob("*/*.csv")):
-        reduction = reduce(read_run(path))
+        load = math.inf if path.stem == "open_circuit" else None
+        reduction = reduce(read_run(path, rig=load_rig("hsu2026"), load=load))
         assert len(reduction.complete) == 3
         kinds += [(f.kind, f.channel, f.removed) for f in reduction.quality]
     assert kinds == [("out_of_range", "torque", 0)] * 28

@@ -452,7 +452,7 @@ def never_steady() -> Rig:
 
 
 def test_without_a_complete_cycle_no_mean_has_an_uncertainty() -> None:
-    reduction = reduce(run36(), rig=never_steady())
+    reduction = reduce(run36(), rig=never_steady(), window="auto")
     assert reduction.complete == ()
     found = budget(reduction)
     assert none_of(found.mean) == none_of(found.sensors) == none_of(found.repeatability) == set(METRICS)

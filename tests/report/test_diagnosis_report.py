@@ -11,10 +11,10 @@ import pytest
 from diagnosed import diagnosed
 from pypdf import PdfReader
 from undrawn import undrawn
+from winchcascade.report.diagnosis import make_diagnosis_report
 
 from winchcascade.diagnosis.diagnosis_result import Alternative, Spot
 from winchcascade.report.cause_costs import COLUMNS, cost_section, lead_picture, waterfall_costs
-from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.digits import MINUS
 from winchcascade.report.publish import html_text, pdf_bytes
 from winchcascade.report.sheet import Picture, Report, Table
@@ -154,8 +154,9 @@ def test_alarms_and_nuisances_are_reported_with_limit_and_unit() -> None:
 
 
 def test_a_nuisance_of_the_rig_is_reported_in_the_unit_of_its_file() -> None:
-    from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.report.diagnosis_tables import _nuisance_row
+
+    from winchcascade.diagnosis.nuisances import Nuisance
 
     row = _nuisance_row(Nuisance("rig", "l_s", 5e-5, "mH", section="generator"), 2.0, [])
     assert row == ("phase inductance", "0.10", "0.050", "mH", "+2.0")

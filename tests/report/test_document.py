@@ -37,8 +37,8 @@ Result = tuple[Reduction, Uncertainty]
 
 
 def reduced(log: Path, window: str | float = 5.48, rig: str | None = None, load: float | None = None) -> Result:
-    used = None if rig is None else parse_rig(rig, "rig.toml")
-    reduction = reduce(read_run(log, rig=used, load=load), rig=used, window=window)
+    used = load_rig("hsu2026") if rig is None else parse_rig(rig, "rig.toml")
+    reduction = reduce(read_run(log, rig=used, load=load, campaign=False), window=window)
     return reduction, uncertainty(reduction, draws=2000)
 
 

@@ -159,6 +159,15 @@ def test_a_csv_has_numbers_in_full_and_units_in_its_head() -> None:
     assert rows[2]["E_line (J)"] == "-1.5"
 
 
+@pytest.mark.parametrize("text", ["=1+1.csv", "+SUM(A1).csv", "-2+3", "@now", "\t=1", '=HYPERLINK("x")', "- a"])
+def test_no_text_of_a_csv_is_taken_for_a_formula(text: str) -> None:
+    columns = [text_column(text), text_column("Remark"), number_column("P", "W")]
+    table = make_table("t", "c", columns, [(text, "r36.csv", number(-1.5, 1)), ("-1.5", "-", number(None, 0))])
+    head, *rows = csv.reader(io.StringIO(csv_text(table)))
+    assert (head[0], rows[0]) == (f"'{text}", [f"'{text}", "r36.csv", "-1.5"])
+    assert rows[1] == ["-1.5", "-", ""]
+
+
 def test_columns_of_one_name_are_told_apart_and_a_sign_is_named_after_its_number() -> None:
     columns = [number_column("P", "W"), number_column("±", "W"), number_column("P", "W")]
     table = make_table("t", "c", columns, [(number(1.0, 0), number(0.1, 1), NumberText("2 W", 2.0, unit="W"))])

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from diagnosed import diagnosed
+from winchcascade.report.diagnosis_text import as_json
 
 from winchcascade import Reduction, read_run, reduce
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import KGF
-from winchcascade.report.diagnosis_text import as_json
 from winchcascade.report.frames import campaign_frame, write_parquet
 from winchcascade.report.records import reduction_json, reduction_record
 
@@ -56,7 +56,9 @@ def test_units_of_display_are_percent_rpm_and_kg_per_cm2(reduction: Reduction) -
     run = reduction.run
     assert np.array_equal(run.to_pandas()["pressure_pa"], run.channels["pressure"])
     assert np.allclose(run.to_pandas("display")["pressure_kgcm2"] * KGF * 1e4, run.channels["pressure"], rtol=1e-15)
-    fast = msgspec.structs.replace(run, channels={"speed": np.array([math.pi, 2.0 * math.pi])}, t=np.array([0.0, 1.0]))
+    fast = msgspec.structs.replace(
+        run, channels={"speed": np.array([math.pi, 2.0 * math.pi])}, t=np.array([0.0, 1.0]), fs=1.0
+    )
     assert fast.to_pandas("display")["speed_rpm"].tolist() == [30.0, 60.0]
     assert fast.to_pandas()["speed_radps"].tolist() == [math.pi, 2.0 * math.pi]
 

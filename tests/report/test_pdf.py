@@ -56,7 +56,7 @@ def made(report: Report) -> Made:
 
 @pytest.fixture(scope="module")
 def clean() -> Made:
-    reduction = reduce(read_run(CLEAN, load=36.0), window=5.48)
+    reduction = reduce(read_run(CLEAN, load=36.0, campaign=False), window=5.48)
     return made(make_report(reduction, uncertainty(reduction), command="winchcascade reduce r36ohm.csv"))
 
 

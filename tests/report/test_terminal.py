@@ -12,7 +12,7 @@ NARROW = 80
 
 @pytest.mark.parametrize("name", ["r36ohm", "open_circuit", "r4p5ohm"])
 def test_the_table_of_a_crane_trial_fits_a_narrow_terminal(fixtures: Path, name: str) -> None:
-    text = reduction_text(reduce(read_run(fixtures / "campaign" / f"{name}.csv")))
+    text = reduction_text(reduce(read_run(fixtures / "campaign" / f"{name}.csv", campaign=False)))
     assert max(len(line) for line in text.splitlines()) <= NARROW
 
 

@@ -273,15 +273,20 @@ def test_the_energy_of_the_line_is_accounted_for(log: str, load: float, name: st
     assert booked == pytest.approx(float(energy["line"][at]), rel=BALANCE)
 
 
+ONSET = 0.03
+"""Speed beyond which the line moves. [m/s]"""
+
+
 @pytest.mark.slow
 @every_effect
 def test_half_the_step_gives_the_same(name: str) -> None:
-    """At the heaviest load, where currents and their feedback are largest."""
+    """At the heaviest load, where currents and their feedback are largest; at rest friction only bounds torque and force."""
     coarse = simulated(*HEAVIEST, name).run.channels
     run = motion(*HEAVIEST)
+    moving = np.abs(run.channels["velocity"]) > ONSET
     fine = simulate(run, half(EFFECTS[name]).apply(model()), step=0.5 * STEP).run.channels
     for channel in READ:
-        assert np.abs(fine[channel] - coarse[channel]).max() < NOISE * np.abs(coarse[channel]).max(), channel
+        assert np.abs(fine[channel] - coarse[channel])[moving].max() < NOISE * np.abs(coarse[channel]).max(), channel
 
 
 @given(st.tuples(*(st.floats(field.low, field.high) for field in EFFECTS["ke_rolloff"].fields)))

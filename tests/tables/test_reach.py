@@ -285,7 +285,7 @@ def test_a_row_without_a_window_takes_that_of_the_others() -> None:
 
 @pytest.mark.parametrize("window", [5.48, None])
 def test_the_short_reduction_is_the_whole_one(fixtures: Path, window: float | None) -> None:
-    run = read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0)
+    run = read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0, campaign=False)
     whole, short = reduce(run, window=window).cycles[0].metrics, first_metrics(run, RIG, window)
     for metric in METRICS:
         assert short[metric] == pytest.approx(getattr(whole, metric), rel=1e-12)

@@ -12,8 +12,8 @@ import numpy as np
 from winchcascade.core.campaign_file import Campaign, CampaignRun, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 from winchcascade.core.files import write_content, write_whole
+from winchcascade.core.named_rig import first_named
 from winchcascade.core.quantity import UNITS
-from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_data import POWER
@@ -54,9 +54,15 @@ def read_logs(campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], 
         if key not in read:
             on_progress(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
             run = read_run(
-                entry.file, rig=rig, load=key[2], about=campaign.title, origin=entry.origin, table=entry.sheet
+                entry.file,
+                rig=rig,
+                load=key[2],
+                about=campaign.title,
+                origin=entry.origin,
+                table=entry.sheet,
+                campaign=False,
             )
-            read[key] = _as_listed(_checked(run, rig), entry)
+            read[key] = _as_listed(_checked(run), entry)
         if loads and read[key].load is None:
             raise CampaignError(
                 f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis simulates it, so give load_ohm."
@@ -65,10 +71,10 @@ def read_logs(campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], 
     return runs
 
 
-def _checked(run: Run, rig: Rig) -> Run:
+def _checked(run: Run) -> Run:
     """A log with the findings of the checks that need its cycles, too."""
     try:
-        return msgspec.structs.replace(run, findings=reduce(run, rig=rig).quality)
+        return msgspec.structs.replace(run, findings=reduce(run).quality)
     except WinchcascadeError:  # a log without cycles is rejected where it is diagnosed
         return run
 
@@ -128,7 +134,7 @@ def read_simulations(
             )
         on_progress(f"reading {entry.simulated.name} of your simulation ({number} of {len(campaign.runs)})")
         table = entry.sheet if entry.simulated.suffix == entry.file.suffix else None
-        runs.append(read_run(entry.simulated, rig=rig, load=log.load, table=table, simulated=True))
+        runs.append(read_run(entry.simulated, rig=rig, load=log.load, table=table, simulated=True, campaign=False))
     return runs
 
 
@@ -152,7 +158,7 @@ def diagnose_listed(
     ------
     WinchcascadeError : something of the input cannot be used; the message names it
     """
-    the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
+    the_rig = first_named(rig, campaign.rig, read=load_rig)
     model = model_of(the_rig)
     runs = read_logs(campaign, the_rig, on_progress, loads=not isinstance(model, NoModel))
     cycles = [entry.cycles for entry in campaign.runs]

@@ -25,7 +25,7 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
     own = [row.contribution for row in parts.budget if row.part != "gain"] + [parts.repeatability]
     return LogEfficiency(
         name=name,
-        kind=(record.rig, record.window == "payout", bool(log.simulated)),
+        kind=(record.rig_name, record.window == "payout", bool(log.simulated)),
         load=math.inf if log.open_circuit else log.load_ohm,
         speed=sum(speeds) / len(speeds),
         power=record.mean.get(FIELDS["power_mech"]),

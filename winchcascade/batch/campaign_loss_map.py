@@ -23,10 +23,9 @@ if TYPE_CHECKING:
 
 def points_of(work: Work) -> LossPoints:
     """Operating points of one log, which is read and reduced anew. Raises as `loss_points`."""
-    settings = work.settings
     with local_copy(work.address) as path:
-        run = read_with(path, settings)
-    found = loss_points(reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles))
+        run = read_with(path, work.settings)
+    found = loss_points(reduce(run))
     return msgspec.structs.replace(found, logs=(work.name,))
 
 

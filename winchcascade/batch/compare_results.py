@@ -10,6 +10,7 @@ from winchcascade.batch.results import load_results
 from winchcascade.comparison.compare_sides import compare_sides
 from winchcascade.comparison.compared_run import compared_run
 from winchcascade.comparison.comparison_result import ComparedSide, Comparison
+from winchcascade.core.arguments import FLAG, PATH, PROCESSES, check_arguments
 from winchcascade.core.errors import OptionError, check_type
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
@@ -45,6 +46,7 @@ def compare(a: Target, b: Target, *, same_sensors: bool = False, jobs: int = 1) 
     >>> found.runs[0].of("eta_pto").value
     0.0
     """
+    check_arguments("compare", ("same_sensors", same_sensors, FLAG), ("jobs", jobs, PROCESSES))
     return compare_sides(compared_side(a, jobs), compared_side(b, jobs), same_sensors=same_sensors)
 
 
@@ -58,6 +60,7 @@ def compared_side(target: Target, jobs: int = 1) -> ComparedSide:
         check_type(
             "compare", target, (str, os.PathLike, Reduction, CampaignReduction), "reduce or open_campaign(...).reduce()"
         )
+        check_arguments("compare", ("side", target, PATH))
         path = Path(target)
         name, records = str(path), dict(_log(path) if _is_log(path) else load_results(path, jobs=jobs).records)
     if not records:
@@ -71,7 +74,6 @@ def _is_log(path: Path) -> bool:
 
 def _log(path: Path) -> dict[str, RunRecord]:
     """Reduce a log as `reduce` does without options."""
-    settings = settings_of(path, rig=None, load_ohm=None, window=None)
-    reduction = reduce(read_with(path, settings), rig=settings.rig, window=settings.window, cycles=settings.cycles)
+    reduction = reduce(read_with(path, settings_of(path, rig=None, load_ohm=None, window=None)))
     require_payouts(reduction)
     return {path.name: reduction_record(reduction)}

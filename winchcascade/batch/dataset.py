@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from winchcascade.core.cascade import Cascade
+from winchcascade.core.plain_text import cell_text
 from winchcascade.core.version import __version__
 from winchcascade.reduction.run_record import FindingRecord, RunRecord
 from winchcascade.report.frames import RUN_ENDS, Row, arrow_table, table_rows, table_schema
@@ -108,7 +109,8 @@ def _sheet(book: Any, title: str, names: Sequence[str], rows: Iterator[Row]) -> 
         for k, (name, unit) in enumerate(zip(names, units, strict=True)):
             value = row.get(name)
             if value is not None:  # what is unknown is an empty cell, an open circuit the text inf
-                sheet.write(2 + i, k, "inf" if value == math.inf else value, formats[unit])
+                shown = cell_text(value) if isinstance(value, str) else "inf" if value == math.inf else value
+                sheet.write(2 + i, k, shown, formats[unit])
     return sheet
 
 

@@ -4,49 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
 from msgspec.structs import replace
 
-from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origin, campaign_beside
+from winchcascade.core.campaign_settings import LogSettings, settings_beside
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.run import Run
 from winchcascade.rig.open_rig import load_rig
-
-
-class LogSettings(msgspec.Struct, frozen=True):
-    """How a log is read and reduced: by the options, else by the campaign that lists it, else by the file or the rig.
-
-    `load` [ohm] is None where only the log may contain it, `load_source` is where it comes from, `window` is a rule or a
-    length [s], `cycles` are the first and the last that count, `about` is the title of the campaign, `origin` describes
-    where the data come from, and `sheet` names the table to read, None where the file has one only.
-    """
-
-    rig: Rig
-    load: float | None = None
-    load_source: str = "unknown"
-    window: str | float | None = None
-    cycles: Cycles | None = None
-    about: str = ""
-    origin: Origin = Origin()
-    sheet: str | None = None
-
-
-def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
-    """Settings of a log as a campaign lists it; its ranges of time count before [phases] of the rig."""
-    if run.ranges:
-        rig = replace(rig, phases=replace(rig.phases, source="ranges", ranges=run.ranges))
-    return LogSettings(
-        rig=rig,
-        load=run.load,
-        load_source=campaign.path.name if run.load is not None else "unknown",
-        window=run.window,
-        cycles=run.cycles,
-        about=campaign.title,
-        origin=run.origin,
-        sheet=run.sheet,
-    )
 
 
 def settings_of(
@@ -59,16 +22,13 @@ def settings_of(
     CampaignError : the campaign.toml cannot be used, and the options leave something open
     RigError : the rig file cannot be used
     """
+    named = None if rig is None else load_rig(rig)
     try:
-        beside = campaign_beside(log, sheet)
+        settings = settings_beside(log, named, sheet, load_rig)
     except CampaignError:
-        if None in (rig, load_ohm, window):
+        if named is None or None in (load_ohm, window):
             raise
-        beside = None
-    if beside is None:
-        settings = LogSettings(load_rig(rig or DEFAULT_RIG))
-    else:
-        settings = listed_settings(*beside, load_rig(rig or beside[0].rig or DEFAULT_RIG))
+        settings = LogSettings(named)
     if load_ohm is not None:
         settings = replace(settings, load=load_ohm, load_source="--load-ohm")
     if window is not None:
@@ -77,10 +37,10 @@ def settings_of(
 
 
 def read_with(path: Path, settings: LogSettings) -> Run:
-    """Read a log by its settings. Raises LogError as `read_run`."""
+    """Read a log by its settings, which `reduce` takes from the run. Raises LogError as `read_run`."""
     from winchcascade.ingest.read import read_run
 
-    return read_run(
+    run = read_run(
         path,
         rig=settings.rig,
         load=settings.load,
@@ -88,4 +48,7 @@ def read_with(path: Path, settings: LogSettings) -> Run:
         about=settings.about,
         origin=settings.origin,
         table=settings.sheet,
+        campaign=False,
     )
+    findings = run.findings if settings.parts is None else (*run.findings, settings.parts)
+    return replace(run, window=settings.window, cycles=settings.cycles, findings=findings)

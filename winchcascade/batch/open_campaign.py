@@ -11,10 +11,21 @@ import msgspec
 from msgspec.structs import replace
 
 from winchcascade.batch.plan import Plan, make_plan
+from winchcascade.core.arguments import (
+    FLAG,
+    LOADS,
+    NAMES,
+    PATH,
+    PATH_OR_NONE,
+    PROCESSES,
+    SEED_NUMBER,
+    check_arguments,
+)
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
-from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade.core.errors import CampaignError, OptionError, check_type
 from winchcascade.core.jobs import Workers
 from winchcascade.core.late_module import LateModule
+from winchcascade.reduction.reduce import window_rule
 from winchcascade.reduction.run_record import RunRecord
 from winchcascade.report.campaign_record import CampaignReduction
 
@@ -46,6 +57,8 @@ def open_campaign(
     CampaignError : the campaign file cannot be used
     OptionError : there is no campaign and no log
     """
+    check_arguments("open_campaign", ("path", path, PATH), ("rig", rig, PATH_OR_NONE))
+    window = None if window is None else window_rule(window)
     rig = None if rig is None else str(rig)
     return OpenedCampaign(Path(path), make_plan([str(path)], rig=rig, window=window), rig)
 
@@ -74,6 +87,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         """
         from winchcascade.batch.run_batch import run_batch
 
+        check_arguments("reduce", ("jobs", jobs, PROCESSES))
         with TemporaryDirectory(prefix="winchcascade-") as folder:
             batch = run_batch(self.plan, Path(folder) / "results", workers=Workers(jobs))
             records = {
@@ -108,6 +122,13 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         from winchcascade.batch.campaign_diagnosis import diagnose_listed, with_simulations
         from winchcascade.rig.effects.catalogue import suspected
 
+        check_arguments(
+            "diagnose",
+            ("suspects", suspects, NAMES),
+            ("withhold", withhold, LOADS),
+            ("simulated", simulated, PATH_OR_NONE),
+            ("seed", seed, SEED_NUMBER),
+        )
         if not (self.path.suffix == ".toml" or (self.path / CAMPAIGN_FILE).is_file()):
             raise CampaignError(
                 f"{self.path}: holds no {CAMPAIGN_FILE}; a diagnosis expects one, with the load of each log. Write one."
@@ -129,7 +150,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         Parameters
         ----------
         table : a table, a table file, or the name of a built-in table
-        factors : on the three parts of every tolerance, 1 if not given
+        factors : on the parts of every tolerance, 1 if not given; `SAME_LOGS` for a table that was made from these logs
 
         Raises
         ------
@@ -139,7 +160,11 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         from winchcascade.batch.results import campaign_results
         from winchcascade.batch.results import check_results as check_all
 
-        return check_all(campaign_results(self.plan, jobs), table, factors)
+        check_arguments("check", ("jobs", jobs, PROCESSES))
+        if factors is not None:
+            check_type("check, factors", factors, check.Factors, "winchcascade.tables.check")
+        opened = point_table.open_table(table)
+        return check_all(campaign_results(self.plan, jobs), opened, factors)
 
     def report(self, path: str | Path, *, jobs: int = 1, force: bool = False) -> list[Path]:
         """Reduce every log and write the report of the campaign; the files that were written, that of the campaign first.
@@ -157,6 +182,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         from winchcascade.batch.run_batch import DATASET, REPORTS, Products, run_batch
         from winchcascade.report.write_report import write_report
 
+        check_arguments("report", ("path", path, PATH), ("jobs", jobs, PROCESSES), ("force", force, FLAG))
         path = Path(path)
         if path.suffix and not path.is_dir():
             if path.suffix.casefold() not in (".html", ".pdf"):

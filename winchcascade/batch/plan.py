@@ -12,12 +12,12 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from winchcascade.batch.log_settings import LogSettings, listed_settings
 from winchcascade.core.addresses import expand, is_remote, local_path
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, load_campaign
+from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade.core.named_rig import first_named
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS
 from winchcascade.rig.open_rig import load_rig
@@ -121,7 +121,7 @@ def _is_result(file: str) -> bool:
 
 
 def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None) -> list[Work]:
-    known = load_rig(rig or campaign.rig or DEFAULT_RIG)
+    known = first_named(rig, campaign.rig, read=load_rig)
     listed = []
     for run in campaign.runs:
         settings = listed_settings(campaign, run, known)
@@ -135,7 +135,7 @@ def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -
     """Logs that were named one by one: each with the settings of the campaign file of its folder, where that lists it."""
     found: list[Work] = []
     listed: dict[Path, dict[Path, list[Work]]] = {}
-    usual = load_rig(rig or DEFAULT_RIG)
+    usual = first_named(rig, read=load_rig)
     for log in logs:
         entries: list[Work] = []
         if not is_remote(log):
@@ -143,9 +143,8 @@ def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -
             if folder not in listed:
                 listed[folder] = _listed(folder / CAMPAIGN_FILE, rig, window)
             entries = listed[folder].get(Path(log).resolve(), [])
-        counted = entries if any(entry.settings.sheet is not None for entry in entries) else entries[-1:]
         alone = Work(log.rsplit("/", 1)[-1], log, LogSettings(usual, window=window))
-        found += [replace(entry, address=log) for entry in counted] or [alone]
+        found += [replace(entry, address=log) for entry in entries] or [alone]
     return found
 
 
@@ -228,7 +227,7 @@ def _safe(name: str) -> str:
 def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
     options = msgspec.structs.asdict(work.settings)
-    rig, sheet = options.pop("rig"), options.pop("sheet")
+    rig, sheet, _ = options.pop("rig"), options.pop("sheet"), options.pop("parts")
     said = (RESULTS, work.address, *options.values(), *([] if sheet is None else [sheet]))
     content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
     return hashlib.sha256(content).hexdigest()

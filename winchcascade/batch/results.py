@@ -53,6 +53,26 @@ class _Summary(msgspec.Struct):
     store: KeptFiles = KeptFiles()
 
 
+def input_files(target: Path) -> list[str]:
+    """Files that the results of a target are read from or made of, as `load_results` and `compare` open it.
+
+    Raises
+    ------
+    OptionError, CampaignError, RigError : a campaign that cannot be planned
+    """
+    folder = target if target.is_dir() else target.parent
+    if target.suffix == ".toml" or (target.is_dir() and not _is_batch(target)):
+        work = make_plan([str(target)]).work
+        listed = target / CAMPAIGN_FILE if target.is_dir() else target
+        return [str(listed), *(one.address for one in work), *(one.settings.rig.path for one in work)]
+    return [str(path) for path in (target, folder / "campaign.json", folder / CAMPAIGN_FILE, *folder.glob("runs/*"))]
+
+
+def _is_batch(folder: Path) -> bool:
+    """Whether a folder holds the results of a batch, and no campaign to reduce."""
+    return (folder / "campaign.json").is_file() and not (folder / CAMPAIGN_FILE).is_file()
+
+
 def load_results(target: Path, *, jobs: int = 1) -> Results:
     """Load results, or make them of a campaign.
 
@@ -62,7 +82,7 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
     LogError : a log of the campaign cannot be used, or failed in the batch
     OutputError : a result was altered after it was made, or lies outside of the folder of its batch
     """
-    if target.is_dir() and (target / "campaign.json").is_file() and not (target / CAMPAIGN_FILE).is_file():
+    if target.is_dir() and _is_batch(target):
         return _of_batch(target)
     if target.is_dir() or target.suffix == ".toml":
         return campaign_results(make_plan([str(target)]), jobs)
@@ -132,7 +152,7 @@ def check_results(
 
     Raises as `tables.check.check` and `tables.point_check.check_points`.
     """
-    table = open_table(table) if isinstance(table, str | Path) else table
+    table = open_table(table)
     if isinstance(table, PointTable):
         return check_points(results.records, table, factors, whole_campaign=results.whole)
     measured = [measured_from_record(record, name) for name, record in results.records]

@@ -101,7 +101,7 @@ def reduce_log(order: Order) -> Made:
     work, settings = order.work, order.work.settings
     with local_copy(work.address) as path:
         run = replace(read_with(path, settings), path=one_line(work.address))
-    reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
+    reduction = reduce(run)
     require_payouts(reduction)
     found = uncertainty(reduction)
     whole = reduction_record(reduction, found)

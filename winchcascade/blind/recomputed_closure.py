@@ -59,7 +59,8 @@ def closure_of(case: Path, predictions: Path) -> RecomputedClosure:
     for name in names:
         try:
             log, old, new = (
-                read_run(f) for f in (case / name, predictions / "before" / name, predictions / "after" / name)
+                read_run(f, campaign=False)
+                for f in (case / name, predictions / "before" / name, predictions / "after" / name)
             )
         except WinchcascadeError as fault:
             return RecomputedClosure(fault=str(fault))

@@ -146,9 +146,8 @@ def calibrate_command(
 ) -> None:
     """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
     one_thread_each()
-    from winchcascade.diagnosis.calibrate import calibrate, complete_payouts
+    from winchcascade.diagnosis.calibrate import calibrate
     from winchcascade.diagnosis.rig_text import calibrated_text
-    from winchcascade.reduction.reduce import reduce
     from winchcascade.report.render.terminal import terminal_text
     from winchcascade.report.results.calibration import calibration_report
     from winchcascade.report.results.calibration_record import calibration_record
@@ -158,8 +157,7 @@ def calibrate_command(
     results: Results = {"--json": json, "--write": write, **report.by_option}
     check_outputs(results, [log, log.parent / "campaign.toml", settings.rig.path], force=force)
     run = read_with(log, settings)
-    reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
-    calibration = calibrate(run, settings.rig, complete_payouts(reduction), cycles=settings.cycles)
+    calibration = calibrate(run)
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
     write_reports(report_maker_of(calibration), report, f"{Path(run.name).stem}_calibration", force=force)

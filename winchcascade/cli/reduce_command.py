@@ -64,7 +64,7 @@ def reduce_command(
 
         check_ending(loss_map)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
-    reduction = reduce(read_with(log, settings), rig=settings.rig, window=settings.window, cycles=settings.cycles)
+    reduction = reduce(read_with(log, settings))
     require_payouts(reduction)
     mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
     if parquet is not None:

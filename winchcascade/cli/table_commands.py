@@ -60,6 +60,9 @@ ToleranceOption = Annotated[
         "Multiply a part of the tolerance, which is rounding, deviation or uncertainty, by a factor.",
     ),
 ]
+SameLogsOption = Annotated[
+    bool, typer.Option("--same-logs", help="The table was made from these logs: allow rounding alone.")
+]
 JunitOption = Annotated[
     Path | None, valued_option("--junit", "FILE", "Write the result as JUnit XML for a test server.")
 ]
@@ -69,6 +72,7 @@ JunitOption = Annotated[
 def check_command(
     results: ResultsArgument,
     against: AgainstOption,
+    same_logs: SameLogsOption = False,
     tolerance: ToleranceOption = None,
     junit: JunitOption = None,
     github: Annotated[bool, typer.Option("--github", help="Also print annotations for GitHub.")] = False,
@@ -80,19 +84,24 @@ def check_command(
     """Compare results with a published table, cell by cell. The exit code is 1 if a cell does not agree.
 
     A cell agrees if the difference is within the sum of rounding, largest deviation of the cycles and two standard
-    uncertainties.
+    uncertainties of the sensors. With --same-logs, rounding alone is allowed.
     """
-    from winchcascade.batch.results import check_results, load_results
+    from winchcascade.batch.results import check_results, input_files, load_results
     from winchcascade.core.jobs import processes
     from winchcascade.report.check_report import check_record, check_text, github_annotations, junit_xml, missed_text
-    from winchcascade.tables.check import Factors
-    from winchcascade.tables.point_table import open_table
+    from winchcascade.tables.check import SAME_LOGS, Factors
+    from winchcascade.tables.point_table import PointTable, open_table
 
-    around = results if results.is_dir() else results.parent
-    inputs: list[str | Path] = [results, against, *around.glob("*"), *around.glob("runs/*")]
+    if same_logs and tolerance:
+        raise OptionError(
+            f"--tolerance {tolerance[0]}: changes a tolerance, and with --same-logs rounding alone is allowed; expected one of "
+            "the two options."
+        )
+    factors, table = SAME_LOGS if same_logs else Factors(**_factors(tolerance or [])), open_table(against)
     outputs: Results = {"--junit": junit, "--json": json, **report.by_option}
-    check_outputs(outputs, inputs, force=force)
-    factors, table = Factors(**_factors(tolerance or [])), open_table(against)
+    check_outputs(
+        outputs, [against, table.csv if isinstance(table, PointTable) else None, *input_files(results)], force=force
+    )
     found = load_results(results, jobs=jobs or processes())
     if not found.verified:
         show(

@@ -101,7 +101,7 @@ def compared_run(record: RunRecord, where: str) -> ComparedRun:
         file=PurePath(log.path).name.partition(".")[0] + ("" if log.table is None else f" {log.table}"),
         load=math.inf if log.open_circuit else log.load_ohm,
         digest=log.sha256,
-        rig=record.rig,
+        rig=record.rig_name,
         origin=origin_from(record.data),
         simulated=simulated,
         cascade=cascade,

@@ -241,7 +241,9 @@ def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, Camp
     try:
         campaign = load_campaign(path)
     except CampaignError as fault:
-        raise CampaignError(f"{fault} To reduce {log.name} without it, give --rig, --load-ohm and --window.") from None
+        raise CampaignError(
+            f"{fault} To read {log.name} without it, give --rig, --load-ohm and --window, or campaign=False in Python."
+        ) from None
     listed = [run for run in campaign.runs if run.file.name == log.name and run.file.resolve() == log.resolve()]
     if sheet is not None:
         listed = [run for run in listed if run.sheet is None or run.sheet.casefold() == sheet.casefold()]
@@ -249,7 +251,7 @@ def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, Camp
     if sheet is None and len(sheets) > 1:
         raise CampaignError(
             f"{path}: lists {len(sheets)} sheets of {log.name}: {', '.join(map(repr, sheets))}; expected one to reduce. Name "
-            "it with --sheet NAME, or reduce all by `winchcascade batch`."
+            "it with --sheet NAME, table= in Python, or reduce all by `winchcascade batch`."
         )
     return (campaign, listed[0]) if listed else None
 

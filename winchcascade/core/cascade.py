@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cache, cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 from msgspec.structs import replace
 
 if TYPE_CHECKING:
-    from winchcascade.core.integrate import Stream
-    from winchcascade.core.run import Signal
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Signal: TypeAlias = NDArray[np.float64]
+
+Stream: TypeAlias = "Callable[[slice | NDArray[np.intp]], Signal]"
+"""Gives the signal for some rows of a log."""
 
 
 class Product(msgspec.Struct, frozen=True):

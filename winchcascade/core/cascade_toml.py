@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Product, Stage
+from winchcascade.core.channels import Channel
 from winchcascade.core.errors import RigError
-from winchcascade.core.run import Channel
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 """A name of a stage: without underscores, as it is a part of names such as `energy_hyd_j` and `eta_mech_hyd`."""

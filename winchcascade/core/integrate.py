@@ -7,15 +7,12 @@ white noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
 
 import numpy as np
 
+from winchcascade.core.cascade import Stream
 from winchcascade.core.run import Index, Mask, Signal
-
-Stream: TypeAlias = "Callable[[slice | Index], Signal]"
-"""Gives the signal for some rows of a log."""
 
 BLOCK = 1 << 17
 """Samples that are worked on at a time."""

@@ -32,6 +32,27 @@ def lines(text: str) -> str:
     return re.sub(r"(?m)^(\s*)::", r"\1: :", printable(text)).replace("##[", "## [")
 
 
+_FORMULA = "=+-@\t\r"
+"""Signs with which a spreadsheet begins a formula, also behind a tabulator."""
+
+
+def cell_text(text: str) -> str:
+    """Text for a cell of a table that a spreadsheet opens: an apostrophe before what it would take for a formula.
+
+    Numbers stay as they are, and so does a dash for a missing one.
+
+    >>> cell_text("=1+1"), cell_text("-1.5"), cell_text("-"), cell_text("r36.csv")
+    ("'=1+1", '-1.5', '-', 'r36.csv')
+    """
+    if not text.startswith(tuple(_FORMULA)) or len(text) == 1:
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
+
+
 def json_without_commands(content: bytes) -> bytes:
     """JSON of the same value in which a runner of GitHub finds no command.
 

@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from functools import cache
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
 from winchcascade.core.campaign_file import Ranges
 from winchcascade.core.cascade import PAPER, Cascade
+from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.run import CHANNELS, Channel
-from winchcascade.core.toml_text import Expected, check_keys, entries
+from winchcascade.core.toml_text import Expected, check_keys, entries, struct_fields
 
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]
 """What the cycles of a log are found in."""
@@ -321,12 +322,49 @@ class StatedEffect(msgspec.Struct, frozen=True):
     logs: tuple[str, ...] = ()
 
 
+_KINDS: dict[str, type[Any]] = {
+    "name": str,
+    "winch": Winch,
+    "restoring": Restoring,
+    "drivetrain": Drivetrain,
+    "generator": Generator,
+    "dc_link": DcLink,
+    "thresholds": Thresholds,
+    "model": ModelAccuracy,
+    "phases": PhaseRule,
+    "cascade": Cascade,
+    "sensors": Mapping,
+    "columns": Mapping,
+    "channels": Mapping,
+    "effects": Mapping,
+}
+"""Kinds of the parts of a rig."""
+
+
+@cache
+def _measured(kind: type[msgspec.Struct]) -> list[tuple[str, Measure | None]]:
+    """Numbers of a part; of thresholds with what is possible: quantities may leave their limits while they are fitted."""
+    return [
+        (field.name, measure if kind is Thresholds else None)
+        for field in struct_fields(kind)
+        for measure in get_args(field.type)
+        if isinstance(measure, Measure)
+    ]
+
+
+def _is_possible(value: object, measure: Measure | None) -> bool:
+    """Whether a value is a finite quantity or none, or a number that a measure allows."""
+    if measure is not None:
+        return isinstance(value, float | int) and measure.holds(value)
+    return value is None or (isinstance(value, Quantity) and math.isfinite(value.value))
+
+
 class Rig(msgspec.Struct, frozen=True):
     """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not contain.
 
     `channels` are those of the rig's own, beside the built-in ones.
     `effects` are those of the catalogue that the rig is known to have; they belong to its model. `note` is shown with every
-    reduction: a remark on the rig for its readers.
+    reduction: a remark on the rig for its readers. `assumed`: it was taken because none was named.
     """
 
     name: str
@@ -348,6 +386,17 @@ class Rig(msgspec.Struct, frozen=True):
     model: ModelAccuracy = ModelAccuracy()
     phases: PhaseRule = PhaseRule()
     path: str = ""
+    assumed: bool = False
+
+    def __post_init__(self) -> None:
+        """Reject what no rig file could give. Raises RigError."""
+        for name, kind in _KINDS.items():
+            if not isinstance(part := getattr(self, name), kind):
+                raise RigError(f"Rig: {name} is {part!r:.100}; expected a {kind.__name__}.")
+            for number, measure in _measured(type(part)) if isinstance(part, msgspec.Struct) else ():
+                if not _is_possible(value := getattr(part, number), measure):
+                    words = 'a finite Quantity, such as Quantity(0.13, "m")' if measure is None else measure.words
+                    raise RigError(f"Rig: {name}.{number} is {value!r:.100}; expected {words}.")
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:

@@ -13,7 +13,8 @@ from typing import Annotated, Any, get_args
 import msgspec
 
 from winchcascade.core.cascade import PAPER, Cascade
-from winchcascade.core.errors import RigError, check_type
+from winchcascade.core.channels import CHANNELS, Channel
+from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
@@ -32,7 +33,6 @@ from winchcascade.core.rig_file import (
     phase_rule,
 )
 from winchcascade.core.rig_number import HUGE, check_replaced, convert, finite, number_of, possible, quantity
-from winchcascade.core.run import CHANNELS, Channel
 from winchcascade.core.toml_text import (
     Entries,
     Expected,
@@ -64,13 +64,6 @@ def built_in(name: str = DEFAULT_RIG) -> Rig:
     0.13
     """
     return parse_rig(built_in_text(name), f"built-in rig {name}")
-
-
-def given_rig(call: str, rig: Rig | None) -> Rig:
-    """The rig that a call of the library was given, that of the paper by default; OptionError for something else."""
-    rig = rig or built_in()
-    check_type(f"{call}, rig", rig, Rig, "load_rig(name)")
-    return rig
 
 
 def read_rig(rig: str | Path) -> Rig:
@@ -131,7 +124,7 @@ _SECTIONS: Mapping[str, type[Any]] = {
 _TABLE_OF = {field: table for table, kind in _SECTIONS.items() for field in kind.__struct_fields__}
 """Table of each entry with a number of the rig."""
 
-_TABLES = sorted({*Rig.__struct_fields__, "stage", "log"} - {"sample_rate", "path"})
+_TABLES = sorted({*Rig.__struct_fields__, "stage", "log"} - {"sample_rate", "path", "assumed"})
 """Entries of a rig file, tables and texts."""
 
 _Window = Annotated[

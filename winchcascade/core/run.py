@@ -7,36 +7,10 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
-from winchcascade.core.campaign_file import Origin
+from winchcascade.core.arguments import LOAD, check_arguments
+from winchcascade.core.campaign_file import Cycles, Origin
 from winchcascade.core.late_module import LateModule
-
-
-class Channel(msgspec.Struct, frozen=True):
-    """One measured quantity; `unit` is what a log without units is taken to mean, `header` what `simulate` writes."""
-
-    name: str
-    symbol: str
-    dimension: str
-    unit: str
-    header: str
-
-
-CHANNELS: dict[str, Channel] = {
-    channel.name: channel
-    for channel in (
-        Channel("displacement", "δ", "length", "m", "Displacement (m)"),
-        Channel("velocity", "v_line", "velocity", "m/s", "Velocity (m/s)"),
-        Channel("pressure", "p_acc", "pressure", "kg/cm2", "Pressure (kg/cm2)"),
-        Channel("force", "f_line", "force", "N", "Force (N)"),
-        Channel("torque", "tau_pto", "torque", "N.m", "Torque (N.m)"),
-        Channel("power_mech", "P_mech", "power", "W", "Mechanical power (W)"),
-        Channel("vdc", "v_dc", "voltage", "V", "Vdc (V)"),
-        Channel("idc", "i_dc", "current", "A", "Idc (A)"),
-        Channel("speed", "omega_pto", "rotation", "rpm", "Shaft speed (rpm)"),
-        Channel("flow", "q_flow", "flow", "m3/s", "Flow (m3/s)"),
-        Channel("power_ac", "P_ac", "power", "W", "AC power (W)"),
-    )
-}
+from winchcascade.core.rig_file import Rig
 
 LOAD_HEADER = "Load (ohm)"
 """Last column of a simulated log: the load of its run in every row, inf for an open circuit."""
@@ -71,7 +45,9 @@ Units = Literal["si", "display"]
 shafts in rpm, flows in L/min, and the numbers of causes in their own units."""
 
 FindingKind = Literal[
+    "rig_assumed",
     "missing_channel",
+    "derived_channel",
     "dropped_samples",
     "not_a_number",
     "repeated_stamp",
@@ -102,6 +78,9 @@ FindingKind = Literal[
     "efficiency_change",
     "efficiency_above_one",
     "origin_conflict",
+    "dead_channel",
+    "sign_mismatch",
+    "listed_in_parts",
 ]
 
 CLOCK = "clock"
@@ -158,6 +137,9 @@ class Run(msgspec.Struct, frozen=True):
     started : when the run began, on a clock that the runs of a campaign share: since 1970, of local times as if they were UTC;
         None where neither the campaign nor the stamps state a date [s]
     temperature : of winding or housing, one number for the run, None where it is unknown [K]
+    rig : with which the log was read, marked as assumed where none was named; None for a run that was not read
+    window, cycles : rule or length [s] of the integration windows, first and last cycle that count, as the campaign that lists
+        the log states them; `reduce` uses them where it is given no others
     """
 
     name: str
@@ -179,6 +161,18 @@ class Run(msgspec.Struct, frozen=True):
     first_stamp: str = ""
     started: float | None = None
     temperature: float | None = None
+    rig: Rig | None = None
+    window: str | float | None = None
+    cycles: Cycles | None = None
+
+    def __post_init__(self) -> None:
+        """Check a run that was not read by this program. Raises OptionError as `checked_fields`."""
+        from winchcascade.core.checked_run import SealedChannels, checked_fields
+
+        check_arguments("Run", ("load", self.load, LOAD))
+        if not isinstance(self.channels, SealedChannels):
+            for name, value in checked_fields(msgspec.structs.asdict(self)).items():
+                msgspec.structs.force_setattr(self, name, value)
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""

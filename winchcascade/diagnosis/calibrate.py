@@ -9,11 +9,12 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import open_circuit_current
+from winchcascade.core.arguments import CYCLES, SPANS, check_arguments
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.integrate import median
+from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
-from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import (
@@ -165,9 +166,9 @@ def calibrate(
 
     Parameters
     ----------
-    rig : to be calibrated; the paper's by default
+    rig : to be calibrated; by default the one that the run was read with
     payouts : from the onset of each payout to the start of its braking [s]; those of `reduce` by default
-    cycles : first and last cycle that count for damper and screw, numbered by payout; all by default
+    cycles : first and last cycle that count for damper and screw, numbered by payout; by default those of the run's campaign
 
     Raises
     ------
@@ -176,7 +177,9 @@ def calibrate(
     OptionError : something else than a run or a rig
     """
     check_type("calibrate", run, Run, "read_run(log)")
-    rig = given_rig("calibrate", rig)
+    check_arguments("calibrate", ("payouts", payouts, SPANS), ("cycles", cycles, CYCLES))
+    rig = given_rig("calibrate", rig, run.rig)
+    cycles = run.cycles if cycles is None else cycles
     if payouts is None:
         payouts = complete_payouts(reduce(run, rig=rig, cycles=cycles))
     _require_open_circuit(run, rig, payouts)

@@ -105,7 +105,7 @@ def corrected_text(
     for place, number in changed.items():
         text = _with_entry(text, place, _quantity_entry(number) if place in entries else _prior_entry(number))
     text = _marked(text, CORRECTED, printable_name(title), [*effects, *(name for _, name in changed)])
-    expected = msgspec.structs.replace(rig, effects={**rig.effects, **effects})
+    expected = msgspec.structs.replace(rig, effects={**rig.effects, **effects}, assumed=False)
     try:
         again = parse_rig(text, rig.path)
         for place, number in changed.items():
@@ -314,7 +314,7 @@ def _check(text: str, rig: Rig, found: Sequence[Number]) -> None:
             )
         old = quantity_of(rig, number.section, number.name)
         again = with_quantity(again, number.section, number.name, old)
-    if again != rig:
+    if again != msgspec.structs.replace(rig, assumed=False):
         raise RigError(
             f"{rig.path}: cannot be rewritten without a change to other entries; put each on a line of its own."
         )

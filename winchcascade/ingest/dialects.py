@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import msgspec
 
+from winchcascade.core.channels import CHANNELS
 from winchcascade.core.quantity import Unit, find_unit, read_as
-from winchcascade.core.run import CHANNELS
 
 
 class Header(msgspec.Struct, frozen=True):

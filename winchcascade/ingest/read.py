@@ -5,28 +5,38 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-import re
 import time
-import unicodedata
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
+from winchcascade.core.arguments import (
+    FLAG,
+    LOAD,
+    NAME,
+    PATH,
+    SHEET,
+    TEXT,
+    UNITS_OF_COLUMNS,
+    check_arguments,
+)
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
+from winchcascade.core.campaign_settings import LogSettings, settings_beside
+from winchcascade.core.checked_run import sealed, sealed_channels
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.late_module import LateModule
+from winchcascade.core.named_rig import given_rig
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.quantity import Unit, is_load
+from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import given_rig
-from winchcascade.core.run import CLOCK, LOAD_HEADER, Finding, Run, Signal
+from winchcascade.core.run import CLOCK, Finding, Run, Signal
+from winchcascade.core.toml_text import Expected
 from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
 from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
 from winchcascade.ingest.checks.quality import check
@@ -34,6 +44,7 @@ from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_c
 from winchcascade.ingest.dialects import nameless
 from winchcascade.ingest.open_log import open_log
 from winchcascade.ingest.source import MIN_ROWS, LogSource, LogTable
+from winchcascade.ingest.stated_load import stated_load
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,6 +72,9 @@ _MIN_STAMPS = 3
 """Fewer stamps show no clock."""
 
 
+_ORIGIN = Expected("an Origin", lambda value: value is None or isinstance(value, Origin))
+
+
 @np.errstate(invalid="ignore")  # a file of binary numbers may hold NaN of the kind that signals
 def read_run(
     path: str | Path | pd.DataFrame,
@@ -74,15 +88,21 @@ def read_run(
     simulated: bool = False,
     units: Mapping[str, str] | None = None,
     name: str | None = None,
+    campaign: bool = True,
 ) -> Run:
     """Read a log, a file of any known format or a pandas DataFrame, and check it.
+
+    What is not given comes from the campaign.toml beside the log, if that lists it, as for the command `reduce`: rig, load,
+    sheet, title, origin, and the window and cycles for the call `reduce`.
 
     Parameters
     ----------
     path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content decides which. Or a DataFrame
         with the columns of a log and its clock in a column or the index; it is not changed
-    rig : the rig whose sensors and columns are expected; the paper's by default
-    load : resistance at the DC link, inf for an open circuit; by default what a property of the file states, else None [ohm]
+    rig : the rig whose sensors and columns are expected; by default that of the campaign, else the paper's, as assumed. The run
+        keeps it for `reduce`.
+    load : resistance at the DC link, inf for an open circuit; by default that of the campaign, else what a property of the file
+        states, else None [ohm]
     table : name or number of the sheet of a workbook, of the run in a MATLAB file or of the TDMS group; needed where several
         could be the log
     load_source, about : source of the load, and a description of the log, for the reports
@@ -90,49 +110,75 @@ def read_run(
     simulated : the log has no sensors that could be stuck or out of range, also without the mark of `simulate`
     units : of a DataFrame alone: units of its columns by their names, such as {"force": "kN"}
     name : of the run, in messages and reports; by default that of the file, or `data frame`
+    campaign : False to read a file without the campaign.toml beside it
 
     Raises
     ------
     LogError : the log cannot be used; the message is one sentence
+    CampaignError, RigError : the campaign.toml beside the log, or the rig that it names, cannot be used
     OptionError : `units` are given for a file, which names its own, or `load` is none
 
     Examples
     --------
-    >>> read_run("fixtures/campaign/r36ohm.csv").samples
-    2767
+    >>> run = read_run("fixtures/campaign/r36ohm.csv")
+    >>> run.samples, run.load, run.window
+    (2767, 36.0, 5.48)
     """
-    rig = given_rig("read_run", rig)
-    if load is not None and not _is_load(load):
-        raise OptionError(f"load={load!r}: expected a resistance above 0 in ohms, or inf for an open circuit.")
+    check_arguments(
+        "read_run",
+        ("load", load, LOAD),
+        ("load_source", load_source, TEXT),
+        ("about", about, TEXT),
+        ("table", table, SHEET),
+        ("simulated", simulated, FLAG),
+        ("units", units, UNITS_OF_COLUMNS),
+        ("name", name, NAME),
+        ("campaign", campaign, FLAG),
+        ("origin", origin, _ORIGIN),
+        *([("path", path, PATH)] if isinstance(path, str | os.PathLike) else []),
+    )
+    table = None if table is None else str(table)
+    settings = LogSettings(given_rig("read_run", rig))
+    if campaign and isinstance(path, str | os.PathLike):
+        settings = settings_beside(Path(path), rig, table)
+    given = {"load": load, "about": about or None, "origin": origin, "sheet": table}
+    given["load_source"] = None if load is None else load_source
+    settings = replace(settings, **{key: value for key, value in given.items() if value is not None})
     if isinstance(path, str | os.PathLike):
         if units is not None:
             raise OptionError(
                 f"{path}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
                 "out, or state them in a rig file under [columns]."
             )
-        run = _read_unchanged(Path(path), rig, load, table, simulated=simulated)
-        run = run if name is None else msgspec.structs.replace(run, name=one_line(name))
+        run = _read_unchanged(Path(path), settings, simulated=simulated)
+        run = run if name is None else replace(run, name=one_line(name))
     else:
         from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
 
         where = name or "data frame"
-        loaded = _opened(open_frame(path, where=where, units=units, table=table), rig, where)
-        run = _run_of(loaded, rig, load, where=where, simulated=simulated)
-        run = msgspec.structs.replace(run, sha256=frame_digest(path))
-    run = msgspec.structs.replace(run, load_source=run.load_source if load is None else load_source, about=about)
-    return _with_origin(run, origin or Origin())
+        loaded = _opened(open_frame(path, where=where, units=units, table=table), settings.rig, where)
+        _check_units(loaded, units or {}, where)
+        run = _run_of(loaded, settings, where=where, simulated=simulated)
+        run = replace(run, sha256=frame_digest(path))
+    run = _with_origin(run, settings.origin)
+    return run if settings.parts is None else replace(run, findings=(*run.findings, settings.parts))
 
 
-def _is_load(load: object) -> bool:
-    return isinstance(load, Real) and is_load(float(load))
+def _check_units(opened: _Opened, units: Mapping[str, str], where: str) -> None:
+    """Reject a unit that a call states of a column and that is none of its channel: LogError."""
+    assumed = {finding.channel for finding in opened.found.findings if finding.kind == "unit_assumed"}
+    for channel, match in opened.found.channels.items():
+        column = opened.source.headers[match.index].name
+        if channel in assumed and units.get(column):
+            raise LogError(f"{where}: units gives {column!r} the unit {units[column]!r}, which is none of {channel}.")
 
 
-def _read_unchanged(path: Path, rig: Rig, load: float | None, table: str | None, *, simulated: bool) -> Run:
+def _read_unchanged(path: Path, settings: LogSettings, *, simulated: bool) -> Run:
     """Read a file that no logger writes to meanwhile; LogError for one that changes each time."""
     for _ in range(_TRIES):
         seen = _Seen(path)
         try:
-            run = _read(path, rig, load, table, simulated=simulated)
+            run = _read(path, settings, simulated=simulated)
         except LogError:
             if seen.is_same():
                 raise
@@ -145,23 +191,23 @@ def _read_unchanged(path: Path, rig: Rig, load: float | None, table: str | None,
     )
 
 
-def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, simulated: bool) -> Run:
-    """Read and check a log that does not change meanwhile; `load_source` is that of a property of the file."""
-    numbered = any(column.number is not None for column in rig.columns.values())
-    source = open_log(path, table_name, numbered=numbered)
+def _read(path: Path, settings: LogSettings, *, simulated: bool) -> Run:
+    """Read and check a log that does not change meanwhile."""
+    numbered = any(column.number is not None for column in settings.rig.columns.values())
+    source = open_log(path, settings.sheet, numbered=numbered)
     try:
-        loaded = _opened(source, rig, path.name)
+        loaded = _opened(source, settings.rig, path.name)
     finally:
         source.close()
     # Hashing leaves the interpreter free for other work.
     run, digest = side_by_side(
-        lambda: _run_of(loaded, rig, load, where=path.name, simulated=simulated),
+        lambda: _run_of(loaded, settings, where=path.name, simulated=simulated),
         lambda: _sha256(path),
         samples=len(next(iter(loaded.table.values.values()))),
     )
     if not digest:
         raise LogError(f"{path}: could not be read to its end; check that the file is still there.")
-    return msgspec.structs.replace(run, path=one_line(str(path)), sha256=digest)
+    return replace(run, path=one_line(str(path)), sha256=digest)
 
 
 class _Opened(NamedTuple):
@@ -179,9 +225,10 @@ def _opened(source: LogSource, rig: Rig, where: str) -> _Opened:
     return _Opened(source, found, table, _labels(source, found, table, rig, where))
 
 
-def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simulated: bool) -> Run:
-    """Check the loaded columns of a log; `load_source` is that of a property of the log."""
+def _run_of(opened: _Opened, settings: LogSettings, *, where: str, simulated: bool) -> Run:
+    """Check the loaded columns of a log; the load is that of the settings, else that of a property of the log."""
     source, found, table, labels = opened
+    rig, load, load_source = settings.rig, settings.load, settings.load_source
     samples = len(next(iter(table.values.values())))
     minimum = 1 if rig.phases.source == "rows" else MIN_ROWS
     if samples < minimum:
@@ -190,9 +237,8 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
             'test with a cycle. Where each row is the mean of a step, set from = "rows" under [phases] of the rig file.'
         )
     clock, time_findings = _clock(source, table, found, rig, samples, where)
-    load_source = ""
     if load is None:
-        load, load_source, load_faults = _load(source, table)
+        load, load_source, load_faults = stated_load(source, table)
         time_findings += load_faults
     channels, simulated = _channels(table, found, clock), found.simulated or simulated
     if rig.phases.source == "rows":
@@ -210,20 +256,24 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
         lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), lost))
     return Run(
         name=one_line(where),
-        t=checked.t,
-        channels=checked.channels,
+        t=sealed(checked.t),
+        channels=sealed_channels(checked.channels),
         fs=clock.fs,
         samples=samples,
         gaps=dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {}),
         labels=labels if labels is None or clock.rows is None else labels[clock.rows],
         load=load,
         load_source=load_source,
+        about=settings.about,
         findings=(*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings),
         simulated=found.simulated,
         table=None if source.table is None else one_line(source.table),
         first_stamp=_first_stamp(table.stamps),
         started=_started(table.stamps, float(checked.t[0])) if table.began is None else table.began,
         temperature=_temperature(table, found, checked.channels, rig),
+        rig=rig,
+        window=settings.window,
+        cycles=settings.cycles,
     )
 
 
@@ -276,16 +326,16 @@ def _temperature(table: LogTable, found: Assignment, channels: Mapping[str, Sign
 def _with_origin(run: Run, stated: Origin) -> Run:
     """The log with its origin: that of its mark where `simulate` made it, with a finding if the campaign states otherwise."""
     if not run.simulated:
-        return msgspec.structs.replace(run, origin=stated)
+        return replace(run, origin=stated)
     if not stated.measured:
         origin = joint_origin([SIMULATED, stated]) if stated.measured is False else SIMULATED
-        return msgspec.structs.replace(run, origin=origin)
+        return replace(run, origin=origin)
     conflict = Finding(
         "origin_conflict",
         "the campaign states measured = true, but the log has the columns of a log made by winchcascade simulate",
         "taken as not measured",
     )
-    return msgspec.structs.replace(run, origin=SIMULATED, findings=(conflict, *run.findings))
+    return replace(run, origin=SIMULATED, findings=(conflict, *run.findings))
 
 
 def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTable]:
@@ -448,86 +498,3 @@ def _channels(table: LogTable, found: Assignment, clock: Clock) -> dict[str, Sig
             x += match.unit.offset
         channels[name] = x
     return channels
-
-
-def _load(source: LogSource, table: LogTable) -> tuple[float | None, str, list[Finding]]:
-    """The load by a property of the file, or by the column of a simulated log, never from Vdc over Idc [ohm].
-
-    A property that gives none is a finding.
-    """
-    findings = []
-    written = load_column(source.headers)
-    if written is not None:
-        loads = np.unique(table.values[written]).tolist()
-        if np.isnan(loads).all() and source.texts is not None:  # readers of columns take inf for no number
-            loads = [_ohm(text, "ohm") for text in set(source.texts(written, []))]
-        if len(loads) == 1 and loads[0] is not None and is_load(loads[0]):
-            return loads[0], f"column {LOAD_HEADER} of the log", []
-        findings.append(
-            Finding(
-                "load_mismatch",
-                f"column {LOAD_HEADER} does not hold one load in all rows",
-                "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml",
-            )
-        )
-    for key, value in source.properties.items():
-        letters = "".join(c for c in unicodedata.normalize("NFKC", key) if c.isalpha())
-        named = _RESISTANCE_UNIT.search(letters)
-        if letters[: named.start() if named else None].casefold() in _LOAD_KEYS:
-            ohm = _ohm(value, named.group() if named else "ohm")
-            if ohm is not None:
-                return ohm, f"property {key} of the file", []
-            findings.append(
-                Finding(
-                    "load_mismatch",
-                    f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf",
-                    "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml",
-                )
-            )
-    return None, "unknown", findings
-
-
-_LOAD_KEYS = {"load", "rload", "loadresistance", "loadresistor", "resistiveload", "rl"}
-
-_OPEN = {"inf", "infinity", "infinite", "open", "opencircuit", "noload"}
-"""Words by which a file states that no load is connected."""
-
-_RESISTANCE_UNIT = re.compile(r"([mkMK]?)(?:[Oo][Hh][Mm][Ss]?|\u03a9|\u03c9)$")
-"""A unit of resistance with its prefix: m is milli, M mega."""
-
-_PREFIX = {"": 1.0, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6}
-
-_QUANTITY = re.compile(r"([-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?|\d+[.,])\s*([^\W\d_]*)(.*)", re.DOTALL)
-"""A number, its unit, and what follows."""
-
-
-def _ohm(value: str | float, unit: str) -> float | None:
-    """Resistance that a property gives, None where it gives none or more than one. [ohm]
-
-    Parameters
-    ----------
-    unit : of resistance, for a number without one
-
-    Examples
-    --------
-    >>> _ohm("9 ohm / 50 Hz", "ohm"), _ohm("0.018 kOhm", "ohm"), _ohm("1 kW", "ohm"), _ohm("open circuit", "ohm")
-    (9.0, 18.0, None, inf)
-    """
-    text = unicodedata.normalize("NFKC", str(value)).strip()
-    if text.casefold().replace(" ", "").removesuffix("ohm") in _OPEN:
-        return math.inf
-    quantity = _QUANTITY.fullmatch(text)
-    if quantity is None:
-        return None
-    number, named, remark = quantity.groups()
-    prefix = _RESISTANCE_UNIT.fullmatch(named or unit)
-    thousands = (
-        re.fullmatch(r"[-+]?[1-9]\d*,\d{3}", number) is not None
-    )  # a decimal comma or not cannot be distinguished
-    several = bool(remark.strip()) and (
-        not named or re.search(r"\d\s*[mkM]?(?:ohm|\u03a9)", remark.casefold()) is not None
-    )
-    if prefix is None or thousands or several:
-        return None
-    ohm = float(number.replace(",", ".")) * _PREFIX[prefix.group(1)]
-    return ohm if 0.0 < ohm < math.inf else None

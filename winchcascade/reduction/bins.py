@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import BLOCK, Stream
+from winchcascade.core.cascade import Stream
+from winchcascade.core.integrate import BLOCK
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from winchcascade.core.cascade import PAPER, Cascade, field_of
+from winchcascade.core.errors import OptionError
 
 METRICS, NET_METRICS, ALL_METRICS = PAPER.metrics, PAPER.net_metrics, PAPER.all_metrics
 """Metrics of the paper's cascade: of windows, of whole cycles, and both."""
@@ -19,31 +20,49 @@ FIELDS = {name: field_of(name) for name in ALL_METRICS}
 class Metrics(dict[str, float | None]):
     """Metrics of a cycle or of many by name, such as `energy_line`; each is an attribute too.
 
-    None for a metric that the log cannot give, also for one that is not listed.
+    None for a metric that the log cannot give, also where it is not listed.
+
+    Parameters
+    ----------
+    known : names of the metrics that there are besides those of the paper's cascade
 
     >>> Metrics(eta_trans=0.9).eta_trans, Metrics().energy_net
     (0.9, None)
     """
 
     def __init__(
-        self, values: Mapping[str, float | None] | Iterable[tuple[str, float | None]] = (), **named: float | None
+        self,
+        values: Mapping[str, float | None] | Iterable[tuple[str, float | None]] = (),
+        known: Collection[str] = (),
+        **named: float | None,
     ) -> None:
         super().__init__(values, **named)
+        self.known = known
 
     def __missing__(self, name: str) -> None:
-        """None for a metric that is not listed."""
+        """None for a metric that is not listed; OptionError for a name that is none of a metric."""
+        if name not in ALL_METRICS and name not in self.known:
+            raise OptionError(self._unknown(name))
 
     def __getattr__(self, name: str) -> float | None:
-        """A metric by its name."""
-        if name.startswith(("energy_", "power_", "eta_")):
+        """A metric by its name; AttributeError for a name that is none of a metric."""
+        if name in ALL_METRICS or name in self or name in self.__dict__.get("known", ()):
             return self.get(name)
-        raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        raise AttributeError(self._unknown(name))
+
+    def _unknown(self, name: str) -> str:
+        """Sentence on a name that is none of a metric, with names like it."""
+        from difflib import get_close_matches
+
+        names = list(dict.fromkeys((*self, *self.__dict__.get("known", ()), *ALL_METRICS)))
+        near = get_close_matches(str(name), names, n=3, cutoff=0.6) or names
+        return f"no metric {name!r}; expected {' or '.join(near)}."
 
     def value(self, name: str) -> float:
-        """A metric that the log gives; KeyError for one that it does not give."""
+        """A metric that the log gives; OptionError for one that it does not give."""
         value = self[name]
         if value is None:
-            raise KeyError(name)
+            raise OptionError(f"the log gives no {name}; its findings name what is missing.")
         return value
 
     def fields(self, names: Iterable[str] = ALL_METRICS) -> dict[str, float | None]:
@@ -102,7 +121,7 @@ def metrics(
     the metrics, and the ratios outside 0 to 1, by name. One above 1 is a result with an uncertainty and stands in the metrics
     too; one below 0 is no efficiency and None in them.
     """
-    values = Metrics(energy)
+    values = Metrics(energy, cascade.all_metrics)
     for stage in cascade.names:
         joule = energy[f"energy_{stage}"]
         values[f"power_{stage}"] = None if joule is None or duration <= 0 else joule / duration
@@ -125,12 +144,14 @@ def ensemble_mean(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metric
     >>> ensemble_mean([Metrics(eta_trans=0.5), Metrics(eta_trans=0.75)]).eta_trans
     0.625
     """
-    return Metrics({name: _mean(column) for name, column in _columns(cycles, cascade).items()})
+    return Metrics({name: _mean(column) for name, column in _columns(cycles, cascade).items()}, cascade.all_metrics)
 
 
 def largest_deviation(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metrics:
     """Largest deviation of any cycle from the mean, in percent of the mean (Sec. 3.2); None for fewer than two. [%]"""
-    return Metrics({name: _deviation(column) for name, column in _columns(cycles, cascade).items()})
+    return Metrics(
+        {name: _deviation(column) for name, column in _columns(cycles, cascade).items()}, cascade.all_metrics
+    )
 
 
 def total(cycles: Sequence[Metrics], duration: float, *, open_circuit: bool, cascade: Cascade = PAPER) -> Metrics:

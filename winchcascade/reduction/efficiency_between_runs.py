@@ -147,16 +147,21 @@ def _left_out(rows: _Rows, left: Sequence[int]) -> tuple[Signal, Signal, Signal]
     return off, rows.lost[left] * np.abs(speed) * rows.y[left], own
 
 
-def _chances(rows: _Rows, left: Sequence[int]) -> Signal:
-    """Probability for each log that chance alone separates it so far from the others, (k,); 1 where these give no law."""
+def _chances(rows: _Rows, left: Sequence[int]) -> tuple[Signal, Signal]:
+    """Probability for each log that chance alone separates it so far from the others, (k,); 1 where these give no law.
+
+    With it the distance in standard deviations, by whose square the others agree better without the log.
+    """
     off, allowed, own = _left_out(rows, left)
     freedom = PRIOR + len(left) - 1 - rows.terms.shape[1]
-    square = np.nansum((off * own / rows.sd[left]) ** 2) - off**2 * own / rows.sd[left] ** 2  # of the others alone
+    apart = np.abs(off) * np.sqrt(own) / rows.sd[left]
+    square = np.nansum((off * own / rows.sd[left]) ** 2) - apart**2  # of the others alone
     scale = (PRIOR + np.maximum(square, 0.0)) / freedom
     beyond = np.maximum(np.abs(off) - allowed, 0.0)
     t = beyond / rows.sd[left] * np.sqrt(own / scale)
     of_interest = beyond / rows.y[left] ** 2 >= FAR
-    return np.array([probability(x, freedom) if far else 1.0 for x, far in zip(t.tolist(), of_interest, strict=True)])
+    chances = [probability(x, freedom) if far else 1.0 for x, far in zip(t.tolist(), of_interest, strict=True)]
+    return np.array(chances), np.nan_to_num(apart)
 
 
 def _pair_chance(rows: _Rows, left: Sequence[int], pair: tuple[int, int]) -> float:
@@ -178,24 +183,29 @@ def _pair_chance(rows: _Rows, left: Sequence[int], pair: tuple[int, int]) -> flo
     return float((1.0 + square / scale / freedom) ** (-0.5 * freedom))  # of Fisher's F with 2 and `freedom` degrees
 
 
-def _furthest(rows: _Rows, left: Sequence[int], metrics: int) -> tuple[int, bool]:
-    """The log that the others predict least, and whether it lies apart by more than chance allows."""
+def _significant(rows: _Rows, left: Sequence[int], metrics: int) -> list[tuple[int, ...]]:
+    """The logs that lie apart from the others by more than chance allows, each alone, or two where no single one does."""
     if len(left) <= rows.terms.shape[1]:
-        return -1, False
-    chances = _chances(rows, left)
-    best = int(np.argmin(chances))
-    return left[best], float(chances[best]) * len(left) * metrics < ALPHA
+        return []
+    chances = dict(zip(left, _chances(rows, left)[0].tolist(), strict=True))
+    found: list[tuple[int, ...]] = [(k,) for k in left if chances[k] * len(left) * metrics < ALPHA]
+    pairs = list(combinations(left, 2)) if not found and 2 * MAX_FAR <= len(left) <= MAX_PAIRED else []
+    of_pairs = {pair: _pair_chance(rows, left, pair) * len(pairs) * metrics for pair in pairs}
+    best = min(of_pairs, key=lambda pair: of_pairs[pair], default=(-1, -1))
+    return [best] if of_pairs.get(best, 1.0) < ALPHA else found
 
 
 def _most_apart(rows: _Rows, left: Sequence[int], metrics: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The log, or the two, that lie furthest from the others, and the logs without which nothing would; empty if none."""
-    best, significant = _furthest(rows, left, metrics)
-    if significant:
-        few = left if len(left) <= MAX_PAIRED else []
-        return (best,), tuple(
-            k for k in few if k != best and not _furthest(rows, [n for n in left if n != k], metrics)[1]
-        )
-    pairs = list(combinations(left, 2)) if 2 * MAX_FAR <= len(left) <= MAX_PAIRED else []
-    found = {pair: _pair_chance(rows, left, pair) * len(pairs) * metrics for pair in pairs}
-    best_pair = min(found, key=lambda pair: found[pair], default=())
-    return (best_pair, ()) if best_pair and found[best_pair] < ALPHA else ((), ())
+    """The log, or the two, that lie furthest from the others, and the logs without which nothing would; empty if none.
+
+    Of the logs that explain it alone, the one counts without which the others agree best. That need not be the least probable
+    one: a wrong log spoils the prediction of the log beside it, and its own speed may explain more of its distance.
+    """
+    found = _significant(rows, left, metrics)
+    if not found:
+        return (), ()
+    few = left if len(left) <= MAX_PAIRED else []
+    alone: list[tuple[int, ...]] = [(k,) for k in few if not _significant(rows, [n for n in left if n != k], metrics)]
+    apart = dict(zip(left, _chances(rows, left)[1].tolist(), strict=True))
+    best = max(alone or found, key=lambda logs: max(apart[k] for k in logs))
+    return best, tuple(k for (k,) in alone if (k,) != best)

@@ -286,7 +286,7 @@ def _finding(found: CycleComparison) -> Finding:
         one, other = found.mean * (1.0 - 0.5 * found.change), found.mean * (1.0 + 0.5 * found.change)
         course = f"drifts from {one:.3f} in cycle {cycles[0].cycle} to {other:.3f} in cycle {cycles[-1].cycle}"
     else:
-        eta = np.array([getattr(c.metrics, found.metric) for c in cycles])
+        eta = np.array([c.metrics[found.metric] for c in cycles])
         one, other = float(np.mean(eta[here])), float(np.mean(eta[~here]))
         fewer = here if here.sum() <= (~here).sum() else ~here
         span = [c for c, chosen in zip(cycles, fewer, strict=True) if chosen]

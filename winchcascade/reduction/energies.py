@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.cascade import ELECTRICAL
-from winchcascade.core.integrate import Stream, integrals, integrals_of
+from winchcascade.core.cascade import ELECTRICAL, Stream
+from winchcascade.core.integrate import integrals, integrals_of
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.efficiency import ratio

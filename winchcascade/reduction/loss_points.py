@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import Part
-from winchcascade.core.cascade import Cascade, Product
+from winchcascade.core.cascade import Cascade, Product, Stream
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.integrate import Stream, means, stretches_of
+from winchcascade.core.integrate import means, stretches_of
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic

@@ -18,8 +18,10 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import ErrorSource
-from winchcascade.core.errors import OptionError, check_type
+from winchcascade.core.arguments import SEED_NUMBER, check_arguments, is_number
+from winchcascade.core.errors import check_type
 from winchcascade.core.run import Index, Signal
+from winchcascade.core.toml_text import Expected
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import (
@@ -40,6 +42,11 @@ DRAWS = 8191
 
 MIN_DRAWS = 100
 """Smallest number of draws: the ends of an interval are then known to 10 % of its width."""
+
+_DRAWS = Expected(
+    f"a whole number from {MIN_DRAWS} to 10 million. The default is {DRAWS}",
+    lambda draws: is_number(draws) and MIN_DRAWS <= draws <= 1e7 and draws % 1 == 0,
+)
 
 MULTIPLIER = 3483
 """Place of one of 8191 draws among the strata of an error over that of the error before it: of 400 multipliers one with the
@@ -126,8 +133,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     (0.0019, 'gum')
     """
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
-    if not draws >= MIN_DRAWS or draws % 1:
-        raise OptionError(f"draws: {draws!r}; expected a whole number of {MIN_DRAWS} or more. The default is {DRAWS}.")
+    check_arguments("uncertainty", ("seed", seed, SEED_NUMBER), ("draws", draws, _DRAWS))
     draws = int(draws)
     model = error_model(reduction)
     known = budget(reduction, model)
@@ -149,8 +155,9 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     method: dict[str, Method] = {
         m: "gum" if abs(u - known.mean.value(m)) <= within * u else "monte_carlo" for m, u in drawn.items()
     }
+    names = model.cascade.all_metrics
     stated = {m: known.mean[m] if way == "gum" else drawn[m] for m, way in method.items()}
-    return Uncertainty(known, seed, draws, Metrics(drawn), Metrics(stated), method, whole, alone)
+    return Uncertainty(known, seed, draws, Metrics(drawn, names), Metrics(stated, names), method, whole, alone)
 
 
 def stated_uncertainty(reduction: Reduction) -> tuple[Budget, Metrics]:

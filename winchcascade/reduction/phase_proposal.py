@@ -71,7 +71,7 @@ def _turning(run: Run, rig: Rig, results: Sequence[CycleResult]) -> str:
 
     Payout and haul-in of a winch are steady stretches too, two of each cycle.
     """
-    derived = any(f.kind == "missing_channel" and f.channel == "velocity" for f in run.findings)
+    derived = any(f.kind == "derived_channel" and f.channel == "velocity" for f in run.findings)
     if not derived or "speed" not in run.channels or {"displacement", "force", "pressure"} & run.channels.keys():
         return ""
     steps = find_steps(run, replace(rig.phases, source="steps"), rig.thresholds.gap_max)

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.cascade import BUILT_IN
-from winchcascade.core.integrate import Stream, extremes, integrals, means_of
+from winchcascade.core.cascade import BUILT_IN, Stream
+from winchcascade.core.integrate import extremes, integrals, means_of
 from winchcascade.core.run import Signal
 from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.phases import Cycle

@@ -8,19 +8,20 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
+from winchcascade.core.arguments import CYCLES, check_arguments
 from winchcascade.core.cascade import Stage
 from winchcascade.core.errors import LogError, OptionError, check_type
 from winchcascade.core.integrate import integrals_of, largest
 from winchcascade.core.jobs import side_by_side
+from winchcascade.core.named_rig import given_rig
 from winchcascade.core.rig_file import Rig, WindowRule
-from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed, stored_powers
 from winchcascade.reduction.checks.lag import lag_findings
-from winchcascade.reduction.checks.load import load_findings
-from winchcascade.reduction.checks.ratios import ratio_findings
+from winchcascade.reduction.checks.load import load_findings, measured_load, operating_points
+from winchcascade.reduction.checks.ratios import ratio_findings, sign_findings
 from winchcascade.reduction.checks.sampling import Sampling, check_sampling, resolution_findings
-from winchcascade.reduction.checks.zeros import zero_findings
+from winchcascade.reduction.checks.zeros import bench_zero_findings, zero_findings
 from winchcascade.reduction.efficiency import (
     Metrics,
     ensemble_mean,
@@ -48,8 +49,8 @@ def window_rule(word: str | float) -> WindowRule:
     if word == "auto" or word == "payout":
         return word  # type: ignore[return-value]  # mypy does not narrow str to the literals by ==
     try:
-        seconds = float(word)
-    except ValueError:
+        seconds = math.nan if isinstance(word, bool) else float(word)
+    except (TypeError, ValueError):
         seconds = math.nan
     if not (0.0 < seconds < math.inf):
         raise OptionError(f"window {word!r}: expected auto, payout or a length in seconds above 0, such as 5.48.")
@@ -67,13 +68,14 @@ def reduce(
 
     Parameters
     ----------
-    rig : the rig that the run was measured on; the paper's by default
-    window : "auto", "payout" or a length [s]; by default the rig's rule
-    cycles : first and last cycle that count, numbered by payout; all by default
+    rig : in place of the one that the run was read with; the paper's, as assumed, for a run that was not read
+    window : "auto", "payout" or a length [s]; by default that of the campaign of the run, else the rig's rule
+    cycles : first and last cycle that count, numbered by payout; by default those of the campaign of the run, else all
 
     Raises
     ------
-    OptionError : no run, no rig, no window rule, one longer than most payouts, or cycles of which the log has none
+    OptionError : no run, no rig, no window rule, one longer than most payouts, or cycles of which the log has none; or another
+        rig than that with whose numbers a channel of the run was made
 
     Examples
     --------
@@ -82,7 +84,11 @@ def reduce(
     3
     """
     check_type("reduce", run, Run, "read_run(log)")
-    rig = _as_read(given_rig("reduce", rig), run)
+    check_arguments("reduce", ("cycles", cycles, CYCLES))
+    rig = _as_read(given_rig("reduce", rig, run.rig), run)
+    _check_channels(run, rig)
+    _check_derived(run, rig)
+    window, cycles = run.window if window is None else window, run.cycles if cycles is None else cycles
     if window is not None and not rig.phases.by_motion:
         raise OptionError(
             f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '
@@ -96,8 +102,8 @@ def reduce(
     )
     by_motion = rig.phases.by_motion
     sampling = check_sampling(phased, energy) if by_motion else Sampling({}, ())
-    if by_motion:  # the checks compare payouts that are alike, and rests between them
-        findings += [*load_findings(phased, summaries), *lag_findings(phased), *zero_findings(phased)]
+    points = operating_points(phased, summaries)
+    findings += [*sign_findings(run, rig), *load_findings(phased, points), *_cross_checks(phased)]
     findings += [*sampling.findings, *resolution_findings(phased, energy)]
     results = _results(phased, summaries, energy, findings)
     findings += changes_within(results, rig, energy.bridged, run) if by_motion else []
@@ -109,12 +115,15 @@ def reduce(
         window=phased.rule if by_motion else "whole",
         cycles=tuple(results),
         mean=ensemble_mean(complete, rig.cascade),
-        max_deviation_percent=largest_deviation(complete, rig.cascade) if rig.phases.repeats else Metrics(),
+        max_deviation_percent=largest_deviation(complete, rig.cascade)
+        if rig.phases.repeats
+        else Metrics((), rig.cascade.all_metrics),
         total=total(complete, whole, open_circuit=run.open_circuit, cascade=rig.cascade),
         bins=bins,
-        quality=(*other_source(phased, results), *run.findings, *findings),
+        quality=(*_assumed(rig), *other_source(phased, results), *run.findings, *findings),
         bridged=energy.bridged,
         sampled=sampling.changes,
+        measured_load=measured_load(phased, points),
     )
 
 
@@ -122,6 +131,37 @@ def _as_read(rig: Rig, run: Run) -> Rig:
     """The rig with a cascade of sign-corrected channels, where signs of the run were corrected."""
     turned = {f.channel for f in run.findings if f.kind == "sign_flipped" and f.action == "sign corrected"}
     return replace(rig, cascade=rig.cascade.as_read({name for name in turned if name is not None})) if turned else rig
+
+
+def _check_channels(run: Run, rig: Rig) -> None:
+    """Reject a channel that neither the rig nor the one that the run was read with has: its name is misspelt."""
+    known = {*rig.known_channels, *(run.rig or rig).known_channels}
+    unknown = [name for name in run.channels if name not in known]
+    if unknown:
+        raise OptionError(
+            f"{run.name}: {unknown[0]!r} is no channel; expected some of {', '.join(known)}, or a channel of your own under "
+            "[channels] of the rig file."
+        )
+
+
+def _check_derived(run: Run, rig: Rig) -> None:
+    """Reject another rig than the one with whose drum radius the velocity of the run was made from the speed of its shaft."""
+    derived = any(f.kind == "derived_channel" and f.channel == "velocity" for f in run.findings)
+    if derived and "displacement" not in run.channels and run.rig is not None and run.rig.r_drum != rig.r_drum:
+        radius = "no r_drum" if rig.r_drum is None else f"{rig.r_drum:g} m"
+        raise OptionError(
+            f"{run.name}: its velocity was made from the speed of the shaft with the drum radius of the rig {run.rig.name}, "
+            f"{run.rig.r_drum:g} m, and the rig {rig.name} has {radius}; read the log again with that rig."
+        )
+
+
+def _assumed(rig: Rig) -> list[Finding]:
+    """Report whose drum radius and accuracies were used where no rig was named."""
+    if not rig.assumed:
+        return []
+    message = f"no rig was named; the drum radius of {rig.r_drum:g} m and the accuracies of the sensors of {rig.name} were used"
+    action = 'name yours: --rig FILE, rig = "FILE" in campaign.toml, or rig=load_rig(FILE) in Python'
+    return [Finding("rig_assumed", message, action)]
 
 
 def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
@@ -139,7 +179,7 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
         span = find_window(phased.cycles[0], phased.plateaus[0], top, end, phased.rule, rig.thresholds)
         if span.fault is None:
             return metrics_within(run, rig, np.array([[span.onset, span.cutoff]]))[0]
-    return Metrics()
+    return Metrics((), rig.cascade.all_metrics)
 
 
 def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
@@ -155,7 +195,7 @@ def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
     for k, (begin, end) in enumerate(windows.tolist()):
         joules = {name: None if column is None else column[k] for name, column in energy.items()}
         got, odd = metrics(joules, end - begin, open_circuit=run.open_circuit, cascade=rig.cascade)
-        found.append(Metrics(got | odd))
+        found.append(Metrics(got | odd, got.known))
     return found
 
 
@@ -163,6 +203,12 @@ def require_payouts(reduction: Reduction) -> None:
     """Require that a log has a cycle: LogError, which proposes another source of cycles, if it has none."""
     if not reduction.cycles:
         raise LogError(no_cycles(reduction.run, reduction.rig))
+
+
+def _cross_checks(phased: PhasedRun) -> list[Finding]:
+    """Lags and zeros: payouts that are alike and the rests between them show both, a bench at rest the zero of its torque."""
+    winch = [*lag_findings(phased), *zero_findings(phased)] if phased.rig.phases.by_motion else []
+    return [*winch, *bench_zero_findings(phased)]
 
 
 def _too_few(chosen: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]:

@@ -44,6 +44,13 @@ class CycleResult(msgspec.Struct, frozen=True):
     net: NetSpan
 
 
+class MeasuredLoad(msgspec.Struct, frozen=True):
+    """Vdc / Idc of a log with its standard uncertainty. [ohm]"""
+
+    ohm: float
+    u: float
+
+
 class Reduction(msgspec.Struct, frozen=True):
     """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over generator speed.
 
@@ -51,7 +58,8 @@ class Reduction(msgspec.Struct, frozen=True):
     net energies of whole cycles are over those complete cycles that have them.
     `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
     them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
-    or third sample alone changes of it [J].
+    or third sample alone changes of it [J]. `measured_load` is Vdc / Idc, whatever load
+    is stated.
     """
 
     run: Run
@@ -65,6 +73,7 @@ class Reduction(msgspec.Struct, frozen=True):
     quality: tuple[Finding, ...]
     bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+    measured_load: MeasuredLoad | None = None
 
     def __repr__(self) -> str:
         """One line instead of every number."""

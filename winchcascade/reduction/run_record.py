@@ -29,7 +29,10 @@ NotNegative = dict[str, Annotated[float, msgspec.Meta(ge=0.0)] | None]
 
 
 class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The log of a run: where it is, what it holds, and its load. `simulated` is null for a log that was not simulated."""
+    """The log of a run: where it is, what it holds, its stated load, and Vdc / Idc as measured with its standard uncertainty.
+
+    `simulated` is null for a log that was not simulated.
+    """
 
     path: str
     table: str | None = None
@@ -38,9 +41,19 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
     fs_hz: float
     load_ohm: Annotated[float, msgspec.Meta(gt=0.0)] | None
     load_source: str
+    load_measured_ohm: float | None = None
+    load_measured_u_ohm: float | None = None
     open_circuit: bool
     simulated: bool | None
     about: str | None
+
+
+class RigRecord(msgspec.Struct, frozen=True):
+    """The rig of a reduction: `assumed` is whether it was taken because none was named."""
+
+    name: str
+    assumed: bool
+    r_drum_m: float | None
 
 
 class FindingRecord(msgspec.Struct, frozen=True):
@@ -266,14 +279,15 @@ class CampaignWavesRecord(WavesRecord, frozen=True, kw_only=True):
 class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null.
 
-    `cycles_from` is the source of cycles of the rig file, unset for the line velocity.
+    `rig` was a name alone in earlier versions. `cycles_from` is the source of cycles of the rig file, unset for the line
+    velocity.
     """
 
     schema: str
     version: str
     data: dict[str, bool | str | None] = {}
     log: LogRecord
-    rig: str
+    rig: RigRecord | str
     window: str | float
     quality: tuple[FindingRecord, ...]
     cycles: tuple[CycleRecord, ...]
@@ -287,6 +301,11 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     stages: StagesRecord | UnsetType = UNSET
     cycles_from: str | UnsetType = UNSET
     waves: WavesRecord | UnsetType = UNSET
+
+    @property
+    def rig_name(self) -> str:
+        """Name of the rig."""
+        return self.rig if isinstance(self.rig, str) else self.rig.name
 
     def numbers(self, part: Part) -> Numbers:
         """Numbers of the metrics by their names, those of configured stages among them."""

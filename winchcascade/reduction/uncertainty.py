@@ -188,7 +188,7 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     channels, with_accuracy = _channels(stages), {s.channel for s in model.sources}
     unknown = {channel for of_stage in without_accuracy(model).values() for channel in of_stage}
     measured = {name for name, stage in stages.items() if not stage.channels & unknown}
-    cascade = model.cascade
+    cascade, names = model.cascade, model.cascade.all_metrics
     given = [m for m in cascade.all_metrics if reduction.mean[m] is not None]
     stated = [m for m in cascade.all_metrics if _stages_of(cascade, m) <= measured]
     slopes = _energy_slopes(model)
@@ -203,7 +203,8 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
         changed = _of_metrics(joules, model, stated, independent=not shared)
         of = {m: _of_mean(x[:, rows_of[m]], shared=shared) for m, x in changed.items() if m in given}
         rows += [
-            BudgetRow(source, Metrics({m: float(u[k]) for m, u in of.items()})) for k, source in enumerate(sources)
+            BudgetRow(source, Metrics({m: float(u[k]) for m, u in of.items()}, names))
+            for k, source in enumerate(sources)
         ]
         for m, x in changed.items():
             square[m] += (x * x).sum(axis=0)
@@ -215,12 +216,12 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
     return Budget(
         rows=tuple(rows),
-        sensors=Metrics(sensors),
-        repeatability=Metrics(scatter),
-        mean=Metrics(mean),
-        freedom=Metrics({m: _freedom(u, scatter.get(m, 0.0), rows_of[m].size) for m, u in mean.items()}),
+        sensors=Metrics(sensors, names),
+        repeatability=Metrics(scatter, names),
+        mean=Metrics(mean, names),
+        freedom=Metrics({m: _freedom(u, scatter.get(m, 0.0), rows_of[m].size) for m, u in mean.items()}, names),
         cycles=tuple(
-            Metrics({m: math.sqrt(square[m][k]) for m in stated if c.metrics[m] is not None})
+            Metrics({m: math.sqrt(square[m][k]) for m in stated if c.metrics[m] is not None}, names)
             for k, c in enumerate(reduction.cycles)
         ),
         exact=tuple(sorted(channels & set(TAKEN_AS_EXACT) - with_accuracy)),
@@ -262,7 +263,7 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
     >>> shares(Metrics(eta_trans=3.0), Metrics(eta_trans=5.0)).eta_trans
     0.36
     """
-    return Metrics({m: (a / b) ** 2 for m, a in part.items() if a is not None and (b := whole[m])})
+    return Metrics({m: (a / b) ** 2 for m, a in part.items() if a is not None and (b := whole[m])}, whole.known)
 
 
 def _sources(rig: Rig, stages: Mapping[str, StageEnergy]) -> list[ErrorSource]:

@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import Shape
-from winchcascade.core.integrate import Stream, integrals
+from winchcascade.core.cascade import Stream
+from winchcascade.core.integrate import integrals
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.efficiency import NOTHING
 from winchcascade.reduction.gap_error import all_gaps, energy_error

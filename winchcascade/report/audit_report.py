@@ -29,7 +29,7 @@ def audit_report(audit: Audit, *, command: str = "") -> content.Report:
             content.Point(
                 "Outcome",
                 f"{upper(words.audit_summary(audit))}.",
-                _tone(not audit.contradictions and not audit.contradicted),
+                _tone(audit.consistent),
             ),
             *(
                 []
@@ -40,7 +40,7 @@ def audit_report(audit: Audit, *, command: str = "") -> content.Report:
                     )
                 ]
             ),
-            *map(_point, words.bound_sentences(audit)),
+            *map(_point, (*words.bound_sentences(audit), *words.use_sentences(audit.uses))),
         ),
         (
             content.section(
@@ -72,7 +72,7 @@ def point_audit_report(audit: PointAudit, *, command: str = "") -> content.Repor
         (
             content.Point("Outcome", f"{upper(point_summary(audit))}.", _tone(audit.ok)),
             content.Point("Compared", f"{audit.laws} cells in {len(audit.table.rows)} rows."),
-            *map(_point, (*law_sentences(audit), *unread_sentences(audit))),
+            *map(_point, (*law_sentences(audit), *words.use_sentences(audit.uses), *unread_sentences(audit))),
         ),
         (
             content.section("columns", "Faults of whole columns", _faults(audit) or content.Note("None.")),

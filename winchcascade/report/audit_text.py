@@ -21,7 +21,7 @@ from winchcascade.tables.effect_search import Values
 from winchcascade.tables.point_table import PointTable
 
 if TYPE_CHECKING:
-    from winchcascade.tables.point_audit import PointAudit
+    from winchcascade.tables.point_audit import LawUse, PointAudit
 
 
 AUDIT_SCHEMA = "winchcascade/audit/1"
@@ -60,7 +60,7 @@ def audit_text(audit: Audit) -> str:
     text = joined(
         [
             *title_lines(audit.table),
-            *paragraphs(bound_sentences(audit)),
+            *paragraphs([*bound_sentences(audit), *use_sentences(audit.uses)]),
             "",
             *wrapped(f"cells that contradict each other: {cells or 'none'}"),
             *(
@@ -84,7 +84,7 @@ def audit_text(audit: Audit) -> str:
             *(["", "windows recovered from energy over power:"] if audit.windows else []),
             *(paragraphs(window_sentences(audit), "  ") if audit.windows else []),
             "",
-            _summary(audit_summary(audit), not audit.contradictions and not audit.contradicted),
+            _summary(audit_summary(audit), audit.consistent),
         ]
     )
     return text if audit.physics is None else text + attainable_text(audit.physics)
@@ -94,7 +94,34 @@ def audit_summary(audit: Audit) -> str:
     """How many contradictions there are."""
     cells, claims = len(audit.contradictions), len(audit.contradicted)
     found = f"found: {cells} contradiction{'s'[: cells != 1]} between cells, {claims} contradicted claim{'s'[: claims != 1]}"
-    return found if cells or claims else "nothing contradicts itself"
+    return found if cells or claims else "nothing contradicts itself" if audit.evaluated else NOTHING_EVALUATED
+
+
+NOTHING_EVALUATED = "nothing was evaluated: the table has no cells that a law or a claim connects"
+"""Summary of an audit that cannot state that a table is consistent."""
+
+
+_MAX_MISSING = 2
+"""Missing columns of a law that the text names; the JSON has all."""
+
+
+def use_sentences(uses: Sequence[LawUse]) -> list[str]:
+    """Which laws no row could be compared with, for lack of which columns, and which gave cells that the table lacks."""
+    lost = [
+        f"{use.law} (no {' and no '.join(use.missing)})" if 0 < len(use.missing) <= _MAX_MISSING else use.law
+        for use in uses
+        if use.status == "not_evaluated"
+    ]
+    derived = [use.law for use in uses if use.status == "derived"]
+    heads = (("derived, as its cells are empty: ", derived), ("not evaluated: ", lost))
+    return [f"{head}{', '.join(laws)}" for head, laws in heads if laws]
+
+
+def use_records(uses: Sequence[LawUse]) -> list[dict[str, Any]]:
+    """In how many rows each law was evaluated, as records have it."""
+    return [
+        {"law": use.law, "status": use.status, "rows_evaluated": use.rows, "missing": [*use.missing]} for use in uses
+    ]
 
 
 def bound_sentences(audit: Audit) -> list[str]:
@@ -120,6 +147,7 @@ def contradictions_text(audit: Audit) -> str:
     """What contradicts itself alone: cells, then claims."""
     lines = paragraphs((item.sentence for item in audit.contradictions), "  ")
     lines += [line for claim in audit.contradicted for line in _claim_lines(claim)]
+    lines += [] if audit.evaluated else wrapped(NOTHING_EVALUATED)
     if audit.physics is not None:
         metrics = dict.fromkeys(cell.metric for _, cell in audit.physics.outside)
         lines += [line for metric in metrics for line in _verdict(audit.physics, metric)]
@@ -134,6 +162,8 @@ def audit_record(audit: Audit) -> dict[str, Any]:
         "version": __version__,
         "table": table_record(audit.table),
         "ok": audit.ok,
+        "evaluated": audit.evaluated,
+        "laws": use_records(audit.uses),
         "bounds": {
             "cycles": known.cycles,
             "deviation_energy": known.energy,
@@ -486,7 +516,7 @@ def point_audit_text(audit: PointAudit) -> str:
     return joined(
         [
             *title_lines(table),
-            *paragraphs(law_sentences(audit)),
+            *paragraphs([*law_sentences(audit), *use_sentences(audit.uses)]),
             "",
             f"{len(table.rows)} rows, {audit.laws} cells compared",
             *paragraphs(unread_sentences(audit)),
@@ -520,12 +550,14 @@ def point_summary(audit: PointAudit) -> str:
     found = [f"{faults} column fault{'s'[: faults != 1]}"] if faults else []
     one = "1 cell that contradicts others"
     found += [one if broken == 1 else f"{broken} cells that contradict others"] if broken or not found else []
+    if not audit.laws:
+        return NOTHING_EVALUATED
     return "nothing contradicts itself" if audit.ok else f"found: {', '.join(found)}"
 
 
 def broken_laws_text(audit: PointAudit) -> str:
-    """Column faults and contradictions alone."""
-    return joined(paragraphs(_broken_sentences(audit), "  "))
+    """Column faults and contradictions alone, or that nothing was evaluated."""
+    return joined(paragraphs(_broken_sentences(audit) if audit.laws else [NOTHING_EVALUATED], "  "))
 
 
 def _broken_sentences(audit: PointAudit, maximum: int | None = None) -> list[str]:
@@ -540,6 +572,8 @@ def point_audit_record(audit: PointAudit) -> dict[str, Any]:
         "version": __version__,
         "table": table_record(table),
         "ok": audit.ok,
+        "evaluated": audit.laws > 0,
+        "laws": use_records(audit.uses),
         "rows": len(table.rows),
         "cells_compared": audit.laws,
         "cells_not_numbers": [*table.unread],

@@ -129,7 +129,7 @@ def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
         simulated=record.log.simulated,
         data=record.data,
         window=record.window,
-        rig=record.rig,
+        rig=record.rig_name,
         cycles=len(record.cycles),
         complete=sum(c.complete for c in record.cycles),
         findings=tuple(sorted({finding.kind for finding in record.quality})),

@@ -46,7 +46,7 @@ def check_text(check: Check) -> str:
             head = ("metric", "printed", "found", "differs", "allowed", *(_PARTS[part] for part in _parts(check)), "")
             lines += table_lines(
                 [head, *(_toned(_cell_row(check, cell), cell.ok) for cell in cells)],
-                left=(0, len(head) - 1), close=(6, 7, 8)[: len(_parts(check)) - 1], indent="  ", omit=_LESS,
+                left=(0, len(head) - 1), close=(6, 7, 8)[: max(len(_parts(check)) - 1, 0)], indent="  ", omit=_LESS,
             )  # fmt: skip
         lines += [*(line for text in _findings(check, row) for line in headed(indented(text), "!", "warning")), ""]
     lines += [line for note in check.notes for line in headed(wrapped(f"note: {note}"), "note", "warning")]
@@ -184,16 +184,17 @@ def recipe(check: Check) -> str:
     parts = (
         (factors.rounding, "half a unit of the last decimal"),
         (factors.deviation, f"largest deviation of the cycles{capped}"),
-        (factors.uncertainty, "2 standard uncertainties u of the mean"),
+        (factors.uncertainty, "2 standard uncertainties u of the mean by the sensors"),
     )
-    texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in parts]
-    means = table.tolerance if isinstance(table, PointTable) else 0.0
-    return " + ".join(texts + ([f"{100.0 * means:g} % that means may differ by"] if means else []))
+    texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in parts if factor]
+    means = factors.means * table.tolerance if isinstance(table, PointTable) else 0.0
+    return " + ".join(texts + ([f"{100.0 * means:g} % that means may differ by"] if means else [])) or "none"
 
 
 def _parts(check: Check) -> list[str]:
-    """Parts of the tolerances of a check."""
-    return [part for part in _PARTS if part != "means" or any(cell.means for cell in check.cells)]
+    """Parts of the tolerances of a check that a factor does not leave out."""
+    allowed = [part for part in _PARTS if getattr(check.factors, part)]
+    return [part for part in allowed if part != "means" or any(cell.means for cell in check.cells)]
 
 
 def _cell_row(check: Check, cell: CellCheck) -> tuple[str, ...]:

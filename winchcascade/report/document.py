@@ -26,6 +26,7 @@ from winchcascade.report.wording import (
     SYMBOL,
     decisive,
     load_words,
+    measured_load_words,
     net_reasons,
     not_known,
     span_word,
@@ -112,8 +113,8 @@ def make_report(
 
 def _about(reduction: Reduction) -> str:
     run, rig = reduction.run, reduction.rig
-    load = load_words(run.load, before="load ", unknown="")
-    return " · ".join(part for part in (load, f"rig {rig.name}", rig.title) if part)
+    load, measured = load_words(run.load, before="load ", unknown=""), measured_load_words(reduction.measured_load)
+    return " · ".join(part for part in (load, measured, f"rig {rig.name}", rig.title) if part)
 
 
 def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[content.Tile, ...]:
@@ -195,7 +196,7 @@ def best_and_worst(reduction: Reduction) -> tuple[CycleResult, CycleResult, str]
     complete = reduction.complete
     cascade = reduction.rig.cascade
     for metric in (cascade.overall, *cascade.neighbours, *cascade.energies[:1]):
-        if len(complete) > 1 and reduction.mean[metric] is not None:
+        if len(complete) > 1 and reduction.mean.get(metric) is not None:
             ranked = sorted(complete, key=lambda c: c.metrics.value(metric))
             return ranked[-1], ranked[0], metric
     return None
@@ -400,7 +401,7 @@ _NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> content.Section:
     """Where every number comes from, so that it can be made again."""
     run, rig = reduction.run, reduction.rig
-    load = load_words(run.load, unknown="unknown")
+    load, measured = load_words(run.load, unknown="unknown"), reduction.measured_load
     return content.provenance_section(
         [
             ("Log", run.path or run.name),
@@ -410,6 +411,7 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> conte
             ("Campaign", run.about),
             ("Data", origin_words([run.origin])),
             ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
+            ("Vdc / Idc", "" if measured is None else f"{measured.ohm:.4g} Ω ± {uncertain(measured.u)} Ω"),
             ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
             ("Source of the rig's numbers", rig.source),
             ("SHA-256 of the rig file", content.file_digest(rig.path)),

@@ -19,6 +19,7 @@ import msgspec
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import json_bytes, write_set
 from winchcascade.core.jobs import Nobody
+from winchcascade.core.plain_text import cell_text
 from winchcascade.core.store import digest_of, inside, locked, make_one
 from winchcascade.core.version import __version__
 from winchcascade.report.content import Report as Stated
@@ -48,7 +49,7 @@ def csv_text(table: Table) -> str:
     names = _apart([name for names, _ in columns for name in names])
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(names)
+    writer.writerow([cell_text(name) for name in names])
     for i in range(len(rows)):
         writer.writerow([_written(cell) for _, cells in columns for cell in cells[i]])
     return out.getvalue()
@@ -79,7 +80,7 @@ def _written(cell: Cell) -> str:
     if cell is None or cell == "–":
         return ""
     if isinstance(cell, str):
-        return cell
+        return cell_text(cell)
     if isinstance(cell, int):
         return str(cell)
     return "" if math.isnan(cell) else repr(float(cell))
@@ -215,7 +216,6 @@ SHOWS = {
     "stages": "gap-map-of-stages",
     "streams": "powers-over-time-and-speed",
     "trend": "cycle-by-cycle",
-    "differences": "efficiency-differences",
     "waterfall": "efficiency-cause-by-cause",
 }
 """What a figure shows, for the name of its file, by its name in a report; others keep that name."""

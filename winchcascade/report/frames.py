@@ -14,10 +14,11 @@ from msgspec import UNSET
 from msgspec.structs import asdict
 
 from winchcascade.core.cascade import Cascade, field_of
+from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import OptionError, check_choice
 from winchcascade.core.files import check_replaceable, write_whole
 from winchcascade.core.quantity import KGF, si_unit
-from winchcascade.core.run import CHANNELS, Channel, Run, Units
+from winchcascade.core.run import Run, Units
 from winchcascade.core.store import make_one
 from winchcascade.diagnosis.diagnosis_result import NamedCause
 from winchcascade.reduction.efficiency import FIELDS, Metrics
@@ -168,7 +169,7 @@ def _flat_run(record: RunRecord) -> Row:
     """A log in one row: means with their uncertainties, 95 % intervals and largest deviations."""
     row: Row = {
         "sha256": record.log.sha256,
-        "rig": record.rig,
+        "rig": record.rig_name,
         "window": record.window if isinstance(record.window, str) else f"{record.window:g}",
         "measured": record.data["measured"],
         "origin": record.data["origin"],
@@ -366,7 +367,7 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
 
 def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
     """A row for each difference of a comparison; the unit of its numbers is in its column `unit`."""
-    from winchcascade.report.comparison_text import difference_rows_of
+    from winchcascade.report.results.comparison_record import difference_rows_of
 
     _check_units(units)
     numbers = ("a", "b", "difference", "low_95", "high_95", "standard_uncertainty", "repeatability", "sensors")

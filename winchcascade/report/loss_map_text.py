@@ -260,7 +260,7 @@ def _csv(record: dict[str, Any]) -> bytes:
         for name, c in record["surface"].items()
     )
     lines = [
-        f"# Loss map by winchcascade/{__version__} from {' '.join(str(record['source']).split())}",
+        f"# Loss map by winchcascade/{__version__} from {' '.join(str(record['source']).replace(',', ';').split())}",
         f"# loss in W from {record['stage_in']} to {record['stage_out']}",
         "# rows: torque of the shaft in N m, columns: speed of the shaft in rad/s",
         "# NaN: outside of the hull of the operating points",

@@ -478,14 +478,14 @@ def budget_of(comparison: ModelComparison) -> LossBudget | None:
     if joule["line"] <= 0.0:
         return None
     log = {
-        stage: [getattr(c.metrics, f"energy_{stage}") for c in comparison.cycles]
+        stage: [x for c in comparison.cycles if (x := c.metrics[f"energy_{stage}"]) is not None]
         for stage in (("line",) if open_circuit else ("line", "mech", "gen"))
     }
     return LossBudget(
         line=joule["line"],
         groups={name: sum(joule[entry] for entry in (*g.behind, *g.before)) for name, g in GROUPS.items()},
         drum=joule["drum"],
-        log={stage: float(np.mean(values)) for stage, values in log.items() if None not in values},
+        log={stage: float(np.mean(values)) for stage, values in log.items() if len(values) == len(comparison.cycles)},
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from winchcascade.comparison.comparison_result import Comparison
-from winchcascade.core.errors import OptionError, check_choice
+from winchcascade.core.errors import OptionError, check_choice, check_type
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.campaign_record import CampaignReduction
@@ -133,16 +133,15 @@ def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axe
     the Axes, an array with one for each efficiency, (n,), if none was given: with one given, that of the whole cascade, or else
     the first, alone is drawn
     """
-    from winchcascade.report import comparison_report as figures
-    from winchcascade.report.comparison_text import drawn_metrics
+    from winchcascade.report.results.comparison import by_metric, draw_differences, rows_of
 
     check_choice("plot", what, ("efficiency",), "plot of this result")
-    metrics = drawn_metrics(found)
+    metrics = list(by_metric(rows_of(found, "eta", whole=False)))
     _require(what, "" if metrics else "an efficiency that both sides have")
     if ax is not None:
         metrics = [found.overall if found.overall in metrics else metrics[0]]
-    draw: Plot = lambda axes: figures.draw_differences(np.ravel(axes).tolist(), found, metrics)  # noqa: E731
-    return _drawn(draw, ax, rows=len(metrics), height=1.0 + 0.5 * figures.PANEL, sharex="col")
+    draw: Plot = lambda axes: draw_differences(np.ravel(axes).tolist(), found, metrics)  # noqa: E731
+    return _drawn(draw, ax, rows=len(metrics), height=1.5, sharex="col")
 
 
 def _require(what: str, lacking: str) -> None:
@@ -160,6 +159,8 @@ def _drawn(
     height : of each row [in]
     sharex, sharey : axes that the rows have in common
     """
+    from matplotlib.axes import Axes
+
     with house_style():
         if ax is None:
             import matplotlib.pyplot as plt
@@ -170,6 +171,7 @@ def _drawn(
             )  # fmt: skip
             found = axes[:, 0]
         else:
+            check_type("plot, ax", ax, Axes, "matplotlib")
             found = np.array([ax], dtype=object)
         draw(found[0] if rows == 1 else found)
         title = found[0].get_title(loc="left")
@@ -180,11 +182,17 @@ def _drawn(
 
 def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
+    from winchcascade.report.render.page import table_html as stated_html
+
     if isinstance(result, DiagnosisResult):
-        from winchcascade.report.render.page import table_html as stated_html
         from winchcascade.report.results.diagnosis import main_table
 
         return stated_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+    if isinstance(result, Comparison):
+        from winchcascade.report.results.comparison import differences_table, rows_of
+
+        heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
+        return stated_html(heading, differences_table("efficiencies", rows_of(result, "eta")))
     return table_html(*_heading_and_table(result))
 
 
@@ -208,12 +216,3 @@ def _(result: CampaignReduction) -> tuple[str, Table | None]:
     from winchcascade.report.campaign_record import runs_by_load
 
     return repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced))
-
-
-@_heading_and_table.register(Comparison)
-def _(result: Comparison) -> tuple[str, Table | None]:
-    from winchcascade.report.comparison_report import differences_table
-    from winchcascade.report.comparison_text import headline_metrics
-
-    heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
-    return heading, differences_table("efficiencies", result, headline_metrics(result))

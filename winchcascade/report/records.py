@@ -28,6 +28,7 @@ from winchcascade.reduction.run_record import (
     LogRecord,
     PhasesRecord,
     PhaseSummaryRecord,
+    RigRecord,
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
@@ -37,7 +38,8 @@ from winchcascade.reduction.run_record import (
 from winchcascade.reduction.uncertainty import BudgetRow, shares
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Channel, Finding
+    from winchcascade.core.channels import Channel
+    from winchcascade.core.run import Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
 
@@ -58,7 +60,7 @@ def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> by
 def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> RunRecord:
     """The record of the reduction of one log with its uncertainty."""
     found = found or uncertainty(reduction)
-    run = reduction.run
+    run, measured = reduction.run, reduction.measured_load
     known, names = found.budget, tuple(dict.fromkeys((*ALL_METRICS, *reduction.rig.cascade.metrics)))
     freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
     return RunRecord(
@@ -73,11 +75,13 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             fs_hz=run.fs,
             load_ohm=run.load if run.load is not None and math.isfinite(run.load) else None,
             load_source=run.load_source,
+            load_measured_ohm=None if measured is None else measured.ohm,
+            load_measured_u_ohm=None if measured is None else measured.u,
             open_circuit=run.open_circuit,
             simulated=True if run.simulated else None,
             about=run.about or None,
         ),
-        rig=reduction.rig.name,
+        rig=RigRecord(reduction.rig.name, reduction.rig.assumed, reduction.rig.r_drum),
         window=reduction.window,
         quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
         cycles=tuple(

@@ -42,7 +42,7 @@ _MAKERS = {
     "Calibration": "report_files:_of_calibration",
     "CampaignReduction": "report_files:_of_campaign",
     "Check": "check_report:check_report",
-    "Comparison": "comparison_report:make_comparison_report",
+    "Comparison": "results.comparison:comparison_report",
     "DiagnosisResult": "results.diagnosis:diagnosis_report",
     "PointAudit": "audit_report:point_audit_report",
     "Reduction": "report_files:_of_reduction",

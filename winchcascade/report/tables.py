@@ -10,9 +10,10 @@ from typing import Literal
 from msgspec.structs import asdict
 
 from winchcascade.core.cascade import PAPER
+from winchcascade.core.channels import Channel
 from winchcascade.core.quantity import Unit, find_unit, si_unit
 from winchcascade.core.rig_file import Rig, Sensor
-from winchcascade.core.run import Channel, Finding
+from winchcascade.core.run import Finding
 from winchcascade.reduction.bins import STORES, Bin
 from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
@@ -61,8 +62,8 @@ MAX_BINS = 80
 
 def mean_text(reduction: Reduction, found: Uncertainty, metric: str) -> str:
     """Mean of a metric, with the digits that its uncertainty allows: of the repeatability where no accuracy is known."""
-    value = getattr(reduction.mean, metric)
-    u = getattr(found.standard, metric) or getattr(found.budget.repeatability, metric)
+    value = reduction.mean[metric]
+    u = found.standard[metric] or found.budget.repeatability[metric]
     return stated(value, u, decimals_of(metric)) if u else _four(value, metric)
 
 
@@ -83,7 +84,7 @@ def _metric_columns(reduction: Reduction, found: Uncertainty, given: Sequence[st
     of = {c.cycle: u for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)}
 
     def text(metric: str, c: CycleResult) -> str:
-        value, u = getattr(c.metrics, metric), getattr(of[c.cycle], metric)
+        value, u = c.metrics[metric], of[c.cycle][metric]
         return of_many(value, u, decimals_of(metric)) if u else _four(value, metric)
 
     return [TableColumn(SYMBOL[m], unit_of(m), of=partial(text, m)) for m in given]
@@ -91,7 +92,7 @@ def _metric_columns(reduction: Reduction, found: Uncertainty, given: Sequence[st
 
 def _given(reduction: Reduction, metrics: Sequence[str]) -> list[str]:
     """Metrics that any cycle has."""
-    return [m for m in metrics if any(getattr(c.metrics, m) is not None for c in reduction.cycles)]
+    return [m for m in metrics if any(c.metrics[m] is not None for c in reduction.cycles)]
 
 
 def cycles_table(reduction: Reduction, found: Uncertainty) -> content.Table:
@@ -161,17 +162,17 @@ def _means(reduction: Reduction, found: Uncertainty, given: Sequence[str], n: in
     stated_u = repeats and any(m in found.method for m in given)
     rows: tuple[tuple[str, bool, Callable[[str], str]], ...] = (
         (f"mean of {n}", n > 0 and repeats, partial(mean_text, reduction, found)),
-        ("standard uncertainty", stated_u, lambda m: uncertain(getattr(found.standard, m))),
+        ("standard uncertainty", stated_u, lambda m: uncertain(found.standard[m])),
         ("95 % interval, from", stated_u, lambda m: end_text(found, m, "low")),
         ("to", stated_u, lambda m: end_text(found, m, "high")),
-        ("largest deviation (%)", n > 1 and repeats, lambda m: number(getattr(reduction.max_deviation_percent, m), 2)),
+        ("largest deviation (%)", n > 1 and repeats, lambda m: number(reduction.max_deviation_percent[m], 2)),
     )
     return [(name, "", *map(text, given)) for name, wanted, text in rows if wanted and given]
 
 
 def end_text(found: Uncertainty, metric: str, end: Literal["low", "high"]) -> str:
     """One end of a 95 % interval, with the digits of the standard uncertainty."""
-    interval, u = found.interval_95.get(metric), getattr(found.standard, metric)
+    interval, u = found.interval_95.get(metric), found.standard[metric]
     return "–" if interval is None or not u else stated(asdict(interval)[end], u, 0)
 
 
@@ -340,7 +341,7 @@ _METRIC: tuple[TableColumn[str], ...] = (
 def repeatability_table(reduction: Reduction, found: Uncertainty) -> content.Table | None:
     """Scatter of the complete cycles: largest deviation, which cycle has it, and s/sqrt(N); None for fewer than two."""
     mean, scatter = reduction.mean, found.budget.repeatability
-    values = {m: {c.cycle: x for c in reduction.complete if (x := getattr(c.metrics, m)) is not None} for m in mean}
+    values = {m: {c.cycle: x for c in reduction.complete if (x := c.metrics[m]) is not None} for m in mean}
     return content.ItemTable[str](
         "repeatability",
         f"Repeatability of {len(reduction.complete)} complete cycles.",
@@ -436,8 +437,8 @@ def budget_table(found: Uncertainty, rig: Rig) -> content.Table | None:
     metrics = [m for m in budgeted(known.mean) if known.mean[m]]
     rows = [(_about(r, channels), shares(r.of, known.mean)) for r in known.rows]
     scatter = shares(known.repeatability, known.mean)
-    cells = [(*about, *(percent(getattr(share, m) or None) for m in metrics)) for about, share in rows]
-    cells.append(("repeatability", "", "normal", "", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
+    cells = [(*about, *(percent(share[m] or None) for m in metrics)) for about, share in rows]
+    cells.append(("repeatability", "", "normal", "", "", "cycles", *(percent(scatter[m]) for m in metrics)))
     columns: list[TableColumn[str]] = [
         *(TableColumn(name, text=True) for name in ("Source", "Limit", "Distribution", "u", "Known by", "From")),
         *(TableColumn(SYMBOL[m], "%") for m in metrics),

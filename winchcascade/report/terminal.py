@@ -26,6 +26,7 @@ from winchcascade.report.wording import (
     decisive,
     label,
     load_words,
+    measured_load_words,
     net_reasons,
     not_known,
     of_phase,
@@ -160,7 +161,7 @@ def _means(
         ("largest dev. %", n > 1 and repeats, reduction.max_deviation_percent, 2, 2),
         (
             "std. uncertainty",
-            repeats and any(getattr(uncertainties, name) is not None for name in names),
+            repeats and any(uncertainties[name] is not None for name in names),
             uncertainties,
             energy,
             4,
@@ -171,7 +172,7 @@ def _means(
 
 def _texts(m: Metrics, names: Sequence[str], energy: int, eta: int) -> list[str]:
     """Texts of metrics, energies and efficiencies with a given number of decimals."""
-    return [plain_cell(getattr(m, name), eta if name.startswith("eta") else energy) for name in names]
+    return [plain_cell(m[name], eta if name.startswith("eta") else energy) for name in names]
 
 
 _PHASES: tuple[TableColumn[CycleResult], ...] = (
@@ -215,7 +216,8 @@ def _load(reduction: Reduction) -> str:
     run = reduction.run
     unknown = "load unknown" if "vdc" in run.channels else ""
     known = f"{load_words(run.load, 'ohm', before='load ')} ({one_line(run.load_source)})"
-    return unknown if run.load is None else known
+    texts = (unknown if run.load is None else known, measured_load_words(reduction.measured_load, "ohm"))
+    return ", ".join(text for text in texts if text)
 
 
 def _duration(run: Run) -> str:

@@ -12,9 +12,10 @@ from matplotlib.path import Path as Outline
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
+from winchcascade.core.channels import Channel
 from winchcascade.core.quantity import KGF, find_unit, si_unit
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Channel, Run, Signal
+from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report.style import COLOURS, Entry, is_narrow, line_entry, patch_entry

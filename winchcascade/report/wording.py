@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from winchcascade.core.rig_file import WindowRule
-    from winchcascade.reduction.reduction_result import CycleResult, Reduction
+    from winchcascade.reduction.reduction_result import CycleResult, MeasuredLoad, Reduction
 
 
 SENSORS = {
@@ -136,6 +136,11 @@ def decisive(known: Budget) -> list[tuple[str, float, str]]:
     """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
     parts = [(m, by_sensor(known, m)) for m in known.mean if m.startswith("eta") and m != "eta_net"]
     return [(metric, max(found.values()), max(found, key=found.__getitem__)) for metric, found in parts if found]
+
+
+def measured_load_words(measured: MeasuredLoad | None, unit: str = "Ω") -> str:
+    """Vdc / Idc as it stands beside the stated load; empty where it was not measured."""
+    return "" if measured is None else f"Vdc / Idc {measured.ohm:.4g} {unit}"
 
 
 def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknown: str = "no load") -> str:

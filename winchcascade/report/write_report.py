@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from winchcascade.comparison.comparison_result import Comparison
+from winchcascade.core.arguments import FLAG, PATH, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.calibrate import Calibration
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
@@ -35,6 +36,7 @@ def write_report(result: Result, path: str | Path, *, force: bool = False) -> Pa
     from winchcascade.report.publish import publish
     from winchcascade.report.report_files import report_of
 
+    check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
     path = Path(path)
     ending = path.suffix.casefold()
     if ending not in (".html", ".pdf"):

@@ -12,13 +12,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from winchcascade.core.arguments import STEP_LENGTH, check_arguments
 from winchcascade.core.campaign_file import SIMULATED
+from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.files import write_whole
 from winchcascade.core.monotone_cubic import monotone_cubic
+from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import UNITS
-from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import CHANNELS, LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
+from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import (
@@ -169,7 +171,7 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     Parameters
     ----------
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not used
-    model : the baseline of the paper's rig if not given, as `reduce` takes that rig
+    model : the baseline of the rig that the run was read with if not given; of the paper's for a run that was not read
     step : of the simulation [s]
 
     Raises
@@ -178,9 +180,15 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     RigError : the model has numbers that no rig can have
     OptionError : something else than a run or a model
     """
-    model = baseline(built_in()) if model is None else model
     check_type("simulate", run, Run, "read_run(log)")
+    model = baseline(given_rig("simulate", run.rig)) if model is None else model
     check_type("simulate, model", model, Model, "baseline(rig)")
+    check_arguments("simulate", ("step", step, STEP_LENGTH))
+    if "velocity" not in run.channels or run.t[-1] - run.t[0] < 2.0 * step:
+        raise LogError(
+            f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of the line; expected a log with "
+            "velocity or displacement."
+        )
     return simulate_along(run, model, motion_of(run, step))
 
 
@@ -205,6 +213,9 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
             simulated=True,
             about=run.about,
             origin=SIMULATED,
+            rig=run.rig,
+            window=run.window,
+            cycles=run.cycles,
         ),
         rpm_gen=rows["omega_gen"] * 30.0 / math.pi,
         i_s=rows["i_s"],
@@ -217,6 +228,10 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
 
 def _check_model(model: Model) -> None:
     """Reject numbers that no rig can have, as a rig file and several effects together may give them: RigError."""
+    for part in (model.winch, model.restoring, model.drivetrain, model.generator, model.dc_link):
+        for name, value in msgspec.structs.asdict(part).items():
+            if isinstance(value, float) and math.isnan(value):
+                raise RigError(f"the model's {name} is NaN; expected a number, so check the rig and the effects.")
     gas = model.restoring
     for what, value, fits, expected in (
         ("mesh efficiency", model.drivetrain.eta_mesh, 0.0 < model.drivetrain.eta_mesh <= 1.0, "above 0 and at most 1"),

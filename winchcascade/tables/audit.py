@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
+from winchcascade.core.arguments import FLAG, PATH_OR_NONE, WATCH, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Watch
 from winchcascade.core.published_table import PrintedColumn, PublishedTable, Span, TableRow, load_text, unit_suffix
@@ -26,12 +27,13 @@ from winchcascade.tables.feasible import (
     Repeatability,
     allowed,
     contradictions,
+    lacking,
     repairs,
     repeatability,
     stage_window,
     window,
 )
-from winchcascade.tables.point_audit import PointAudit, audit_points
+from winchcascade.tables.point_audit import LawUse, PointAudit, audit_points
 from winchcascade.tables.point_table import PointTable, open_table
 
 if TYPE_CHECKING:
@@ -85,8 +87,8 @@ class SharedWindow(msgspec.Struct, frozen=True):
 class Audit(msgspec.Struct, frozen=True):
     """Contradictions within a table and its text, and the windows that follow from it.
 
-    `contradictions` are of rows, columns and sums; `claims` holds a verdict for every claim of the text. `physics` is what a
-    rig can attain, where that was requested.
+    `contradictions` are of rows, columns and sums; `claims` holds a verdict for every claim of the text. `uses` states in how
+    many rows each law was evaluated. `physics` is what a rig can attain, where that was requested.
     """
 
     table: PublishedTable
@@ -95,6 +97,7 @@ class Audit(msgspec.Struct, frozen=True):
     claims: tuple[ClaimVerdict, ...]
     windows: tuple[RecoveredWindow, ...]
     shared: tuple[SharedWindow, ...]
+    uses: tuple[LawUse, ...] = ()
     physics: AttainableRanges | None = None
 
     def __repr__(self) -> str:
@@ -108,9 +111,19 @@ class Audit(msgspec.Struct, frozen=True):
         return tuple(claim for claim in self.claims if claim.verdict == "contradicted")
 
     @property
+    def evaluated(self) -> bool:
+        """Whether a law was compared with cells, or a claim with the table."""
+        return any(use.rows for use in self.uses) or any(claim.verdict != "not_checkable" for claim in self.claims)
+
+    @property
+    def consistent(self) -> bool:
+        """Whether something was evaluated and nothing contradicts itself."""
+        return self.evaluated and not self.contradictions and not self.contradicted
+
+    @property
     def ok(self) -> bool:
-        """Whether nothing was found, in the table or beside the rig."""
-        return not self.contradictions and not self.contradicted and (self.physics is None or self.physics.ok)
+        """Whether the table is consistent, and the rig can attain it where that was requested."""
+        return self.consistent and (self.physics is None or self.physics.ok)
 
 
 def audit_by_load(table: PublishedTable | str | Path) -> Audit:
@@ -134,7 +147,25 @@ def audit_by_load(table: PublishedTable | str | Path) -> Audit:
         claims=tuple(claim_verdict(claim, table, known) for claim in table.claims),
         windows=recovered,
         shared=shared_windows(recovered),
+        uses=_uses(table),
     )
+
+
+def _uses(table: PublishedTable) -> tuple[LawUse, ...]:
+    """In how many rows each law was evaluated, and what the others lack; the sums where the table has them."""
+    rows = [lacking(row.cells) for row in table.rows]
+    found = []
+    for law in lacking(()):
+        without = [row[law] for row in rows if row[law]]
+        count, missing = len(rows) - len(without), tuple(dict.fromkeys(itertools.chain(*without)))
+        found.append(LawUse(law, "evaluated" if count else "not_evaluated", count, missing))
+    if table.total is not None:
+        missing = tuple(m for m in table.total.cells if not any(m in row.cells for row in table.rows))
+        summed = len(missing) < len(table.total.cells)
+        found.append(
+            LawUse("total = sum of the rows", "evaluated" if summed else "not_evaluated", int(summed), missing)
+        )
+    return tuple(found)
 
 
 def windows(table: PublishedTable) -> tuple[RecoveredWindow, ...]:
@@ -370,10 +401,13 @@ def audit(
     TableError : the table cannot be used
     OptionError : `physics` with a table of operating points, or a rig without `physics`
     """
+    check_arguments("audit", ("physics", physics, FLAG), ("watch", watch, WATCH))
+    if not isinstance(rig, Rig):
+        check_arguments("audit", ("rig", rig, PATH_OR_NONE))
     if rig is not None and not physics:
         name = rig.name if isinstance(rig, Rig) else rig
         raise OptionError(f"rig {name}: is of use with physics alone; add that, or leave the rig out.")
-    opened = open_table(table) if isinstance(table, str | Path) else table
+    opened = open_table(table)
     if isinstance(opened, PublishedTable):
         found = audit_by_load(opened)
         return msgspec.structs.replace(found, physics=_physics(found, rig, watch)) if physics else found

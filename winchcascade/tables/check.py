@@ -1,9 +1,9 @@
 """Comparison of measured results with a published table, cell by cell and two-sided.
 
 A cell allows ``|measured - printed| <= rounding + deviation + uncertainty``: half a unit of its last printed decimal, the
-largest deviation of the measured cycles from their mean, and twice the standard uncertainty of the measured mean. Where the
-table prints the largest deviation of its cycles, the measured one counts up to that: a damaged log must not widen its own
-tolerance.
+largest deviation of the measured cycles from their mean, and twice the standard uncertainty that the sensors leave of the
+mean. The scatter of the cycles counts once, in the deviation. Where the table prints the largest deviation of its cycles, the
+measured one counts up to that: a damaged log must not widen its own tolerance.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Measured(msgspec.Struct, frozen=True):
 
     `at` and `log` are of a check of operating points: what the result is at besides its metrics, and the file. `load` is
     in ohms, inf for an open circuit, None where it is not known; `deviation` is the largest one of a cycle from the mean
-    [%], `uncertainty` the standard uncertainty of the mean and `repeatability` the part of it that the scatter of the
-    cycles contributes. `findings` are the sentences on what is wrong with the log.
+    [%], `uncertainty` the standard uncertainty that the sensors leave of the mean, without the scatter of the cycles.
+    `findings` are the sentences on what is wrong with the log.
     """
 
     name: str
@@ -48,7 +48,6 @@ class Measured(msgspec.Struct, frozen=True):
     mean: Mapping[str, float | None]
     deviation: Mapping[str, float | None]
     uncertainty: Mapping[str, float | None]
-    repeatability: Mapping[str, float | None] = msgspec.field(default_factory=dict)
     findings: tuple[str, ...] = ()
     origin: Origin = Origin()
     at: Mapping[str, float | None] = msgspec.field(default_factory=dict)
@@ -56,11 +55,15 @@ class Measured(msgspec.Struct, frozen=True):
 
 
 class Factors(msgspec.Struct, frozen=True):
-    """What each part of a tolerance is multiplied by: above 1 widens, below 1 narrows, 0 leaves it out. [1]"""
+    """What each part of a tolerance is multiplied by: above 1 widens, below 1 narrows, 0 leaves it out. [1]
+
+    `means` is on what a table of operating points allows a mean of products to differ from the product of means.
+    """
 
     rounding: float = 1.0
     deviation: float = 1.0
     uncertainty: float = 1.0
+    means: float = 1.0
 
     def __post_init__(self) -> None:
         """Reject a factor that is no number from 0 up."""
@@ -69,6 +72,11 @@ class Factors(msgspec.Struct, frozen=True):
                 raise OptionError(
                     f"tolerance factor {name} is {value:g}; expected a finite number that is not negative."
                 )
+
+
+SAME_LOGS = Factors(deviation=0.0, uncertainty=0.0, means=0.0)
+"""Of a table that was made from these very logs: repetition and sensors are the same on both sides, so that only rounding is
+allowed."""
 
 
 class RowKey(msgspec.Struct, frozen=True):
@@ -182,8 +190,7 @@ def measured_from_record(record: RunRecord, where: str) -> Measured:
         load=math.inf if log.load_ohm is None and log.open_circuit else log.load_ohm,
         mean=metrics(record.mean),
         deviation=metrics(record.max_deviation_percent),
-        uncertainty=metrics(record.standard_uncertainty),
-        repeatability=metrics(record.uncertainty.repeatability),
+        uncertainty=metrics(record.uncertainty.sensors),
         findings=tuple(f"{finding.kind}: {finding.message}" for finding in record.quality),
         origin=origin_from(record.data),
     )
@@ -197,7 +204,7 @@ def check(
     Parameters
     ----------
     results : one for each log, no two of the same load
-    factors : on the three parts of every tolerance, 1 if not given
+    factors : on the parts of every tolerance, 1 if not given
     whole_campaign : a row of the table without a run is a miss; else it is left out with a note
 
     Raises
@@ -213,7 +220,7 @@ def check(
             notes.append(f"{load_text(row.load)}: no run of this load was given; its row is left out.")
             continue
         cells += [_cell(table, row, metric, run, factors) for metric in row.cells]
-        notes += [] if run is None else _not_known(run, row) + _capped(table, run, row)
+        notes += [] if run is None else _not_known(run, row, factors) + _capped(table, run, row)
     found = {_row_key(table.rows[k]): run.findings for k, run in sorted(runs.items()) if run.findings}
     return Check(table, factors, tuple(cells), tuple(notes), found, tuple(runs[k].origin for k in sorted(runs)))
 
@@ -260,8 +267,6 @@ def _cell(table: PublishedTable, row: TableRow, metric: str, run: Measured | Non
     claimed, deviation = _claimed(table, metric), run.deviation.get(metric) or 0.0
     u = run.uncertainty.get(metric) or 0.0
     share = 1.0 if claimed is None or deviation <= claimed[0] else claimed[0] / deviation  # up to what the table prints
-    scatter = min((run.repeatability.get(metric) or 0.0) / u, 1.0) if u else 0.0
-    u *= math.sqrt(1.0 - (1.0 - share**2) * scatter**2)
     return msgspec.structs.replace(
         bare,
         measured=mean / column.factor,
@@ -291,15 +296,15 @@ def _capped(table: PublishedTable, run: Measured, row: TableRow) -> list[str]:
     ]
 
 
-def _not_known(run: Measured, row: TableRow) -> list[str]:
+def _not_known(run: Measured, row: TableRow, factors: Factors) -> list[str]:
     """Parts of a tolerance that count as 0 because the log does not give them."""
     taken = [m for m in row.cells if run.mean.get(m) is not None]
     notes = []
-    for part, why in (
-        (run.deviation, "the largest deviation is not known, as of a single cycle"),
-        (run.uncertainty, "the standard uncertainty is not known"),
+    for factor, part, why in (
+        (factors.deviation, run.deviation, "the largest deviation is not known, as of a single cycle"),
+        (factors.uncertainty, run.uncertainty, "the standard uncertainty is not known"),
     ):
-        unknown = [m for m in taken if part.get(m) is None]
+        unknown = [m for m in taken if factor and part.get(m) is None]
         if unknown:
             which = "" if len(unknown) == len(taken) else f" of {', '.join(unknown)}"
             notes.append(f"{run.name}: {why}{which}; it counts as 0.")

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 
 import msgspec
@@ -146,6 +146,34 @@ def window(spans: Mapping[str, Span]) -> Span | None:
     found = [span for stage in STAGES if (span := stage_window(spans, stage)) is not None]
     low, high = max((span.low for span in found), default=0.0), min((span.high for span in found), default=math.inf)
     return Span(low, high) if low <= high * (1.0 + 1e-9) and math.isfinite(high) else None
+
+
+def lacking(cells: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Metrics that a row lacks for each law of a row, by the law; none where its cells can contradict the law.
+
+    A stage with energy and power gives the window, and with it the energy of every stage that has a power alone.
+
+    >>> lacking(["energy_line", "power_line", "power_mech", "eta_trans"])["eta_trans = energy_mech / energy_line"]
+    ()
+    """
+    whole = [stage for stage in STAGES if {f"energy_{stage}", f"power_{stage}"} <= set(cells)]
+    apart = [{stage for stage in STAGES if f"{kind}_{stage}" in cells} for kind in ("energy", "power")]
+    known = [apart[0] | apart[1]] if whole else apart
+    without = {
+        eta: min(([m for m in pair if m.removeprefix("energy_") not in stages] for stages in known), key=len)
+        for eta, pair in RATIOS.items()
+    }
+    found: dict[str, tuple[str, ...]] = {}
+    lone = [f"{kind}_{s}" for s in STAGES if s not in whole for kind in ("energy", "power")]
+    found["energy = power * window"] = tuple(m for m in lone if m not in cells) if len(whole) < 2 else ()
+    for eta, (out, into) in RATIOS.items():
+        found[f"{eta} = {out} / {into}"] = (*(() if eta in cells else (eta,)), *without[eta])
+    given = [eta for eta in RATIOS if eta in cells]
+    unknown = [eta for eta in RATIOS if eta not in given and without[eta]]
+    found["eta_pto = eta_trans * eta_gen"] = tuple(unknown if given else RATIOS)
+    bounded = bool(given) or not all(without.values())
+    found["no stage delivers more than its input"] = () if bounded else tuple(RATIOS)
+    return found
 
 
 def contradictions(cells: Mapping[str, Span], bounds: RatioBounds) -> Iterator[tuple[str, ...]]:

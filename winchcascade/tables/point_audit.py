@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from typing import Literal
 
 import msgspec
 
@@ -26,6 +27,9 @@ _DUST = 1e-6
 """Share by which numbers of a spreadsheet may miss each other: heads and cells are copied with seven digits. [1]"""
 
 _Row = Mapping[str, PointCell]
+
+_ANY = Span(-math.inf, math.inf)
+"""Any value: what a quotient can be whose divisor may be zero."""
 
 
 class BrokenLaw(msgspec.Struct, frozen=True):
@@ -48,14 +52,34 @@ class ColumnFault(msgspec.Struct, frozen=True):
     sentence: str
 
 
+Status = Literal["evaluated", "derived", "not_evaluated"]
+"""What becomes of a law."""
+
+
+class LawUse(msgspec.Struct, frozen=True):
+    """What became of a law: `rows` in which it was compared with cells, and the columns whose cells it lacks in the others.
+
+    A law is `derived` if its column has no cells and others use what it gives instead.
+    """
+
+    law: str
+    status: Status
+    rows: int
+    missing: tuple[str, ...] = ()
+
+
 class PointAudit(msgspec.Struct, frozen=True):
-    """Broken laws of a table; `faults` of whole columns explain those that `explained` counts."""
+    """Broken laws of a table; `faults` of whole columns explain those that `explained` counts.
+
+    `laws` is the number of cells that were compared with a law or a bound, `uses` what became of each declared law.
+    """
 
     table: PointTable
     laws: int
     broken: tuple[BrokenLaw, ...]
     faults: tuple[ColumnFault, ...]
     explained: int = 0
+    uses: tuple[LawUse, ...] = ()
 
     def __repr__(self) -> str:
         """One line instead of every number."""
@@ -63,20 +87,50 @@ class PointAudit(msgspec.Struct, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Whether no law is broken."""
-        return not self.broken and not self.faults
+        """Whether something was compared and no law is broken."""
+        return self.laws > 0 and not self.broken and not self.faults
 
 
 def audit_points(table: PointTable) -> PointAudit:
     """Hold every row against the laws of its columns; look for one fault of whole columns where many are broken."""
     laws = sum(len(_checked(table, row)) for row in table.rows)
     broken = broken_laws(table)
+    found = PointAudit(table, laws, broken, (), uses=_uses(table))
     rows = {item.row for item in broken}
     if len(rows) < max(MIN_ROWS, 0.5 * len(table.rows)):
-        return PointAudit(table, laws, broken, ())
+        return found
     for fault, mended in (*_exchanges(table, broken), *_units(table, broken)):
-        return PointAudit(table, laws, mended, (fault,), len(broken) - len(mended))
-    return PointAudit(table, laws, broken, ())
+        explained = len(broken) - len(mended)
+        return msgspec.structs.replace(found, broken=mended, faults=(fault,), explained=explained)
+    return found
+
+
+def _uses(table: PointTable) -> tuple[LawUse, ...]:
+    """What became of each law of the columns."""
+    columns, given = table.columns, {name for row in table.rows for name in row}
+    laws = {name: column.law for name, column in columns.items() if column.law is not None}
+    rows = {name: [name in row and _inputs_known(name, row, columns) for row in table.rows] for name in laws}
+    used = {c for name in laws if any(rows[name]) for c in _made_of(name, columns)}
+    found = []
+    for name, law in laws.items():
+        lacking = [c for row in table.rows for c in _lacking(name, row, columns)]
+        status: Status = "evaluated" if any(rows[name]) else "derived" if name in used - given else "not_evaluated"
+        found.append(LawUse(f"{name} = {law.text}", status, sum(rows[name]), tuple(dict.fromkeys(lacking))))
+    return tuple(found)
+
+
+def _lacking(name: str, row: _Row, columns: Mapping[str, PointColumn]) -> list[str]:
+    """Columns whose cells a row lacks to compare a column with its law."""
+    law = columns[name].law
+    inputs = () if law is None else (*law.times, *law.over)
+    return [*([] if name in row else [name]), *(c for c in inputs if _span(c, row, columns, (name,)) is None)]
+
+
+def _made_of(name: str, columns: Mapping[str, PointColumn], above: tuple[str, ...] = ()) -> set[str]:
+    """Columns that the law of a column is made of, those of laws of laws among them."""
+    law = columns[name].law
+    inputs = set() if law is None or name in above else {*law.times, *law.over}
+    return inputs.union(*(_made_of(c, columns, (*above, name)) for c in inputs))
 
 
 def broken_laws(table: PointTable) -> tuple[BrokenLaw, ...]:
@@ -95,12 +149,14 @@ def _checked(table: PointTable, row: _Row) -> list[str]:
     return [
         name
         for name, column in table.columns.items()
-        if name in row
-        and (
-            math.isfinite(column.at_most)
-            or (column.law and all(c in row for c in (*column.law.times, *column.law.over)))
-        )
+        if name in row and (math.isfinite(column.at_most) or _inputs_known(name, row, table.columns))
     ]
+
+
+def _inputs_known(name: str, row: _Row, columns: Mapping[str, PointColumn]) -> bool:
+    """Whether a column has a law of which every column has a cell, or a law that gives what the cell would hold."""
+    law = columns[name].law
+    return law is not None and _value(law, row, columns, (name,)) is not None
 
 
 def _broken(table: PointTable, k: int, name: str) -> BrokenLaw | None:
@@ -115,9 +171,9 @@ def _broken(table: PointTable, k: int, name: str) -> BrokenLaw | None:
         allowed = Span(-column.at_most / column.factor, column.at_most / column.factor)
         return BrokenLaw(k, name, cell.value, allowed, f"{where}, but no such share exceeds 1.")
     law = column.law
-    if law is None or not all(c in row for c in (*law.times, *law.over)):
+    span = None if law is None else _value(law, row, table.columns, (name,))
+    if law is None or span is None:
         return None
-    span = _value(law, row, table.columns)
     wide = Span(span.low - slack * abs(span.low), span.high + slack * abs(span.high))
     if wide.meets(printed):
         return None
@@ -127,28 +183,44 @@ def _broken(table: PointTable, k: int, name: str) -> BrokenLaw | None:
     return BrokenLaw(k, name, cell.value, allowed, sentence)
 
 
-def _value(law: Law, row: _Row, columns: Mapping[str, PointColumn]) -> Span:
-    """What the cells of a row give for a law, in SI units."""
+def _span(name: str, row: _Row, columns: Mapping[str, PointColumn], above: tuple[str, ...] = ()) -> Span | None:
+    """What a row gives for a column, in SI units: its cell, else what its law gives; None without both.
+
+    Parameters
+    ----------
+    above : columns that are compared or derived: what leads back to one of them gives nothing
+    """
+    law = columns[name].law
+    if name in above or (name not in row and law is None):
+        return None
+    if name in row:
+        return row[name].span(columns[name].factor)
+    return None if law is None else _value(law, row, columns, (*above, name))
+
+
+def _value(law: Law, row: _Row, columns: Mapping[str, PointColumn], above: tuple[str, ...] = ()) -> Span | None:
+    """What a row gives for a law, in SI units; None where it lacks a column."""
     span = Span(1.0, 1.0)
     for name in law.times:
-        span = _product(span, row[name].span(columns[name].factor))
+        if (factor := _span(name, row, columns, above)) is None:
+            return None
+        span = _product(span, factor)
     for name in law.over:
-        other = row[name].span(columns[name].factor)
-        if other.low <= 0.0 <= other.high:
-            return Span(-math.inf, math.inf)
-        span = _product(span, Span(1.0 / other.high, 1.0 / other.low))
+        if (other := _span(name, row, columns, above)) is None:
+            return None
+        span = _product(span, Span(1.0 / other.high, 1.0 / other.low) if other.low > 0.0 or other.high < 0.0 else _ANY)
     return span
 
 
 def _product(one: Span, other: Span) -> Span:
     ends = [a * b for a, b in itertools.product((one.low, one.high), (other.low, other.high))]
-    return Span(min(ends), max(ends))
+    return Span(min(ends), max(ends)) if all(map(math.isfinite, ends)) else _ANY
 
 
 def _exchanges(table: PointTable, broken: Sequence[BrokenLaw]) -> list[tuple[ColumnFault, tuple[BrokenLaw, ...]]]:
     """Pairs of columns whose heads, exchanged, leave nearly no law broken; the best one first."""
     suspects = {item.column for item in broken}
-    suspects |= {c for name in suspects if (law := table.columns[name].law) for c in (*law.times, *law.over)}
+    suspects |= {c for name in suspects for c in _made_of(name, table.columns)}
     found = []
     for one, other in itertools.combinations(table.columns, 2):
         if suspects.isdisjoint((one, other)):
@@ -182,7 +254,7 @@ class _Rescaled(msgspec.Struct, frozen=True):
 def _units(table: PointTable, broken: Sequence[BrokenLaw]) -> list[tuple[ColumnFault, tuple[BrokenLaw, ...]]]:
     """Columns that one other unit makes consistent; the best ones first: to a unit that is known, and of few columns."""
     suspects = {item.column for item in broken}
-    suspects |= {c for name in suspects if (law := table.columns[name].law) for c in (*law.times, *law.over)}
+    suspects |= {c for name in suspects for c in _made_of(name, table.columns)}
     found = []
     for rescaled in _other_units(table, suspects):
         scaled = {

@@ -83,7 +83,7 @@ def check_points(
             f"{table.name}: no row has a cell that can be compared; the columns {', '.join(compared)} are empty."
         )
     used = [result for k in sorted(found) for result in found[k]]
-    notes += _not_stated(used, [table.columns[name].measured for name in compared])
+    notes += _not_stated(used, [table.columns[name].measured for name in compared], factors)
     return Check(table, factors, tuple(cells), tuple(notes), findings, tuple(r.origin for r in used))
 
 
@@ -107,7 +107,6 @@ def _of_cycle(log: Measured, cycle: CycleRecord) -> Measured:
         mean=_metrics(cycle.numbers),
         deviation={},
         uncertainty=_metrics(cycle.standard_uncertainty),
-        repeatability={},
         at={**_at([cycle]), "cycle": float(cycle.cycle), "load": log.load},
     )
 
@@ -121,7 +120,7 @@ def _of_log(log: Measured, record: RunRecord, cycles: Sequence[CycleRecord], *, 
         log,
         mean=_metrics(record.numbers("mean")),
         deviation=_metrics(record.numbers("max_deviation_percent")),
-        uncertainty=_metrics(record.numbers("standard_uncertainty")),
+        uncertainty=_metrics(record.uncertainty.sensors),
         at=at,
     )
 
@@ -326,17 +325,17 @@ def _cell(table: PointTable, k: int, name: str, result: Measured | None, factors
         rounding=factors.rounding * cell.rounding,
         deviation=factors.deviation * deviation / 100.0 * abs(value) / column.factor,
         uncertainty=factors.uncertainty * COVERAGE * u / column.factor,
-        means=table.tolerance * abs(cell.value),
+        means=factors.means * table.tolerance * abs(cell.value),
     )
 
 
-def _not_stated(results: Sequence[Measured], compared: Sequence[str]) -> list[str]:
+def _not_stated(results: Sequence[Measured], compared: Sequence[str], factors: Factors) -> list[str]:
     """Parts of the tolerances that count as 0 because the results do not give them."""
     notes = []
     for part, what in (("deviation", "largest deviation"), ("uncertainty", "standard uncertainty")):
         unknown = {
             metric: sum(_value(r, metric) is not None and getattr(r, part).get(metric) is None for r in results)
-            for metric in dict.fromkeys(compared)
+            for metric in dict.fromkeys(compared if getattr(factors, part) else ())
         }
         named = [f"{metric} ({count} of {len(results)} results)" for metric, count in unknown.items() if count]
         if part == "deviation" and named:

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import msgspec
 
+from winchcascade.core.arguments import PATH, check_arguments
 from winchcascade.core.published_table import ENERGY_UNITS, PublishedTable, Span, TableError, unit_suffix
 from winchcascade.core.quantity import find_unit, read_as
 from winchcascade.core.table_toml import load_table
@@ -84,7 +85,7 @@ class PointTable(msgspec.Struct, frozen=True):
     """A table of operating points; `tolerance` is the share by which means of products may differ from products of means.
 
     `key_share` is what a measured key may differ by from a printed one, as a share of the largest printed one. `unread` names
-    cells that hold a text where a number was expected.
+    cells that hold a text where a number was expected. `path` and `csv` are the files of the table, empty for none.
     """
 
     name: str
@@ -96,6 +97,7 @@ class PointTable(msgspec.Struct, frozen=True):
     tolerance: float = 0.0
     key_share: float = 0.02
     path: str = ""
+    csv: str = ""
     unread: tuple[str, ...] = ()
 
     def row_name(self, k: int) -> str:
@@ -121,8 +123,17 @@ def is_point_table(path: Path) -> bool:
     return not {"csv", "key", "point"}.isdisjoint(raw)
 
 
-def open_table(table: str | Path) -> PublishedTable | PointTable:
-    """Read a table file, by load or of operating points, or a built-in table; TableError names what is wrong."""
+def open_table(table: PublishedTable | PointTable | str | Path) -> PublishedTable | PointTable:
+    """Read a table file, by load or of operating points, or a built-in table; a table that was read already stays as it is.
+
+    Raises
+    ------
+    OptionError : this is no table and no path
+    TableError : the file cannot be used
+    """
+    if isinstance(table, PublishedTable | PointTable):
+        return table
+    check_arguments("table of a paper", ("table", table, PATH))
     return load_points(Path(table)) if isfile(table) and is_point_table(Path(table)) else load_table(table)
 
 
@@ -141,8 +152,9 @@ def load_points(path: Path) -> PointTable:
     if ("csv" in raw) == ("point" in raw):
         raise TableError(f'{where}: expected either csv = "FILE" or [[point]] tables with the rows, and not both.')
     unread: tuple[str, ...] = ()
-    if "csv" in raw:
-        rows, unread = _csv_rows(path.parent / entry(raw["csv"], "csv", _Text, where, TableError), columns, where)
+    file = path.parent / entry(raw["csv"], "csv", _Text, where, TableError) if "csv" in raw else None
+    if file is not None:
+        rows, unread = _csv_rows(file, columns, where)
     else:
         rows = _point_rows(entry(raw["point"], "point", _Points, where, TableError), columns, where)
     return PointTable(
@@ -155,6 +167,7 @@ def load_points(path: Path) -> PointTable:
         tolerance=entry(raw.get("tolerance_percent", 0.0), "tolerance_percent", _Percent, where, TableError) / 100.0,
         key_share=entry(raw.get("key_percent", 2.0), "key_percent", _Percent, where, TableError) / 100.0,
         path=where,
+        csv=str(file or ""),
         unread=unread,
     )
 
@@ -238,7 +251,8 @@ def _csv_rows(
             f"{file}: {'no row below its heads' if lines else 'is empty'}; expected heads and rows of numbers."
         )
     names = split_row(head, delimiter)
-    for column in columns.values():
+    derived = {name for name, column in columns.items() if column.law and column.head == name and name not in names}
+    for column in (column for name, column in columns.items() if name not in derived):
         if names.count(column.head) != 1:
             raise TableError(
                 f"{file}: {names.count(column.head) or 'no'} columns are named {column.head!r}; expected one; the file has "
@@ -246,7 +260,7 @@ def _csv_rows(
             )
     cells = [split_row(line, delimiter) for line in lines[1:]]
     decimal = "." if delimiter == "," else decimal_sign(cells)
-    places = {name: names.index(column.head) for name, column in columns.items()}
+    places = {name: names.index(column.head) for name, column in columns.items() if name not in derived}
     rows = [
         {
             name: cell

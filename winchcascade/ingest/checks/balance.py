@@ -61,6 +61,40 @@ def others_deliver(name: str, powers: Sequence[Power], samples: int) -> Mask:
     return deliver
 
 
+MOTIONS = ("velocity", "speed")
+"""Channels that a stage may hold at zero under power: a machine that is blocked takes a current and gives a torque."""
+
+CLEAR = 5.0
+"""A mean power that exceeds this many of its standard errors is more than noise."""
+
+
+def is_dead(name: str, channels: Mapping[str, Signal], powers: Sequence[Power], *, turns: bool) -> bool:
+    """Whether a channel is zero throughout although its stage works: the other channels of its power are there, and so is the
+    power of another stage, where one is known. A motion is lost only if a stage downstream has a power.
+
+    Parameters
+    ----------
+    powers : of the stages, in the direction in which power flows
+    turns : whether line or shaft move at all
+    """
+    own = [k for k, power in enumerate(powers) if name in power.channels]
+    if not own or np.any(np.nan_to_num(channels[name])):
+        return False
+    if name in MOTIONS:
+        return any(_delivers(power) for power in powers[own[-1] + 1 :])
+    factors = [factor for factor in powers[own[0]].channels if factor != name]
+    working = all(turns if factor in MOTIONS else np.any(np.nan_to_num(channels[factor])) for factor in factors)
+    others = [power for power in powers if name not in power.channels]
+    return working and (any(map(_delivers, others)) or (not others and bool(factors)))
+
+
+def _delivers(power: Power) -> bool:
+    """Whether a power contains more than noise about zero."""
+    watts = power.watts[np.isfinite(power.watts)]
+    error = float(np.std(np.diff(watts))) / math.sqrt(2.0 * watts.size) if watts.size > 1 else 0.0
+    return power.moves or abs(float(watts.mean())) > CLEAR * error
+
+
 class Span(msgspec.Struct, frozen=True):
     """First and last sample of a span, and whether these are good neighbours of the stretch in it."""
 
@@ -136,7 +170,7 @@ def _is_unbalanced(t: Signal, name: str, span: Span, powers: Sequence[Power]) ->
     if here is None or not inside.size:
         return False
     change = median(inside)
-    if abs(change) < max(MIN_SHARE * powers[own].span, HOLDS * here.size):
+    if change == 0.0 or abs(change) < max(MIN_SHARE * powers[own].span, HOLDS * here.size):
         return False
     settled = min(int(np.searchsorted(t, t[span.last] + SETTLES)), t.size - 1)
     follow = []

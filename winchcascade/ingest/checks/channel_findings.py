@@ -5,10 +5,11 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from winchcascade.core.channels import Channel
 from winchcascade.core.integrate import ends_of
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.rig_file import Sensor
-from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
+from winchcascade.core.run import Finding, FindingKind, Index, Mask, Signal
 from winchcascade.ingest.checks.stuck import repeats_of
 
 MAY_HOLD = ("velocity", "speed")

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
+from winchcascade.core.channels import Channel
 from winchcascade.core.integrate import stretches_of
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
+from winchcascade.core.run import Finding, FindingKind, Index, Mask, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.ingest.assign import gives_result
 from winchcascade.ingest.checks.agreement import (
@@ -19,7 +20,7 @@ from winchcascade.ingest.checks.agreement import (
     speed_disagrees,
     without_sign,
 )
-from winchcascade.ingest.checks.balance import others_deliver, powers_of
+from winchcascade.ingest.checks.balance import is_dead, others_deliver, powers_of
 from winchcascade.ingest.checks.channel_findings import (
     MAY_HOLD,
     at,
@@ -38,6 +39,9 @@ from winchcascade.ingest.checks.timing import check_clock
 
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
 """Channels that must change while the line pays out faster or slower; a channel of your own may hold its value."""
+
+SLOPE_WIDTH = 0.4
+"""Width of the local quadratic of a displacement whose slope is a velocity. [s]"""
 
 _FEW = 1000
 """Number of samples that are compared first to show whether a channel changes at all."""
@@ -92,10 +96,10 @@ class _Log(msgspec.Struct):
 
     def leave_out(self, name: str, action: str) -> None:
         """Leave out a channel that holds one value throughout."""
-        del self.channels[name]
-        what = f"{name} holds one value through the whole log while the line moves"
+        dead = not np.any(np.nan_to_num(self.channels.pop(name)))
+        what = f"{name} {'is zero' if dead else 'holds one value'} through the whole log while the line moves"
         start, end, n = float(self.t[0]), float(self.t[-1]), self.t.size
-        self.findings.append(Finding("stuck", what, action, name, start, end, n, n))
+        self.findings.append(Finding("dead_channel" if dead else "stuck", what, action, name, start, end, n, n))
 
     def bridged(self, name: str, bad: Mask) -> Signal:
         """A channel whose holes are bridged by straight lines, those of the velocity by the displacement."""
@@ -125,7 +129,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     sharp = _take_out_spikes(log, open_circuit=open_circuit)
     v, displacement = channels.get("velocity"), channels.get("displacement")
     if not (simulated or v is None or displacement is None) and _constant(v) and not _constant(displacement):
-        log.leave_out("velocity", "derived from the displacement")
+        log.leave_out("velocity", "left out")
     if not gives_result(channels, rig):
         return Checked(t, {}, {}, tuple(findings), np.empty((0, 2)))
     renumbered = np.empty((0, 2)) if simulated else _check_clock(log)
@@ -152,6 +156,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
             _take_out_stuck(log, open_circuit)
         else:
             _take_out_still(log)
+        findings += _dead(log, open_circuit=open_circuit)
         clock_is_wrong = any(f.kind == "clock_mismatch" and f.start is None for f in findings)
         if both and "displacement" in channels and not clock_is_wrong:
             findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
@@ -218,19 +223,22 @@ def _derive_velocity(log: _Log) -> None:
     """Derive the velocity that the log lacks from its displacement, whose holes are then those of the velocity too."""
     log.channels["velocity"] = _slope(log.t, log.channels["displacement"])
     log.lost["velocity"] = log.lost["displacement"].copy()
-    for k, f in enumerate(log.findings):
-        if f.kind == "missing_channel" and f.channel == "velocity":
-            log.findings[k] = msgspec.structs.replace(f, action="derived from the displacement")
+    _report_derived(log, f"derived from the displacement: its slope, smoothed over {SLOPE_WIDTH:g} s")
 
 
 def _velocity_from_speed(log: _Log, r_drum: float) -> None:
     """Derive the velocity of a log without motion of the line from the speed of rotation and the drum's radius [m]."""
     log.channels["velocity"] = log.channels["speed"] * r_drum
     log.lost["velocity"] = log.lost["speed"].copy()
-    message = "the log has no velocity channel"
-    action = f"derived from the speed of rotation with the drum radius of {r_drum:g} m"
-    log.findings[:] = [f for f in log.findings if not (f.kind == "missing_channel" and f.channel == "velocity")]
-    log.findings.append(Finding("missing_channel", message, action, "velocity"))
+    _report_derived(log, f"derived from the speed of rotation with the drum radius of {r_drum:g} m")
+
+
+def _report_derived(log: _Log, action: str) -> None:
+    """Report a velocity that was made from another channel, in place of one that is missing."""
+    missing = [f for f in log.findings if f.kind == "missing_channel" and f.channel == "velocity"]
+    log.findings[:] = [f for f in log.findings if f not in missing]
+    message = missing[0].message if missing else "the log has no usable velocity"
+    log.findings.append(Finding("derived_channel", message, action, "velocity"))
 
 
 def _give_direction(log: _Log) -> None:
@@ -243,8 +251,8 @@ def _give_direction(log: _Log) -> None:
 
 
 def _slope(t: Signal, displacement: Signal) -> Signal:
-    """Velocity from the displacement, smoothed over 0.4 s so that the encoder's steps do not show. [m/s]"""
-    return np.gradient(local_quadratic(t, _whole(t, displacement), 0.4), t)
+    """Velocity from the displacement, smoothed so that the steps of the encoder do not show. [m/s]"""
+    return np.gradient(local_quadratic(t, _whole(t, displacement), SLOPE_WIDTH), t)
 
 
 def _whole(t: Signal, x: Signal) -> Signal:
@@ -389,6 +397,27 @@ def _take_out_still(log: _Log) -> None:
             what = f"{name} holds one value, {value}, through the whole log while other channels change"
             ends = float(log.t[0]), float(log.t[-1])
             log.findings.append(Finding("stuck", what, "reported and kept", name, *ends, x.size))
+
+
+def _dead(log: _Log, *, open_circuit: bool) -> list[Finding]:
+    """Report channels that are zero throughout although their stages work; in open circuit no current flows."""
+    moving, powers = _motion(log), powers_of(log.channels, _stages(log))
+    turns = moving is not None and bool((moving.out | moving.back).any())
+    ends = float(log.t[0]), float(log.t[-1])
+    action = "reported and kept, so that its energies are zero; check the sensor, and which column is read"
+    return [
+        Finding(
+            "dead_channel",
+            f"{name} is zero through the whole log while its stage works",
+            action,
+            name,
+            *ends,
+            log.t.size,
+        )
+        for name in log.rig.cascade.channels
+        if name in log.channels and not (open_circuit and name == "idc")
+        if is_dead(name, log.channels, powers, turns=turns)
+    ]
 
 
 def _repeats(stretches: Sequence[tuple[int, int]], samples: int) -> Mask:

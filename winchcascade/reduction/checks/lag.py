@@ -14,7 +14,8 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN
-from winchcascade.core.run import CHANNELS, Finding, Signal
+from winchcascade.core.channels import CHANNELS
+from winchcascade.core.run import Finding, Signal
 from winchcascade.reduction.checks.load import losses
 from winchcascade.reduction.phased_run import PhasedRun
 

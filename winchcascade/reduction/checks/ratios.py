@@ -1,10 +1,19 @@
-"""Efficiencies above 1 or below 0, of power that flows against the cascade, or as small as by a wrong unit."""
+"""Efficiencies above 1 or below 0, of power that flows against the cascade, or as small as by a wrong unit.
+
+Powers of two stages of which one flows forth while the other flows back have a wrong sign.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 
+import numpy as np
+
+from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.cascade import Cascade
+from winchcascade.core.integrate import ENOUGH
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.efficiency import NOTHING, ratio
@@ -12,6 +21,10 @@ from winchcascade.reduction.reduction_result import CycleResult
 
 IMPLAUSIBLE = 0.01
 """Below this efficiency of all cycles together a unit is more probable than a loss: a prefix changes it by a thousand. [1]"""
+
+OPPOSED = 0.5
+"""Smallest correlation of two powers, taken negative, that shows a wrong sign: what a spring or a mass between two stages
+exchanges is out of phase by a quarter of a period. [1]"""
 
 Place = tuple[int, float]
 """Number of a cycle, and a value there."""
@@ -40,8 +53,32 @@ def ratio_findings(
         if (name == cascade.overall and len(cascade.stages) > 2) or (open_circuit and cascade.undelivered(name)):
             continue
         findings += _against(name, places[into], places[out], _remedy(cascade.between(name)[0], run, rig), of)
-        findings += _too_small(name, places[into], places[out]) if cascade.configured else []
+        findings += _too_small(name, places[into], places[out])
     return findings
+
+
+def sign_findings(run: Run, rig: Rig) -> list[Finding]:
+    """Report neighbouring stages whose powers anticorrelate over the log: the one is positive while the other is negative."""
+    some = slice(None, None, max(1, run.t.size // ENOUGH))
+    logged = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
+    streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
+    powers = {name: stream(some) for name, stream in streams.items() if stream is not None}
+    found = []
+    for (one, x), (other, y) in pairwise(powers.items()):
+        size = float(np.linalg.norm(x) * np.linalg.norm(y))
+        together = float(x @ y) / size if size > 0.0 else 0.0
+        if together > -OPPOSED or math.atanh(max(together, -0.999999)) * math.sqrt(x.size) > -CERTAIN:
+            continue
+        names = [" * ".join(p.channels) for p in (logged[one], logged[other]) if p is not None]
+        message = (
+            f"the powers of {one} ({names[0]}) and {other} ({names[1]}) have opposite signs: their correlation over the log is "
+            f"{together:.2f}"
+        )
+        action = (
+            "reported and kept; check the signs of these channels, and state a minus sign under [stage] of the rig file"
+        )
+        found.append(Finding("sign_mismatch", message, action))
+    return found
 
 
 def _odd_ratios_of_sums(sums: Mapping[str, float], cascade: Cascade, *, open_circuit: bool) -> list[Finding]:

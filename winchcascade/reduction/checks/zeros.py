@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.integrate import largest, median, median_and_error
+from winchcascade.core.integrate import largest, median, median_and_error, stretches_of
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Finding, FindingKind, Signal
+from winchcascade.core.run import Finding, FindingKind, Mask, Signal
 from winchcascade.reduction.phased_run import PhasedRun
 
 TIME_CONSTANTS = 5.0
@@ -36,6 +36,15 @@ BELOW = 0.2
 
 SAME_NOISE = 0.9
 """Correlation at rest from which the noise of Idc is that of Vdc: two sensors share some of it, a computed column all. [1]"""
+
+SLOW = 0.01
+"""Share of its largest speed below which a shaft rests, if that is less than the speed from which on it turns. [1]"""
+
+UNSTATED = 0.05
+"""Smallest zero of a torque sensor without a stated accuracy that is reported, as a share of the usual torque. [1]"""
+
+IDLE = 0.2
+"""Share of its usual value below which a current holds no torque: electronics take some of it at rest. [1]"""
 
 Span = tuple[float, float]
 
@@ -68,6 +77,41 @@ def zero_findings(phased: PhasedRun) -> list[Finding]:
     if "vdc" in waits:
         findings += _computed(phased, _after(rests, waits["vdc"]))
     return [*findings, *_force(phased, [(a, b) for a, b, _ in rests])]
+
+
+def bench_zero_findings(phased: PhasedRun) -> list[Finding]:
+    """Report a torque that does not read zero while the shaft of a bench without a line rests and no current flows.
+
+    Where no accuracy of the torque sensor is stated, a zero counts from `UNSTATED` of the usual torque on.
+    """
+    run, rig = phased.run, phased.rig
+    if {"velocity", "force"} & run.channels.keys() or not {"speed", "torque"} <= run.channels.keys():
+        return []
+    omega = np.abs(run.channels["speed"])
+    onset, top = rig.phases.omega_onset, largest(omega)
+    rests = omega <= min(onset, SLOW * top)
+    blur = 0.5 * rig.thresholds.smoothing
+    ends = [(float(run.t[a]) + blur, float(run.t[b - 1]) - blur) for a, b in stretches_of(rests).tolist()]
+    spans = [(a, b) for a, b in ends if b > a and _without_current(phased, (a, b), ~rests)]
+    stated = phased.u_zero("torque")
+    level = 0.0 if stated or top < onset else UNSTATED * median(np.abs(run.channels["torque"][~rests]))
+    read = _samples(phased, "torque", spans)
+    if read.size < MIN_SAMPLES or not (stated or level):
+        return []
+    zero, u = median_and_error(read)
+    if abs(zero) < max(CERTAIN * stated, level, CLEAR * u):
+        return []
+    known = f"its zero is known to {stated:.2g} N.m" if stated else "the rig file states no accuracy of the sensor"
+    return [_finding("torque", f"torque reads {zero:+.3g} N.m while the shaft rests; {known}", spans)]
+
+
+def _without_current(phased: PhasedRun, span: Span, moving: Mask) -> bool:
+    """Whether no current flows in a span, so that the machine holds no torque; true where none is logged."""
+    current = phased.run.channels.get("idc")
+    if current is None or not moving.any():
+        return True
+    held = np.abs(_samples(phased, "idc", [span]))
+    return held.size > 0 and median(held) <= IDLE * median(np.abs(current[moving]))
 
 
 def _after(rests: list[Rest], wait: float) -> list[Span]:

@@ -6,9 +6,9 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.content import Column, Note, Report, Tile, section, shown, table
@@ -59,13 +59,13 @@ def simulation_report(
 
     Parameters
     ----------
-    rig : that was simulated; the paper's by default
-    window : rule of the integration windows; by default the rig's
+    rig : that was simulated; by default the one that the log of the motion was read with
+    window : rule of the integration windows; by default that of the run, else the rig's
     source : log or profile whose line motion drove the rig
     effects : that were switched on, in words
     """
     run, name = simulation.run, "" if rig is None else rig.name
-    found = reduce(run, rig=_as_simulated(simulation, rig or built_in()), window=window)
+    found = reduce(run, rig=_as_simulated(simulation, given_rig("write_report", rig, run.rig)), window=window)
     end = int(simulation.energy["line"].argmax())
     joule = {part: float(energy[end]) for part, energy in simulation.energy.items()}
     line = joule["line"]

@@ -4,6 +4,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 
+from winchcascade.core.arguments import NUMBER, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.effects.gearbox import GEARBOX
@@ -54,6 +55,7 @@ def make_effect(name: str, values: Mapping[str, float]) -> ActiveEffect:
     for key, value in values.items():
         if key not in fields:
             raise OptionError(f"effect {name} has no field {key!r}; it has {', '.join(fields)}.")
+        check_arguments(f"effect {name}", (key, value, NUMBER))
         low, high = fields[key].possible
         if not (math.isfinite(value) and low <= value <= high):
             raise OptionError(

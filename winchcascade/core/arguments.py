@@ -1,0 +1,108 @@
+"""Arguments of the calls of the library: what each kind of them may be, and one sentence about one that is none."""
+
+from __future__ import annotations
+
+import math
+import operator
+import os
+from collections.abc import Iterable, Mapping
+from numbers import Real
+
+from winchcascade.core.errors import OptionError
+from winchcascade.core.quantity import is_load
+from winchcascade.core.toml_text import Expected
+
+_LONGEST_NAME, _LONGEST_PATH = 255, 4000
+"""Longest name and path that the usual file systems take. [bytes]"""
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a real number; True and False are none, though Python counts with them.
+
+    >>> is_number(1.5), is_number(True), is_number("1.5")
+    (True, False, False)
+    """
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def is_whole(value: object, low: int) -> bool:
+    """Whether a value is a whole number from a lowest one on.
+
+    >>> is_whole(3, 1), is_whole(0, 1), is_whole(2.0, 1)
+    (True, False, False)
+    """
+    return hasattr(value, "__index__") and not isinstance(value, bool) and operator.index(value) >= low
+
+
+def is_pair(value: object) -> bool:
+    """Whether a value is first and last cycle."""
+    ends = list(value) if isinstance(value, Iterable) else []
+    return len(ends) == 2 and all(is_whole(end, 1) for end in ends) and ends[0] <= ends[1]
+
+
+def is_path(value: object) -> bool:
+    """Whether a value is a path that some file could have."""
+    text = os.fspath(value) if isinstance(value, os.PathLike) else value
+    if not isinstance(text, str) or not text.strip() or "\0" in text:
+        return False
+    lengths = [len(part.encode("utf-8", "surrogatepass")) for part in text.replace(os.sep, "/").split("/")]
+    return max(lengths) <= _LONGEST_NAME and sum(lengths) <= _LONGEST_PATH
+
+
+def _is_listed(value: object, kind: type) -> bool:
+    """Whether a value lists values of a kind; a text lists none, though Python iterates over its letters."""
+    return isinstance(value, Iterable) and not isinstance(value, str) and all(isinstance(one, kind) for one in value)
+
+
+FLAG = Expected("True or False", lambda value: isinstance(value, bool))
+NUMBER = Expected("a number", is_number)
+TEXT = Expected("a text", lambda value: isinstance(value, str))
+NAME = Expected("a text that is not empty", lambda value: value is None or (isinstance(value, str) and value.strip()))
+LOAD = Expected(
+    "a resistance above 0 in ohms, or inf for an open circuit",
+    lambda value: value is None or (is_number(value) and is_load(float(value))),
+)
+LOADS = Expected(
+    "a list of resistances in ohms, such as [36.0]",
+    lambda value: _is_listed(value, Real) and all(is_number(one) and is_load(float(one)) for one in value),
+)
+CYCLES = Expected("first and last cycle from 1 on, such as (1, 20)", lambda value: value is None or is_pair(value))
+SPANS = Expected(
+    "pairs of begin and end in seconds, such as [(10.0, 25.0)]",
+    lambda value: value is None or all(is_number(a) and is_number(b) and a < b for a, b in value),
+)
+SHEET = Expected(
+    "the name or the number of a table in the file",
+    lambda value: value is None or is_whole(value, 1) or (isinstance(value, str) and value.strip()),
+)
+UNITS_OF_COLUMNS = Expected(
+    'the units of columns by their names, such as {"force": "kN"}',
+    lambda value: value is None or (isinstance(value, Mapping) and _is_listed(value.values(), str)),
+)
+NAMES = Expected('a list of names, such as ["ke_rolloff"]', lambda value: _is_listed(value, str))
+PATH = Expected("a path", is_path)
+PATH_OR_NONE = Expected("a path or a name", lambda value: value is None or is_path(value))
+PROCESSES = Expected("a number of processes from 1 on", lambda value: is_whole(value, 1))
+SEED_NUMBER = Expected("a whole number from 0 on", lambda value: is_whole(value, 0))
+STEP_LENGTH = Expected(
+    "a length from 0.00001 to 0.01 in seconds", lambda value: is_number(value) and 1e-5 <= value <= 1e-2
+)
+WATCH = Expected("a Watch, with begin and done", lambda value: value is None or hasattr(value, "begin"))
+RATE = Expected("a number above 0", lambda value: is_number(value) and 0.0 < value < math.inf)
+COUNT = Expected("a whole number from 1 on", lambda value: is_whole(value, 1))
+
+
+def check_arguments(call: str, *arguments: tuple[str, object, Expected]) -> None:
+    """Reject an argument that is not of its kind: OptionError, with its name, its value and what was expected.
+
+    Parameters
+    ----------
+    arguments : name, value and kind of each
+    """
+    for name, value, kind in arguments:
+        try:
+            holds = bool(kind.holds(value))
+        except (TypeError, ValueError, OverflowError):  # of a comparison with a value of another kind
+            holds = False
+        if not holds:
+            raise OptionError(f"{call}: {name} is {value!r:.200}; expected {kind.words}.")

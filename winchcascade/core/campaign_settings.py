@@ -1,0 +1,98 @@
+"""Settings by which one log is read and reduced, as the campaign that lists the log gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
+
+from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origin, campaign_beside
+from winchcascade.core.named_rig import first_named
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import read_rig
+from winchcascade.core.run import Finding
+
+
+class LogSettings(msgspec.Struct, frozen=True):
+    """How a log is read and reduced: by the options, else by the campaign that lists it, else by the file or the rig.
+
+    `load` [ohm] is None where only the log may contain it, `load_source` is where it comes from, `window` is a rule or a
+    length [s], `cycles` are the first and the last that count, `about` is the title of the campaign, `origin` describes
+    where the data come from, and `sheet` names the table to read, None where the file has one only. `parts` is the finding on
+    a log of which a campaign lists other cycles elsewhere.
+    """
+
+    rig: Rig
+    load: float | None = None
+    load_source: str = "unknown"
+    window: str | float | None = None
+    cycles: Cycles | None = None
+    about: str = ""
+    origin: Origin = Origin()
+    sheet: str | None = None
+    parts: Finding | None = None
+
+
+def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
+    """Settings of a log as a campaign lists it; its ranges of time count before [phases] of the rig."""
+    if run.ranges:
+        rig = replace(rig, phases=replace(rig.phases, source="ranges", ranges=run.ranges))
+    return LogSettings(
+        rig=rig,
+        load=run.load,
+        load_source=campaign.path.name if run.load is not None else "unknown",
+        window=run.window,
+        cycles=run.cycles,
+        about=campaign.title,
+        origin=run.origin,
+        sheet=run.sheet,
+    )
+
+
+def settings_beside(
+    log: Path, rig: Rig | None, sheet: str | None = None, read: Callable[[str | Path], Rig] = read_rig
+) -> LogSettings:
+    """Settings of a log by the campaign.toml in its folder, if that lists it; those of the rig alone without one.
+
+    Parameters
+    ----------
+    rig : in place of that of the campaign
+    read : of the rig that a campaign names
+
+    Raises
+    ------
+    CampaignError : the campaign.toml cannot be used, or lists several sheets of the log and none is given
+    RigError : the rig that it names cannot be used
+    """
+    beside = campaign_beside(log, sheet)
+    if beside is None:
+        return LogSettings(first_named() if rig is None else rig)
+    campaign, run = beside
+    settings = listed_settings(campaign, run, first_named(campaign.rig, read=read) if rig is None else rig)
+    return replace(settings, parts=_listed_in_parts(campaign, run))
+
+
+def _listed_in_parts(campaign: Campaign, entry: CampaignRun) -> Finding | None:
+    """What a campaign lists of a log besides an entry, None for nothing."""
+    others = [run for run in campaign.runs if run is not entry and run.sheet == entry.sheet]
+    others = [run for run in others if run.file.resolve() == entry.file.resolve()]
+    if not others:
+        return None
+    message = (
+        f"{campaign.path.name} lists this log {len(others) + 1} times: {_part(entry)} here, and elsewhere "
+        f"{' and '.join(map(_part, others))}"
+    )
+    action = f"the first entry is reduced; `winchcascade batch {campaign.path}` reduces each"
+    return Finding("listed_in_parts", message, action, count=len(others))
+
+
+def _part(run: CampaignRun) -> str:
+    """The cycles of an entry, with its load and its window where they are stated."""
+    cycles = "all cycles" if run.cycles is None else f"cycles {run.cycles[0]} to {run.cycles[1]}"
+    cycles = ", ".join(f"{begin:g} to {end:g} s" for begin, end in run.ranges) or cycles
+    load = "" if run.load is None else f"load {run.load:g} ohm"
+    window = "" if run.window is None else f"window {run.window:g} s"
+    stated = ", ".join(text for text in (load, window) if text)
+    return f"{cycles} ({stated})" if stated else cycles
