@@ -34,7 +34,7 @@ from winchcascade.report.gap_words import (
     nuisance_words,
     number_words,
 )
-from winchcascade.report.results.diagnosis import diagnosis_lines
+from winchcascade.report.results.diagnosis_lines import diagnosis_lines
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display

@@ -9,8 +9,8 @@ from diagnosed import diagnosed
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability, Trend
 from winchcascade.report.cause_words import stability_words
-from winchcascade.report.diagnosis_causes import stability_figure
 from winchcascade.report.content import Note
+from winchcascade.report.diagnosis_causes import stability_figure
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json

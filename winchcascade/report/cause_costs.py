@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import msgspec
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.contributions import leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -14,11 +17,8 @@ from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPa
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import number
 from winchcascade.report.gap_words import has_own_simulation
+from winchcascade.report.style import COLOURS, Margins, panel_figure
 from winchcascade.report.wording import load_words, tex
-
-if TYPE_CHECKING:  # the text of a diagnosis needs no figure
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 T = TypeVar("T", Contribution, ContributionPart)
 
@@ -92,8 +92,6 @@ BAR = 0.165
 
 def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, at three loads at most."""
-    from winchcascade.report.style import Margins, panel_figure
-
     every = waterfall_costs(found)
     if not every:
         return None
@@ -165,10 +163,6 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
     ----------
     span : of the widest waterfall [points]
     """
-    from matplotlib.ticker import MaxNLocator
-
-    from winchcascade.report.style import COLOURS
-
     low, high = _extent(costs)
     middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
     left = middle - half

@@ -39,17 +39,6 @@ def part_words(part: CyclePart) -> str:
     return f"{f'cycle {first}' if first == last else f'cycles {first} to {last}'} of {part.run.name}"
 
 
-def flipped_words(found: LineDiagnosis) -> str:
-    """Channels that were logged with the opposite sign, which ingest corrected."""
-    flipped = {
-        f"{run.name}: {finding.message}; {finding.action}": None
-        for run in found.runs
-        for finding in run.findings
-        if finding.kind == "sign_flipped"
-    }
-    return "; ".join(flipped) + "." if flipped else ""
-
-
 def small_words(found: LineDiagnosis) -> str:
     """What the suspects that are not named would close together."""
     rest = [name for name in found.lines.names if name not in found.chosen]

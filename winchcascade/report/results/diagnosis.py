@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import NamedTuple
-
-import msgspec
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
-    Alarm,
     Contribution,
     ContributionPart,
     DiagnosisResult,
     NamedCause,
     Place,
-    Reported,
     Shrunk,
     StagePlace,
 )
@@ -31,12 +26,9 @@ from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_costs import given_head, load_costs, no_energy_words, part_name, waterfall_figure
 from winchcascade.report.cause_words import (
-    LINE_NUMBERS,
     check_words,
     minor_words,
-    range_words,
     stability_words,
-    trend_sentences,
 )
 from winchcascade.report.content import (
     Cell,
@@ -45,7 +37,6 @@ from winchcascade.report.content import (
     Note,
     Report,
     Section,
-    Span,
     Table,
     Tile,
     Tone,
@@ -54,7 +45,6 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.cycle_histories import cycle_picture
-from winchcascade.report.diagnosis_causes import numbers_figure, profile_figure, stability_figure
 from winchcascade.report.digits import upper
 from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import (
@@ -63,37 +53,33 @@ from winchcascade.report.gap_words import (
     alarm_place,
     baseline_words,
     display_of,
-    kind_words,
     nuisance_words,
     own_simulation_words,
     phase_words,
-    probability_words,
     share_words,
 )
 from winchcascade.report.glossary import CHANNELS
-from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results import line_diagnosis
 from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.diagnosis_parts import (
+    CauseRow,
+    cause_columns,
+    cause_rows,
+    look_alikes,
+    note_of,
+    numbers,
+    residual,
+)
 from winchcascade.report.sheet import file_digest
 from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display
 
 
-class CauseRow(NamedTuple):
-    """One number of a cause; what concerns the cause itself stands in its first row alone."""
-
-    cause: NamedCause
-    name: str
-    value: Reported
-    first: bool
-
-
 def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
     """Report of a diagnosis, with a model or without."""
     if isinstance(found, LineDiagnosis):
-        from winchcascade.report.results.line_diagnosis import line_report
-
-        return line_report(found, command=command)
+        return line_diagnosis.line_report(found, command=command)
     assert isinstance(found, ModelDiagnosis)  # there are no others
     return _model_report(found, command=command)
 
@@ -131,11 +117,6 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         ],
         banner=banner(words.origins_of(found)),
     )  # fmt: skip
-
-
-def note_of(text: str, about: str = "") -> Note | None:
-    """A sentence as a block; None for none."""
-    return Note(text, about) if text else None
 
 
 # ------------------------------------------------------------------------------------------------------ the first screen
@@ -204,47 +185,6 @@ def points(found: ModelDiagnosis) -> list[Note]:
 
 
 # ------------------------------------------------------------------------------------------------------------ the causes
-def cause_rows(found: DiagnosisResult, costs: dict[str, float]) -> list[CauseRow]:
-    """Every number of the causes; those that cost most come first, wrong entries before them."""
-    ranked = sorted(found.causes, key=lambda cause: (cause.stage != "entry", -abs(costs.get(cause.effect, 0.0))))
-    return [
-        CauseRow(cause, name, value, first=k == 0)
-        for cause in ranked
-        for k, (name, value) in enumerate(cause.parameters.items())
-    ]
-
-
-def cause_columns(found: DiagnosisResult) -> list[Column[CauseRow]]:
-    """What stands of a number of a cause: what changes, its value and its interval in the unit in which it is shown."""
-
-    def how(row: CauseRow) -> tuple[str, float, str]:
-        if isinstance(found, LineDiagnosis):
-            shown = LINE_NUMBERS[row.cause.effect]
-        else:
-            shown = display_of(row.cause.effect, row.name, row.value.unit)
-        return shown.what, shown.factor, shown.unit
-
-    def u(row: CauseRow) -> float:
-        return (row.value.high - row.value.low) / 3.92 * how(row)[1]
-
-    return [
-        Column("effect", lambda row: row.cause.effect if row.first else ""),
-        Column("what changes", lambda row: how(row)[0], brief=False),
-        Column("found", lambda row: Measured(row.value.value * how(row)[1], u(row)), own_digits=True),
-        Column("unit", lambda row: how(row)[2].replace("·", ".")),
-        Column(
-            "95 %", lambda row: Span(row.value.low * how(row)[1], row.value.high * how(row)[1], u(row)), own_digits=True
-        ),
-        Column("range", lambda row: range_words(row.value)),
-        Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
-    ]
-
-
-def look_alikes(row: CauseRow) -> str:
-    """What would explain the same as well as a cause."""
-    return ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""
-
-
 def causes_table(found: ModelDiagnosis) -> Table[CauseRow] | None:
     """Every cause in one line: number, interval, cost, share that is closed without it, look-alikes, and what to do."""
     worst = worst_costs(found)
@@ -336,26 +276,6 @@ def cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool = True)
 
 
 # ---------------------------------------------------------------------------------------------------------- the residual
-def residual(found: DiagnosisResult) -> Section:
-    """What the causes leave, every sign of something unexplained, and what its kind means."""
-    files, alarms = words.files_of(found), () if found.remainder is None else found.remainder.alarms
-    return section(
-        "residual", "Residual",
-        note_of(words.remainder_words(found)),
-        table(
-            "alarms", "Signs of something that the named causes do not explain.",
-            [
-                Column[Alarm]("where", lambda alarm: alarm_place(alarm, files)),
-                Column("kind", lambda alarm: alarm.kind),
-                Column("size", lambda alarm: Measured(alarm.size, 0.1 * alarm.size) if alarm.limit else None, own_digits=True),
-                Column("limit", lambda alarm: Measured(alarm.limit, alarm.limit) if alarm.limit else None, own_digits=True),
-            ],
-            alarms,
-        ),
-        *(Note(text, kind) for kind, text in kind_words(alarms).items()),
-    )  # fmt: skip
-
-
 # ---------------------------------------------------------------------------------------------------------- the evidence
 def _where(found: ModelDiagnosis, word: str) -> Section:
     minus = f"{upper(word)} minus {baseline_words(found)}"
@@ -446,31 +366,6 @@ def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
     )  # fmt: skip
 
 
-def numbers(found: DiagnosisResult) -> Section:
-    """Numbers of the causes beside what is known of them, jointly and run by run, and what differs between runs."""
-    model, item = (found, "run") if isinstance(found, ModelDiagnosis) else (None, "cycle")
-    return section(
-        "numbers", "Numbers of the causes",
-        *(Note(text, "Trend", "warn") for text in trend_sentences(found)),
-        picture(
-            numbers_figure(model) if model else None, "numbers",
-            "Each number beside the rig file's value, its tolerance, and what is plausible.",
-            "Points with bars on one axis for each number; the values are in the table of causes.",
-        ),
-        picture(
-            profile_figure(model) if model else None, "rolloff",
-            "Back-EMF constant over the stator current (the paper's Fig. 18e).",
-            "A falling curve with a band; its value at 10 A is in the table of causes.",
-        ),
-        picture(
-            stability_figure(found), "stability",
-            f"Number of each cause from every {item} alone, 95 %; band: the joint number.",
-            f"Points with error bars for every {item}, and a band; the values are in the JSON.",
-        ),
-        folded=True,
-    )  # fmt: skip
-
-
 def _speed(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
     return section(
         "speed", "Current, torque and power over speed",
@@ -544,39 +439,5 @@ def _provenance(found: ModelDiagnosis, command: str) -> Section:
 def main_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     """The table of the causes of a diagnosis of either kind."""
     if isinstance(found, LineDiagnosis):
-        from winchcascade.report.results import line_diagnosis
-
         return line_diagnosis.causes_table(found)
     return causes_table(found) if isinstance(found, ModelDiagnosis) else None
-
-
-class _CauseName(msgspec.Struct, frozen=True):
-    label: str
-    effect: str
-
-
-class _ShareClosed(msgspec.Struct, frozen=True):
-    share_closed: float
-
-
-class _Outcome(msgspec.Struct, frozen=True):
-    """What the few lines on a diagnosis tell of its record."""
-
-    verdict: str
-    causes: tuple[_CauseName, ...]
-    closure: _ShareClosed | None
-
-
-def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
-    """Verdict, causes and files of a diagnosis in few lines.
-
-    Parameters
-    ----------
-    record : the diagnosis as JSON, schema `winchcascade/diagnosis/1`
-    """
-    found = msgspec.convert(record, _Outcome)
-    names = ", ".join(f"{cause.label} ({cause.effect})" for cause in found.causes)
-    closed = "" if found.closure is None else f"{share_words(found.closure.share_closed)} of the gap closed"
-    text = "; ".join(part for part in (names, closed) if part)
-    title = f"diagnosis: {words.VERDICTS[found.verdict].lower()}"
-    return terminal_text(Report("Diagnosis", title, points=[Note(text, "Causes")]), files)

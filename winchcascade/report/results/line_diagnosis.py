@@ -10,7 +10,6 @@ from winchcascade.report import diagnosis_words as words
 from winchcascade.report import line_figures as figures
 from winchcascade.report.cause_words import (
     cycles_of,
-    flipped_words,
     minor_words,
     set_words,
     slope_words,
@@ -34,7 +33,7 @@ from winchcascade.report.digits import upper
 from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import phase_words, probability_words, share_words
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.report.results.diagnosis import (
+from winchcascade.report.results.diagnosis_parts import (
     CauseRow,
     cause_columns,
     cause_rows,
@@ -103,7 +102,6 @@ def _points(found: LineDiagnosis) -> list[Note]:
     small, drifting = small_words(found), any(c.stability and c.stability.trends for c in found.causes)
     return [
         data_note(words.origins_of(found)),
-        Note(flipped_words(found), "Sign corrected", "warn"),
         Note(words.verdict_words(found), "Verdict", "good" if found.verdict in ("no_gap", "explained") else "warn"),
         *(Note(text, "Finding", "warn") for text in finding_words(found)),
         Note(words.where_words(found), "Where"),
