@@ -56,7 +56,7 @@ def failed_audit(audit: Audit | PointAudit) -> Report:
         texts += [f"Claim contradicted: {claim.sentence}" for claim in audit.contradicted]
         if audit.physics is not None:
             metrics = dict.fromkeys(cell.metric for _, cell in audit.physics.outside)
-            texts += [verdict_sentences(audit.physics, metric)[0] for metric in metrics]
+            texts += [deviation_words(audit.physics, metric) for metric in metrics]
     return Report("Audit", audit_summary(audit), points=[Note(text) for text in texts])
 
 
@@ -252,32 +252,23 @@ def _physics(ranges: AttainableRanges) -> list[Section]:
             *(Note(f"{upper(text)}.", "Note") for text in ranges.notes),
             *(Note(f"{load_text(item.load)}: {item.reason}.", "Not judged") for item in ranges.not_judged),
             table("attainable", "Published efficiencies and what the rig can attain.", JUDGED, judged),
-            *(Note(" ".join(verdict_sentences(ranges, metric))) for metric in metrics),
+            *(Note(deviation_words(ranges, metric)) for metric in metrics),
         ),
         *([] if ranges.ok else [_effects(ranges), _sets(ranges)]),
     ]  # fmt: skip
 
 
-def verdict_sentences(ranges: AttainableRanges, metric: str) -> list[str]:
-    """How far the table deviates in one efficiency, and which effects could do that alone."""
+def deviation_words(ranges: AttainableRanges, metric: str) -> str:
+    """How far the table deviates from what the rig can reach in one efficiency."""
     judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
-    outside = [cell for cell in judged if cell.outside]
-    sides = (("above", [c for c in outside if c.gap > 0]), ("below", [c for c in outside if c.gap < 0]))
+    gaps = [100.0 * cell.gap for cell in judged if cell.outside]
+    sides = (("above", [gap for gap in gaps if gap > 0]), ("below", [-gap for gap in gaps if gap < 0]))
     found = [
-        f"{len(cells)} of {len(judged)} rows {side} what the rig can reach, by "
-        f"{_range([100.0 * abs(cell.gap) for cell in cells])} points"
-        for side, cells in sides
-        if cells
+        f"{len(one)} of {len(judged)} rows {side} what the rig can reach, by {_range(one)} points"
+        for side, one in sides
+        if one
     ]
-    sentences = [f"{metric}: {', '.join(found) or f'all {len(judged)} rows can be reached'}."]
-    if metric in wanted(ranges):
-        able, beyond = (
-            ", ".join(s.effect for s in ranges.explanation.suspects if s.ability(metric).verdict == verdict)
-            for verdict in ("explains", "beyond_plausible")
-        )
-        sentences.append(f"One cause would do, at a plausible value: {able or 'none'}.")
-        sentences += [f"One would do at an implausible value: {beyond}."] if beyond else []
-    return sentences
+    return f"{metric}: {'; '.join(found) or f'all {len(judged)} rows can be reached'}."
 
 
 def wanted(ranges: AttainableRanges) -> list[str]:
@@ -287,35 +278,51 @@ def wanted(ranges: AttainableRanges) -> list[str]:
     return stages or sorted(outside)
 
 
+class Suspected(NamedTuple):
+    """An effect, what it does to an efficiency alone, and the values that the rows need."""
+
+    effect: SuspectResult
+    alone: Ability
+    needs: str | None
+
+
+ALONE = {"explains": "explains", "beyond_plausible": "implausible", "no": ""}
+"""Whether one value of an effect brings all rows within the attainable range, in words."""
+
+SUSPECTED: tuple[Column[Suspected], ...] = (
+    Column("effect", lambda s: s.effect.effect),
+    Column("stage", lambda s: s.effect.stage, brief=False),
+    Column("efficiency", lambda s: s.alone.metric),
+    Column("plausible", lambda s: _plausible(s.effect.fields), brief=False),
+    Column("needs", lambda s: s.needs),
+    Column("closes", lambda s: 100.0 * s.alone.closed, "%", 0),
+    Column("alone", lambda s: ALONE[s.alone.verdict]),
+)
+
+
 def _effects(ranges: AttainableRanges) -> Section:
-    """Effects one by one, those that help most first, and those that do nothing."""
-    metrics, suspects = wanted(ranges), ranges.explanation.suspects
-    closed = {s.effect: max(s.ability(metric).closed for metric in metrics) for s in suspects}
-    columns: list[Column[SuspectResult]] = [
-        Column("effect", lambda s: s.effect),
-        Column("stage", lambda s: s.stage, brief=False),
-        Column("plausible", lambda s: _plausible(s.fields), brief=False),
-        *(column for metric in metrics for column in _ability_columns(ranges, metric)),
+    """Effects one by one on each efficiency, those that help most first, and those that do nothing."""
+    suspects = ranges.explanation.suspects
+    found = [
+        Suspected(suspect, alone, needed(ranges, alone))
+        for metric in wanted(ranges)
+        for suspect in suspects
+        if (alone := suspect.ability(metric)).closed >= NOTHING
     ]
-    some = sorted((s for s in suspects if closed[s.effect] >= NOTHING), key=lambda s: -closed[s.effect])
-    nothing = ", ".join(name for name, share in closed.items() if share < NOTHING)
+    found.sort(key=lambda one: (one.alone.verdict != "explains", -one.alone.closed))
+    found.sort(key=lambda one: wanted(ranges).index(one.alone.metric))
+    helping = {one.effect.effect for one in found}
+    nothing = ", ".join(suspect.effect for suspect in suspects if suspect.effect not in helping)
+    legend = (
+        "from the row that needs least to the one that needs most, * in some rows no value does; closes: share of the excess "
+        "that a plausible value removes; alone: whether one value, plausible or not, brings all rows within the range."
+    )
     return section(
         "effects", "Effects that could explain it",
-        table(
-            "effects", "Effects alone: values that the rows need, and the share that a plausible value takes away.",
-            columns, some,
-        ),
-        Note("From the row that needs least to the one that needs most; * in some rows no value does.", "Needs"),
+        table("effects", "Effects alone on each efficiency.", SUSPECTED, found),
+        Note(legend, "Needs"),
         Note(f"{nothing}.", "No effect") if nothing else None,
     )  # fmt: skip
-
-
-def _ability_columns(ranges: AttainableRanges, metric: str) -> list[Column[SuspectResult]]:
-    """What value of an effect brings an efficiency within the attainable range, and how much a plausible value contributes."""
-    return [
-        Column(f"{metric} needs", lambda s: needed(ranges, s.ability(metric))),
-        Column("closes", lambda s: 100.0 * s.ability(metric).closed, "%", 0),
-    ]
 
 
 def _plausible(fields: Sequence[Field]) -> str:
