@@ -38,10 +38,10 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.audits import audit_report
 from winchcascade.report.results.checks import check_report
-from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.terminal import reduction_text
 from winchcascade.rig.open_rig import load_rig
 from winchcascade.tables.audit import audit_by_load as audit

@@ -128,13 +128,15 @@ def _by_load(audit: Audit) -> tuple[list[Tile], list[Note], list[Section]]:
         f"Means over {known.basis}: an efficiency can differ from the ratio of mean energies by {percent(known.bounds.ratio)}, "
         f"eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}."
     )
-    advice = Note("`--physics` compares the table with the model of a rig.", "Next", brief=False)
+    found, advice = [], Note("`--physics` compares the table with the model of a rig.", "Next", brief=False)
     if physics is not None:
         judged = sum(len(row.cells) for row in physics.rows)
         tiles.append(Tile("Efficiencies", "that the rig cannot reach", f"{len(physics.outside)}", f"of {judged}"))
+        metrics = dict.fromkeys(cell.metric for row in physics.rows for cell in row.cells)
+        found = [Note(deviation_words(physics, metric), "Physics") for metric in metrics]
         advice = Note("" if physics.ok else "Logs decide between the effects: `winchcascade diagnose`.", "Next")
     assumed = f"{', '.join(known.assumed)}, as the table does not state them." if known.assumed else ""
-    points = [advice, Note(bounds, "Bounds"), Note(assumed, "Assumed")]
+    points = [advice, *found, Note(bounds, "Bounds"), Note(assumed, "Assumed")]
     open_claims = sorted((c for c in claims if c.verdict != "confirmed"), key=lambda c: c.verdict != "contradicted")
     confirmed = [claim for claim in claims if claim.verdict == "confirmed"]
     return tiles, points, [
@@ -252,7 +254,6 @@ def _physics(ranges: AttainableRanges) -> list[Section]:
             *(Note(f"{upper(text)}.", "Note") for text in ranges.notes),
             *(Note(f"{load_text(item.load)}: {item.reason}.", "Not judged") for item in ranges.not_judged),
             table("attainable", "Published efficiencies and what the rig can attain.", JUDGED, judged),
-            *(Note(deviation_words(ranges, metric)) for metric in metrics),
         ),
         *([] if ranges.ok else [_effects(ranges), _sets(ranges)]),
     ]  # fmt: skip

@@ -55,7 +55,7 @@ def check_record(check: Check) -> dict[str, Any]:
             }
             for cell in check.cells
         ],
-        "findings": [{**_row(row), "findings": found} for row, found in check.findings.items()],
+        "findings": [{**_row(row), "findings": list(found)} for row, found in check.findings.items()],
         "notes": check.notes,
     }
 
