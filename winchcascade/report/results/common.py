@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy
 
 from winchcascade.core.campaign_file import Origin, origin_words
-from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
 from winchcascade.reduction.reduction_result import Reduction
@@ -17,7 +17,10 @@ from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, pictu
 from winchcascade.report.digits import upper
 from winchcascade.report.histories import histories_json
 from winchcascade.report.sheet import file_digest, made_at
-from winchcascade.tables.point_table import PointTable
+
+if TYPE_CHECKING:
+    from winchcascade.core.published_table import PublishedTable
+    from winchcascade.tables.point_table import PointTable
 
 PRINTED = 20.0
 """Standard uncertainty with which a number has the decimals that are printed, per half a unit of the last one."""
