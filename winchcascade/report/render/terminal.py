@@ -22,6 +22,9 @@ MARGIN = 11
 STYLES: dict[Tone, str] = {"plain": "", "good": "green", "warn": "yellow"}
 """Colours of the tones."""
 
+NAME = 24
+"""Longer names of rows may break into lines. [characters]"""
+
 UNBROKEN = 10_000
 """Width of a table in a pipe, which gets all of it. [characters]"""
 
@@ -106,13 +109,15 @@ def _grid(table: Table[Any]) -> Grid:
 
     table = table.used()
     brief = [k for k, column in enumerate(table.columns) if column.brief]
-    left, units = table.left, any(table.columns[k].unit for k in brief)
+    rows, left, units = table.texts, table.left, any(table.columns[k].unit for k in brief)
+    named = max((len(row[0]) for row in rows), default=0) <= NAME
     grid = Grid(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     for k in brief:
         column = table.columns[k]
         head = Text(f"{column.name}\n{column.unit}" if units else column.name)
-        grid.add_column(head, justify="left" if left[k] else "right", overflow="fold", no_wrap=not left[k])
-    rows = table.texts
+        grid.add_column(
+            head, justify="left" if left[k] else "right", overflow="fold", no_wrap=not left[k] or (named and k == 0)
+        )
     for row in [*table.shortened(rows[: len(table.items)]), *rows[len(table.items) :]]:
         grid.add_row(*(Text(_safe(row[k])) for k in brief))
     return grid
