@@ -186,7 +186,7 @@ QUIET = {
     "batch": (COMMANDS["batch"], 1, "failed: header_only.csv"),
     "check": (COMMANDS["check"], None, ""),
     "compare": (COMMANDS["compare"], 0, ""),
-    "audit": (COMMANDS["audit"], 1, "CONTRADICTED: 36 ohm, power_gen"),
+    "audit": (COMMANDS["audit"], 1, "36 ohm, power_gen"),
     "simulate": (COMMANDS["simulate"], 0, ""),
     "effects": (("effects",), 0, ""),
     "rig": (("rig",), 0, ""),
