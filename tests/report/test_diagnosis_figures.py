@@ -11,6 +11,7 @@ from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current, stator_current
 from winchcascade.report.cause_costs import load_costs, waterfall_figure
 from winchcascade.report.diagnosis_causes import (
     cause_rows,
@@ -23,21 +24,17 @@ from winchcascade.report.diagnosis_figures import (
     BIN,
     OUT,
     blocks_before_braking,
-    by_load,
     error_figure,
     error_panels,
     gap_map,
     history,
-    loaded,
     means_over_speed,
     most_telling,
     over_speed_figure,
-    rated_dc_current,
     representative,
     series,
     sides,
     stage_map,
-    stator_current,
 )
 from winchcascade.report.gap_words import signed
 from winchcascade.report.style import house_style

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from winchcascade.core.quantity import Unit, find_unit
 from winchcascade.diagnosis.causes import COVERED
@@ -60,6 +61,57 @@ def slope_words(found: LineDiagnosis) -> str:
 def samples_of(found: LineDiagnosis) -> int:
     """Samples over which the slope of the velocity is taken."""
     return 2 * beside(found.lines.parts[0].run, found.lines.span) + 1
+
+
+PLURAL = {"payout": "payouts", "hold": "holds", "haul_in": "haul-ins"}
+"""Phases of several cycles."""
+
+
+class PhaseEnergy(NamedTuple):
+    """Energy of all judged cycles in a phase [J], and by which share predictions deviate from it, and in the worst cycle."""
+
+    phases: str
+    measured: float
+    before: float
+    after: float
+    worst: float
+
+
+def energy_rows(found: LineDiagnosis) -> list[PhaseEnergy]:
+    """Energies of payouts and haul-ins."""
+    rows = []
+    for phase in ("payout", "haul_in"):
+        own = [one for one in found.energies if one.phase == phase and one.measured]
+        measured = sum(one.measured for one in own)
+        if measured:
+            before, after = (sum(getattr(e, name) for e in own) / measured - 1.0 for name in ("before", "after"))
+            worst = max((e.after / e.measured - 1.0 for e in own), key=abs)
+            rows.append(PhaseEnergy(PLURAL[phase], measured, before, after, worst))
+    return rows
+
+
+def fitted_words(found: LineDiagnosis) -> str:
+    """Effects that were fitted but are not named, with their numbers."""
+    texts = []
+    for one in found.fitted_effects:
+        if not one.named:
+            value = next(iter(one.parameters.values()))
+            text, interval = number_words(LINE_NUMBERS[one.effect], value, 3)
+            where = "" if one.chosen else ", not needed beside the others but not ruled out"
+            texts.append(f"{one.effect} {text} (95 %: {interval}{where})")
+    return "; ".join(texts)
+
+
+def again_words(found: LineDiagnosis) -> str:
+    """Whether the withheld cycles alone give the same numbers; empty without any."""
+    if not found.causes or not found.again:
+        return ""
+    pairs = {cause.effect: (found.again[cause.effect], *cause.parameters.values()) for cause in found.causes}
+    apart = [effect for effect, (alone, fitted) in pairs.items() if alone.low > fitted.high or alone.high < fitted.low]
+    shown = ((LINE_NUMBERS[effect], alone) for effect, (alone, _) in pairs.items())
+    numbers = "; ".join("{} {} ({})".format(how.what, *number_words(how, alone, 3)) for how, alone in shown)
+    steady = f"Those of {' and '.join(apart)} do not overlap" if apart else "They overlap"
+    return f"Fitted to the withheld cycles alone: {numbers}. {steady} with the intervals of the fit."
 
 
 def set_words(names: Sequence[str]) -> str:

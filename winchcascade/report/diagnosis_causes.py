@@ -13,9 +13,9 @@ from winchcascade.diagnosis.causes import covariance_of
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Reported
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stator_current import stator_current
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.cause_words import runs_with_number, shown_as
-from winchcascade.report.diagnosis_figures import stator_current
 from winchcascade.report.gap_words import display_of
 from winchcascade.report.style import (
     COLOURS,

@@ -18,6 +18,7 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.gap_map import STANDS_OUT, without_zeros
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
 from winchcascade.report.digits import upper
 from winchcascade.report.gap_words import NAMES, baseline_words, phase_words, signed
 from winchcascade.report.model_account import COMPARED
@@ -111,16 +112,6 @@ def seen_channels(found: ModelDiagnosis) -> list[str]:
     return [c for k, c in enumerate(CHANNELS) if any(log.noise.seen[:, k].any() for log in found.data.logs)]
 
 
-def by_load(found: ModelDiagnosis) -> list[int]:
-    """Numbers of the logs from the open circuit to the smallest resistance."""
-    return sorted(range(len(found.data.logs)), key=lambda k: -found.data.logs[k].load)
-
-
-def loaded(found: ModelDiagnosis) -> list[int]:
-    """Numbers of the logs with a load, from the largest resistance to the smallest."""
-    return [k for k in by_load(found) if math.isfinite(found.data.logs[k].load)]
-
-
 def representative(found: ModelDiagnosis) -> list[int]:
     """Three logs that stand for all loads: the lightest, the one in the middle, and the heaviest."""
     own = loaded(found)
@@ -168,36 +159,6 @@ def blocks_before_braking(one: Series) -> NDArray[np.bool_]:
 
 TOP = 0.9
 """Braking begins after the last block with this share of a payout's top speed."""
-
-
-def stator_current(found: ModelDiagnosis) -> tuple[Signal, Signal]:
-    """Stator current of the model with the causes and logged DC current, over the payout blocks of all loads, (n,) each. [A]"""
-    data, best = found.data, found.found.best
-    from winchcascade.rig.kernel import constants
-
-    models = data.models(best.nu, best.effects(found.suspects))
-    pairs = [np.zeros((2, 0))]
-    for k in loaded(found):
-        log = data.logs[k]
-        here = log.noise.seen[:, CHANNELS.index("idc")] & (log.course.blocks.phase == OUT)
-        stator = log.course.block_mean(log.course.electrical(constants(models[k], log.course.load), "i_s"))
-        pairs.append(np.array([stator, log.measured[:, CHANNELS.index("idc")]])[:, here])
-    stator, direct = np.concatenate(pairs, axis=1)
-    return stator, direct
-
-
-def rated_dc_current(found: ModelDiagnosis) -> float | None:
-    """DC current at which the stator carries its rated current, in the middle of all loads; None where none comes near. [A]"""
-    rated = found.rig.generator.i_rated
-    if rated is None:
-        return None
-    stator, direct = stator_current(found)
-    near = np.abs(stator / rated.value - 1.0) < NEAR
-    return float(np.median(direct[near] * rated.value / stator[near])) if np.any(near) else None
-
-
-NEAR = 0.15
-"""The rated DC current comes from blocks whose stator current is within this share of the rated one. [1]"""
 
 
 FULL = 20.0

@@ -20,7 +20,7 @@ from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_diagnose import BURST, LineDiagnosis, LineRemainder
 from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.report.cause_words import (
-    LINE_NUMBERS,
+    PLURAL,
     alternatives_words,
     cycles_of,
     part_words,
@@ -31,7 +31,6 @@ from winchcascade.report.gap_words import (
     apart_words,
     arises_sentence,
     has_own_simulation,
-    number_words,
     phase_words,
     probability_words,
     share_words,
@@ -438,59 +437,8 @@ def _line_remainder(found: LineDiagnosis, left: LineRemainder) -> str:
 
 
 # --------------------------------------------------------------------------------------------- of a winch without a model
-PLURAL = {"payout": "payouts", "hold": "holds", "haul_in": "haul-ins"}
-"""Phases of several cycles."""
-
-
 def energy_places(found: LineDiagnosis) -> str:
     """Phases whose energies are not explained; empty without any."""
     alarms = () if found.remainder is None else found.remainder.alarms
     phases = [alarm.about.phase for alarm in alarms if alarm.kind == "energy" and isinstance(alarm.about, Spot)]
     return " and ".join(PLURAL[phase] for phase in phases if phase is not None)
-
-
-class PhaseEnergy(NamedTuple):
-    """Energy of all judged cycles in a phase [J], and by which share predictions deviate from it, and in the worst cycle."""
-
-    phases: str
-    measured: float
-    before: float
-    after: float
-    worst: float
-
-
-def energy_rows(found: LineDiagnosis) -> list[PhaseEnergy]:
-    """Energies of payouts and haul-ins."""
-    rows = []
-    for phase in ("payout", "haul_in"):
-        own = [one for one in found.energies if one.phase == phase and one.measured]
-        measured = sum(one.measured for one in own)
-        if measured:
-            before, after = (sum(getattr(e, name) for e in own) / measured - 1.0 for name in ("before", "after"))
-            worst = max((e.after / e.measured - 1.0 for e in own), key=abs)
-            rows.append(PhaseEnergy(PLURAL[phase], measured, before, after, worst))
-    return rows
-
-
-def fitted_words(found: LineDiagnosis) -> str:
-    """Effects that were fitted but are not named, with their numbers."""
-    texts = []
-    for one in found.fitted_effects:
-        if not one.named:
-            value = next(iter(one.parameters.values()))
-            text, interval = number_words(LINE_NUMBERS[one.effect], value, 3)
-            where = "" if one.chosen else ", not needed beside the others but not ruled out"
-            texts.append(f"{one.effect} {text} (95 %: {interval}{where})")
-    return "; ".join(texts)
-
-
-def again_words(found: LineDiagnosis) -> str:
-    """Whether the withheld cycles alone give the same numbers; empty without any."""
-    if not found.causes or not found.again:
-        return ""
-    pairs = {cause.effect: (found.again[cause.effect], *cause.parameters.values()) for cause in found.causes}
-    apart = [effect for effect, (alone, fitted) in pairs.items() if alone.low > fitted.high or alone.high < fitted.low]
-    shown = ((LINE_NUMBERS[effect], alone) for effect, (alone, _) in pairs.items())
-    numbers = "; ".join("{} {} ({})".format(how.what, *number_words(how, alone, 3)) for how, alone in shown)
-    steady = f"Those of {' and '.join(apart)} do not overlap" if apart else "They overlap"
-    return f"Fitted to the withheld cycles alone: {numbers}. {steady} with the intervals of the fit."

@@ -137,21 +137,22 @@ def tiles(found: ModelDiagnosis) -> list[Tile]:
         interval = f"95 %: {words.interval_words(found.closure)}"
         shown.append(Tile("Gap closed", words.closed_on(found), share_words(found.closure.share), interval))
     if not count:
-        shown.append(_largest(found))
+        shown += _largest(found)
     return shown
 
 
-def _largest(found: ModelDiagnosis) -> Tile:
-    """The strongest sign of something unexplained; without any, the place that deviates most."""
+def _largest(found: ModelDiagnosis) -> list[Tile]:
+    """The first sign of something unexplained; without any, the place that deviates most, where there is one."""
     alarms = () if found.remainder is None else found.remainder.alarms
     if alarms:
         place = alarm_place(alarms[0], words.files_of(found))
-        return Tile("First sign", alarms[0].kind, place, f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}")
-    worst = max(found.places, key=lambda one: abs(one.z))
+        return [Tile("First sign", alarms[0].kind, place, f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}")]
+    worst = max((one for one in found.places if math.isfinite(one.z)), key=lambda one: abs(one.z), default=None)
+    if worst is None:
+        return []
     where = f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load, 'ohm')}"
-    return Tile(
-        "Largest deviation", where, f"{worst.z:+.1f}", f"standard uncertainties; significant from {STANDS_OUT:g}"
-    )
+    limit = f"standard uncertainties; significant from {STANDS_OUT:g}"
+    return [Tile("Largest deviation", where, f"{worst.z:+.1f}", limit)]
 
 
 def worst_costs(found: ModelDiagnosis) -> Contribution | None:

@@ -9,7 +9,11 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report import line_figures as figures
 from winchcascade.report.cause_words import (
+    PhaseEnergy,
+    again_words,
     cycles_of,
+    energy_rows,
+    fitted_words,
     minor_words,
     set_words,
     slope_words,
@@ -59,7 +63,7 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
         tiles=_tiles(found),
         points=_points(found),
         sections=[
-            section("causes", "Causes", causes_table(found), note_of(words.fitted_words(found), "Fitted too")),
+            section("causes", "Causes", causes_table(found), note_of(fitted_words(found), "Fitted too")),
             section("energies", "Energies by phase", energies_table(found)),
             section("next", "What next", note_of(words.experiment_words(found))),
             *([residual(found)] if found.remainder else []),
@@ -109,7 +113,7 @@ def _points(found: LineDiagnosis) -> list[Note]:
         Note(minor_words(found), "Minor"),
         Note(words.closure_words(found), "How far"),
         Note(stability_words(found), "Steady", "warn" if drifting else "plain"),
-        Note(words.again_words(found), "Again"),
+        Note(again_words(found), "Again"),
         Note(f"{small}." if small else "", "Not needed"),
     ]
 
@@ -126,18 +130,18 @@ def causes_table(found: LineDiagnosis) -> Table[CauseRow] | None:
     )  # fmt: skip
 
 
-def energies_table(found: LineDiagnosis) -> Table[words.PhaseEnergy] | None:
+def energies_table(found: LineDiagnosis) -> Table[PhaseEnergy] | None:
     """Energies of the judged cycles by phase: measured, and how far predictions deviate."""
     return table(
         "energies", "Energy of the winch, and by how much predictions deviate from it.",
         [
-            Column[words.PhaseEnergy]("phases", lambda row: row.phases),
+            Column[PhaseEnergy]("phases", lambda row: row.phases),
             Column("energy", lambda row: row.measured * KILO, "kJ", 0),
             Column("before", lambda row: 100.0 * row.before, "%", 1, signed=True),
             Column("after", lambda row: 100.0 * row.after, "%", 1, signed=True),
             Column("worst cycle", lambda row: 100.0 * row.worst, "%", 1, signed=True),
         ],
-        words.energy_rows(found),
+        energy_rows(found),
     )  # fmt: skip
 
 
