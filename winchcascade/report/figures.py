@@ -17,7 +17,7 @@ from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Signal
 from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import Budget
+from winchcascade.reduction.uncertainty import Budget, budgeted
 from winchcascade.report.digits import significant
 from winchcascade.report.style import (
     COLOURS,
@@ -34,11 +34,9 @@ from winchcascade.report.style import (
     readable,
     wide_figure,
 )
-from winchcascade.report.tables import budgeted
 from winchcascade.report.time_histories import (
     REPAIRED,
     STRIP,
-    clock_zero,
     end_of,
     envelope,
     key_above,
@@ -54,7 +52,7 @@ from winchcascade.report.time_histories import (
     shade_phases,
     time_label,
 )
-from winchcascade.report.wording import PLACES, by_sensor, span_word, tex
+from winchcascade.report.wording import PLACES, by_sensor, clock_zero, span_word, tex
 
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from winchcascade.report.content import Picture, Report, Section, Table
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.publish import template_folder
-from winchcascade.report.style import COLOURS
+from winchcascade.report.style import COLOURS, house_style
 
 if TYPE_CHECKING:
     import jinja2
@@ -88,6 +88,7 @@ def _rows(table: Table[Any]) -> dict[str, Any]:
     }
 
 
+@house_style()
 def _svg(picture: Picture) -> Markup:
     """A figure as SVG whose ids are its own and whose colours are those of the page."""
     from markupsafe import Markup

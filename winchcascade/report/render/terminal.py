@@ -47,8 +47,10 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
         brief = [block for block in section.blocks if isinstance(block, Table | Note) and block.brief]
         if brief:
             console.print(Text(f"\n{_safe(section.heading)}", style="bold"))
-        for block in brief:
+        for k, block in enumerate(brief):
             if isinstance(block, Table):
+                if k:
+                    console.print()
                 wide.print(_grid(block))
             else:
                 console.print(_note(block))
