@@ -74,7 +74,7 @@ def write_campaign_loss_map(
     found = make_loss_map(joined([parts[name] for name in work if name in parts]), plan.work[0].settings.rig)
     write_loss_map(found, path, plan.title, force=force)
     from winchcascade.report.render.terminal import terminal_text
-    from winchcascade.report.results.loss_map import campaign_loss_map_report, loss_map_pictures
+    from winchcascade.report.results.loss_surface import campaign_loss_map_report, loss_map_pictures
 
     origins = [item.settings.origin for item in work.values()]
     left_out = [faults[name] for name in work if name in faults]

@@ -98,7 +98,7 @@ def _text(reduction: Reduction, found: Uncertainty, mapped: LossMap | None, file
 
     more = {}
     if mapped is not None:
-        from winchcascade.report.results.loss_map import loss_map_section
+        from winchcascade.report.results.loss_surface import loss_map_section
 
         more["loss-map"] = loss_map_section(mapped)
     return terminal_text(reduction_report(reduction, found, more=more), files)

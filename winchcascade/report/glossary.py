@@ -108,7 +108,7 @@ def typeset(text: str) -> str:
 
 
 def _symbol(name: str) -> str:
-    return name if name[0] in "EP" else metric(name).symbol
+    return name.replace("gen_cycle", "gen, cycle") if name[0] in "EP" else metric(name).symbol
 
 
 SUBSCRIPT = re.compile(

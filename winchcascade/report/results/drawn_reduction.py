@@ -9,7 +9,7 @@ from winchcascade.report import figures
 from winchcascade.report.content import Picture, Report, picture
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.results.common import histories
-from winchcascade.report.results.loss_map import loss_map_pictures, loss_map_section
+from winchcascade.report.results.loss_surface import loss_map_pictures, loss_map_section
 from winchcascade.report.results.reduction import reduction_report, stated_text, waves_of
 from winchcascade.report.results.waves import wave_picture
 from winchcascade.report.style import house_style
@@ -54,8 +54,12 @@ def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | N
     over_speed = f"; right: of all complete {span_word(reduction)}s, with means in bins" if reduction.bins else ""
     made = (
         picture(
-            figures.energy_flow(reduction, means), "flow",
-            f"Where the energy goes, {'mean of the' if repeats else 'all'} complete cycles; heights are energies.",
+            figures.window_flow(reduction, means), "flow",
+            f"Where the energy goes in the window, {'mean of the' if repeats else 'all'} complete cycles.",
+            "Flow diagram of the energies, which are in the table.",
+        ),
+        picture(
+            figures.cycle_flow(reduction, means), "cycle-flow", "Where the energy goes from onset to next onset.",
             "Flow diagram of the energies, which are in the table.",
         ),
         picture(

@@ -36,6 +36,9 @@ from winchcascade.report.wording import decisive, load_words, measured_load_word
 LISTED_REASONS = 3
 """Reasons for missing net energies that are listed; the JSON holds that of each cycle."""
 
+OPEN_FINDINGS = 4
+"""Findings whose table is open on a page; of more the first screen names the kinds."""
+
 RATIOS = {"eta_trans": "line to shaft", "eta_gen": "shaft to DC link", "eta_pto": "line to DC link"}
 """Efficiencies of the cascade of the paper, for a tile."""
 
@@ -68,22 +71,25 @@ def reduction_report(
         sections=[
             section(
                 "results", "Energies and efficiencies",
-                figure("flow"), cycles_table(reduction, found), directions_table(reduction), net_table(reduction, found),
-                *_net_notes(reduction),
+                figure("flow"), cycles_table(reduction, found), directions_table(reduction),
+            ),
+            section(
+                "whole-cycles", "Whole cycles",
+                figure("cycle-flow"), net_table(reduction, found), *_net_notes(reduction), folded=True,
             ),
             *([] if waves is None else [wave_section(waves, figure("wave-energies"))]),
-            *_given(further, "loss-map", "histories"),
-            section("powers", "Power", figure("streams")),
+            *_given(further, "histories"),
+            *_given(further, "loss-map"),
             section("phases", "Phases", phases_table(reduction, found), phase_means_table(reduction, found), folded=True),
             section("cycles", "Cycles beside each other", figure("overlaid"), figure("trend"), folded=True),
-            section("bins", "Powers by generator speed", bins_table(reduction), folded=True),
+            section("powers", "Power over time and generator speed", figure("streams"), bins_table(reduction), folded=True),
             *_given(further, "model"),
             section(
                 "uncertainty", "Uncertainty",
                 figure("budget"), uncertainty_table(reduction, found), budget_table(reduction, found), sensors_table(reduction),
                 folded=True,
             ),
-            section("findings", "Findings", findings_table(reduction)),
+            section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),
             provenance(_sources(reduction, found), command),
         ],
         banner=banner([reduction.run.origin]),

@@ -21,8 +21,8 @@ from winchcascade.report.content import Cell, Column, Measured, Span, Table, num
 from winchcascade.report.glossary import metric, short
 from winchcascade.report.wording import clock_zero, label, of_phase, source_name, span_word
 
-LISTED_CYCLES = 40
-"""Cycles that a table lists; of more the first and the last half of that."""
+LISTED_CYCLES = 14
+"""Cycles that a table lists, with which a page has room on four screens; of more the first and the last half of that."""
 
 LISTED_BINS = 80
 """Bins of generator speed that a table lists, in the same way."""
