@@ -341,7 +341,7 @@ def _draw_flow(ax: Axes, flow: Sequence[_Flow], lowest: float) -> None:
         ax.text((begin + end) / 2, top - after / 2, item.goes_on, ha="center", va="center", fontsize=9)
         turn = begin + _TURN * (end - begin) + (h - after) / 2
         ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=size - 0.5)
-    ax.set(xlim=(-0.9, 11.2), ylim=(lowest, 1.62))
+    ax.set(xlim=(-0.9, 11.2), ylim=(lowest, 1.42))
 
 
 def _leaving(begin: float, turn: float, low: float, high: float) -> PathPatch:

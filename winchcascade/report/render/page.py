@@ -61,7 +61,7 @@ def _environment() -> jinja2.Environment:
         loader=jinja2.FileSystemLoader(template_folder()), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    environment.filters |= {"text": _text, "svg": _svg, "rows": _rows, "json": _json}
+    environment.filters |= {"text": _text, "plain": lambda text: typeset(clean(text)), "svg": _svg, "rows": _rows, "json": _json}
     environment.filters["kind"] = lambda block: type(block).__name__
     environment.globals |= {"long": LONG}
     return environment
@@ -95,7 +95,7 @@ def _svg(picture: Picture) -> Markup:
 
     out = io.StringIO()
     picture.figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
-    text = out.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>", "", out.getvalue(), flags=re.DOTALL)
     text = re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{picture.id}-", text[text.index("<svg") :])
     text = re.sub(
         r'(<svg[^>]*?) width="[^"]*"', r"\1", re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1), count=1

@@ -77,7 +77,7 @@ def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | N
             "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
         ),
         picture(
-            figures.uncertainty_bars(found.budget), "budget", "Shares of the variance of each mean.",
+            figures.uncertainty_bars(found.budget), "variance", "Shares of the variance of each mean.",
             "Bars of the shares of the variance; the numbers are in the budget.",
         ),
     )  # fmt: skip

@@ -86,7 +86,7 @@ def reduction_report(
             *_given(further, "model"),
             section(
                 "uncertainty", "Uncertainty",
-                figure("budget"), uncertainty_table(reduction, found), budget_table(reduction, found), sensors_table(reduction),
+                figure("variance"), uncertainty_table(reduction, found), budget_table(reduction, found), sensors_table(reduction),
                 folded=True,
             ),
             section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),

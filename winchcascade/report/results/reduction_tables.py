@@ -109,11 +109,13 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table[CycleRow]:
     """Energies and efficiencies of every cycle over its window, and their means."""
     cascade = reduction.rig.cascade
     some = "" if len(reduction.complete) == len(reduction.cycles) else "; in brackets: incomplete, not in the mean"
-    return _cycles(
+    where = [f"{s.name}: {s.where}" for s in cascade.stages if s.where and cascade.configured]
+    made = _cycles(
         "cycles", f"Cycles: energies over the integration window, and efficiencies{some}.", reduction, found,
         (*cascade.energies, *cascade.ratios),
         Column("window", lambda row: row.of.window.cutoff - row.of.window.onset, "s", 2),
     )  # fmt: skip
+    return replace(made, note=f"Stages: {'; '.join(where)}." if where else "")
 
 
 def net_table(reduction: Reduction, found: Uncertainty) -> Table[CycleRow] | None:
