@@ -134,7 +134,7 @@ class Reduction(msgspec.Struct, frozen=True):
         """Complete cycles of the highest and the lowest efficiency, and which; None where there are not two to compare."""
         cascade = self.rig.cascade
         for metric in (cascade.overall, *cascade.neighbours, *cascade.energies[:1]):
-            known = [c for c in self.complete if c.metrics[metric] is not None]
+            known = [c for c in self.complete if c.metrics.get(metric) is not None]
             if len(known) > 1:
                 ranked = sorted(known, key=lambda c: c.metrics.value(metric))
                 return ranked[-1], ranked[0], metric

@@ -38,13 +38,13 @@ class ReportFiles(msgspec.Struct, frozen=True):
 
 
 _MAKERS = {
-    "Audit": "audit_report:audit_report",
+    "Audit": "results.audits:audit_report",
     "Calibration": "report_files:_of_calibration",
     "CampaignReduction": "report_files:_of_campaign",
-    "Check": "check_report:check_report",
+    "Check": "results.checks:check_report",
     "Comparison": "results.comparison:comparison_report",
     "DiagnosisResult": "results.diagnosis:diagnosis_report",
-    "PointAudit": "audit_report:point_audit_report",
+    "PointAudit": "results.audits:audit_report",
     "Reduction": "report_files:_of_reduction",
     "Simulation": "results.simulation:simulation_report",
 }

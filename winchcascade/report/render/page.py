@@ -61,7 +61,8 @@ def _environment() -> jinja2.Environment:
         loader=jinja2.FileSystemLoader(template_folder()), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    environment.filters |= {"text": _text, "plain": lambda text: typeset(clean(text)), "svg": _svg, "rows": _rows, "json": _json}
+    environment.filters |= {"text": _text, "svg": _svg, "rows": _rows, "json": _json}
+    environment.filters["plain"] = lambda text: typeset(clean(text))
     environment.filters["kind"] = lambda block: type(block).__name__
     environment.globals |= {"long": LONG}
     return environment

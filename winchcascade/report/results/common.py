@@ -8,11 +8,26 @@ from collections.abc import Sequence
 import numpy
 
 from winchcascade.core.campaign_file import Origin, origin_words
+from winchcascade.core.published_table import PublishedTable
+from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, picture, section
 from winchcascade.report.digits import upper
-from winchcascade.report.sheet import made_at
+from winchcascade.report.sheet import file_digest, made_at
+from winchcascade.tables.point_table import PointTable
+
+PRINTED = 20.0
+"""Standard uncertainty with which a number has the decimals that are printed, per half a unit of the last one."""
+
+
+def table_rows(table: PublishedTable | PointTable) -> list[tuple[str, Cell]]:
+    """Which published table it is, for the provenance."""
+    return [
+        ("Published table", table_place(table.path) or table.name),
+        ("SHA-256 of the table", file_digest(table.path)),
+        ("Source", table.source),
+    ]
 
 
 def data_note(origins: Sequence[Origin]) -> Note:

@@ -86,8 +86,8 @@ def reduction_report(
             *_given(further, "model"),
             section(
                 "uncertainty", "Uncertainty",
-                figure("variance"), uncertainty_table(reduction, found), budget_table(reduction, found), sensors_table(reduction),
-                folded=True,
+                figure("variance"), uncertainty_table(reduction, found), budget_table(reduction, found),
+                sensors_table(reduction), folded=True,
             ),
             section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),
             provenance(_sources(reduction, found), command),
