@@ -31,7 +31,7 @@ function histories(place, data) {
     const last = k === data.rows.length - 1;
     const axis = { stroke: colour("ink"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid") } };
     const plot = new uPlot({
-      width: place.clientWidth, height: last ? 150 : 115, legend: { live: true },
+      width: place.clientWidth, height: last ? 125 : 92, legend: { live: true },
       cursor: { sync: { key: sync.key }, drag: { x: true, y: false } },
       scales: { x: { time: false } },
       axes: [{ ...axis, label: last ? "time (s)" : undefined, values: last ? undefined : () => [] , size: last ? 40 : 8 }, { ...axis, label: row.label, size: 60 }],

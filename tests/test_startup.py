@@ -38,7 +38,7 @@ def modules_after(arguments: list[str]) -> set[str]:
 @pytest.mark.parametrize("json", [[], ["--json", "-"]], ids=["table", "json"])
 def test_reduce_of_a_csv_log_imports_nothing_slow(fixtures: Path, json: list[str]) -> None:
     loaded = modules_after(["reduce", str(fixtures / "campaign" / "r36ohm.csv"), *json])
-    assert not {name for name in SLOW if name in loaded}
+    assert not {name for name in SLOW if name in loaded} - ({"rich"} if not json else set())  # lays out the tables
 
 
 def test_a_batch_without_reports_imports_neither_pandas_nor_what_draws(fixtures: Path, tmp_path: Path) -> None:

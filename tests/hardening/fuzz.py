@@ -42,7 +42,7 @@ from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.audits import audit_report
 from winchcascade.report.results.checks import check_report
-from winchcascade.report.terminal import reduction_text
+from winchcascade.report.results.reduction import reduction_report
 from winchcascade.rig.open_rig import load_rig
 from winchcascade.tables.audit import audit_by_load as audit
 from winchcascade.tables.check import check, measured_from_record
@@ -95,9 +95,10 @@ def read_log(path: Path) -> None:
 
 def _reduced(reduction: Reduction) -> None:
     require_payouts(reduction)
-    content = reduction_json(reduction, uncertainty(reduction))
+    found = uncertainty(reduction)
+    content = reduction_json(reduction, found)
     json.loads(content, parse_constant=_no_number)
-    assert reduction_text(reduction)
+    assert terminal_text(reduction_report(reduction, found))
 
 
 def _no_number(word: str) -> None:

@@ -16,7 +16,8 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.figures import powers_of
-from winchcascade.report.time_histories import MAX_SPANS, READ_OUT, clock_zero, envelope, readout
+from winchcascade.report.time_histories import MAX_SPANS, READ_OUT, envelope, readout
+from winchcascade.report.wording import clock_zero
 
 SLACK = 4
 """Rows beyond `maximum`: the last stretch may be a short one (2), first and last row are always kept (2)."""

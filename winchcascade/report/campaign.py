@@ -33,9 +33,10 @@ from winchcascade.report.digits import NumberText, interval_text, percent, state
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
+from winchcascade.report.results.waves import campaign_waves_section
 from winchcascade.report.sheet import TableColumn
 from winchcascade.report.style import house_style
-from winchcascade.report.wave_section import CampaignWaves, campaign_waves, campaign_waves_section
+from winchcascade.report.wave_record import CampaignWaves, campaign_waves
 from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, symbols_section, unit_of
 
 SEED = 20260
@@ -101,7 +102,7 @@ def campaign_report(
                 "results", "Energies and efficiencies",
                 _over_load(loaded), energies, logs_efficiencies_table(runs), logs_net_table(runs),
             ),
-            *([] if waves is None else [campaign_waves_section(waves)]),
+            *([] if waves is None else [content.of_stated(campaign_waves_section(waves))]),
             content.section(
                 "speed", "Over generator speed",
                 content.picture(
@@ -177,7 +178,7 @@ def _model(runs: Sequence[LogSummary], out: Path) -> list[content.Section]:
             account = None
         found += [] if account is None else [Named(run.name, load, account)]
     made = campaign_section(found, joint_origin([run.origin for run in runs]).word)
-    return [] if made is None else [made]
+    return [] if made is None else [content.of_stated(made)]
 
 
 class Best(NamedTuple):

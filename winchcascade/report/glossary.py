@@ -80,8 +80,8 @@ _METRIC = re.compile(
     r"(?<![\w/.-])(?:(?:energy|power|eta|E|P)_(?:line|mech|gen_cycle|gen|trans|pto|net|payout|returned|hyd|ac))(?![\w/]|\.\w)"
 )
 _SIGNS: tuple[tuple[str, str], ...] = (
-    (r"(?<=\d) ohm\b", "\u00a0Ω"),
-    (r"(?<!--load-)\bohm\b", "Ω"),
+    (r"(?<=\d) ohm\b(?!\.\w)", "\u00a0Ω"),
+    (r"(?<!--load-)(?<!\w-)\bohm\b(?!\.\w)", "Ω"),
     (r"\b(N|m)\.(?=m\b|s/rad|s/m\b)", r"\1·"),
     (r"kg/cm2\b", "kg/cm²"),
     (r"\bR2\b", "R²"),
@@ -96,6 +96,8 @@ _SIGNS: tuple[tuple[str, str], ...] = (
 def typeset(text: str) -> str:
     """A plain text with symbols for names of metrics and signs for units; names of files and effects stay.
 
+    >>> typeset("run 9 ohm.csv")
+    'run 9 ohm.csv'
     >>> typeset("36 ohm: eta_pto drops by -0.01 +- 0.02 N.m, see energy_line.csv"), typeset("-"), typeset("2.5e-13")
     ('36\\xa0Ω: η_pto drops by −0.01 ± 0.02 N·m, see energy_line.csv', '–', '2.5×10⁻¹³')
     """
@@ -108,11 +110,12 @@ def typeset(text: str) -> str:
 
 
 def _symbol(name: str) -> str:
-    return name if name[0] in "EP" else metric(name).symbol
+    return name.replace("gen_cycle", "gen, cycle") if name[0] in "EP" else metric(name).symbol
 
 
 SUBSCRIPT = re.compile(
-    r"\b([EPFvpητ])_(gen, cycle|line|mech|gen|trans|pto|net|payout|returned|hyd|ac|max|min|mean|hold)\b"
+    r"(?<![\w/.-])([EPFvpητ])_(gen, cycle|line|mech|gen|trans|pto|net|payout|returned|hyd|ac|max|min|mean|hold)\b"
+    r"(?![\w/]|\.\w)"
 )
 """A symbol whose second part stands low."""
 

@@ -12,7 +12,8 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.figures import SHADED_CYCLES, powers_of
 from winchcascade.report.glossary import metric, typeset
 from winchcascade.report.style import look_of
-from winchcascade.report.time_histories import clock_zero, panels_of, repaired_spans
+from winchcascade.report.time_histories import panels_of, repaired_spans
+from winchcascade.report.wording import clock_zero
 
 POINTS = 6000
 """Instants of a page at most; of longer logs each bin keeps its least and its largest value."""

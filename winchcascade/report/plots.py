@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import singledispatch
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -19,9 +18,6 @@ from winchcascade.report.style import COLOURS, figure_width, house_style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
-
-    from winchcascade.report.sheet import Table
-
 
 Plot = Callable[[Any], None]
 """What draws on one Axes, or on an array of them."""
@@ -193,26 +189,12 @@ def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Compa
 
         heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
         return stated_html(heading, differences_table("efficiencies", rows_of(result, "eta")))
-    return table_html(*_heading_and_table(result))
+    if isinstance(result, Reduction):
+        from winchcascade.reduction.montecarlo import uncertainty
+        from winchcascade.report.results.reduction_tables import cycles_table
 
-
-@singledispatch
-def _heading_and_table(result: object) -> tuple[str, Table | None]:
-    """What the result is of, in one line, and its main table; None where it has none."""
-    raise TypeError(f"no table of a {type(result).__name__}")
-
-
-@_heading_and_table.register(Reduction)
-def _(result: Reduction) -> tuple[str, Table | None]:
-    from winchcascade.reduction.montecarlo import uncertainty
-    from winchcascade.report.tables import cycles_table
-
-    return repr(result), cycles_table(result, uncertainty(result))
-
-
-@_heading_and_table.register(CampaignReduction)
-def _(result: CampaignReduction) -> tuple[str, Table | None]:
+        return stated_html(repr(result), cycles_table(result, uncertainty(result)))
     from winchcascade.report.campaign import logs_efficiencies_table
     from winchcascade.report.campaign_record import runs_by_load
 
-    return repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced))
+    return table_html(repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced)))

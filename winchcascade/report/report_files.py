@@ -77,16 +77,16 @@ def _of_calibration(result: Calibration, *, command: str) -> Stated:
         return calibration_report(result, fit_blocks(result, damper_curves(result)), command=command)
 
 
-def _of_reduction(result: Reduction, *, command: str) -> Report:
+def _of_reduction(result: Reduction, *, command: str) -> Stated:
     from winchcascade.reduction.montecarlo import uncertainty
-    from winchcascade.report.document import make_report
+    from winchcascade.report.results.drawn_reduction import drawn_report
 
-    return make_report(result, uncertainty(result), command=command)
+    return drawn_report(result, uncertainty(result), command=command)
 
 
 def _of_campaign(result: CampaignReduction, *, command: str) -> Report:
     from winchcascade.report.campaign import campaign_report
-    from winchcascade.report.wave_section import campaign_waves
+    from winchcascade.report.wave_record import campaign_waves
 
     waves = campaign_waves(result.records.items())
     return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)

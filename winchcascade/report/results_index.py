@@ -44,9 +44,9 @@ def links_to(names: Sequence[str], *, above: bool = False) -> tuple[content.Link
     return tuple(content.Link(text, f"../{name}" if above else name) for name, text in _PAGES.items() if name in names)
 
 
-def stated_links(names: Sequence[str]) -> list[Link]:
-    """Links to those pages of a results folder that are among some files."""
-    return [Link(text, name) for name, text in _PAGES.items() if name in names]
+def stated_links(names: Sequence[str], *, above: bool = False) -> list[Link]:
+    """Links to those pages of a results folder that are among some files; arguments as of `links_to`."""
+    return [Link(one.text, one.address) for one in links_to(names, above=above)]
 
 
 def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Sequence[str]) -> content.Report:

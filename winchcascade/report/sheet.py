@@ -8,13 +8,20 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import msgspec
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.version import __version__
-from winchcascade.report.digits import NumberText, common_decimals, number, upper
+from winchcascade.report.content import Cell as StatedCell
+from winchcascade.report.content import Measured, Span
+from winchcascade.report.content import Note as StatedNote
+from winchcascade.report.content import Picture as StatedPicture
+from winchcascade.report.content import Section as StatedSection
+from winchcascade.report.content import Table as StatedTable
+from winchcascade.report.digits import PLUS_MINUS, NumberText, common_decimals, number, upper
+from winchcascade.report.glossary import typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -263,6 +270,43 @@ def section(name: str, heading: str, *blocks: Block | None) -> Section:
 def filled(*sections: Section) -> tuple[Section, ...]:
     """Those of some sections that have blocks."""
     return tuple(s for s in sections if s.blocks)
+
+
+def of_stated(stated: StatedSection) -> Section:
+    """A section of the content model (`content.py`) within a report of this one. Called within the style of figures."""
+    blocks: list[Block | None] = []
+    for block in stated.blocks:
+        if isinstance(block, StatedNote):
+            blocks.append(Note(typeset(block.text), block.about))
+        elif isinstance(block, StatedPicture):
+            blocks.append(picture(block.figure, block.id, typeset(block.caption), typeset(block.alt)))
+        else:
+            blocks.append(_of_stated_table(block.used()))
+    return section(stated.id, stated.heading, *blocks)
+
+
+def _of_stated_table(stated: StatedTable[Any]) -> Table:
+    """A table of the content model, with the values behind its texts."""
+    rows = [
+        [_of_stated_cell(typeset(text), cell) for text, cell in zip(texts, cells, strict=True)]
+        for texts, cells in zip(stated.texts, stated.cells, strict=True)
+    ]
+    items, below = rows[: len(stated.items)], rows[len(stated.items) :]
+    if row_limit(stated.limit) is not None:
+        items = [list(row) for row in stated.shortened(items)]
+    columns = [
+        TableColumn[Any](typeset(column.name), typeset(column.unit), text=left)
+        for column, left in zip(stated.columns, stated.left, strict=True)
+    ]
+    return make_table(stated.id, typeset(stated.caption), columns, items, below=below, note=typeset(stated.note))
+
+
+def _of_stated_cell(text: str, cell: StatedCell) -> str:
+    if isinstance(cell, Span):
+        return NumberText(text, cell.low, cell.high)
+    if isinstance(cell, Measured):
+        return NumberText(text, cell.value, cell.u, form=PLUS_MINUS) if cell.both else NumberText(text, cell.value)
+    return text if cell is None or isinstance(cell, str) else NumberText(text, cell)
 
 
 class Tile(msgspec.Struct, frozen=True):

@@ -20,7 +20,7 @@ from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report.style import COLOURS, Entry, is_narrow, line_entry, patch_entry
 from winchcascade.report.svg_drawing import text_size
-from winchcascade.report.wording import span_word
+from winchcascade.report.wording import clock_zero, span_word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -256,12 +256,6 @@ def envelope(x: Signal, maximum: int) -> NDArray[np.intp]:
         rows = np.append(rows, (whole + rest.argmin(), whole + rest.argmax()))
     kept: NDArray[np.intp] = np.unique_values(np.append(rows, (0, n - 1)))
     return np.sort(kept)
-
-
-def clock_zero(run: Run) -> float:
-    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
-    first, last = float(run.t[0]), float(run.t[-1])
-    return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
 
 
 def time_label(run: Run) -> str:

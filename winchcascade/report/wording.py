@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from winchcascade.core.rig_file import WindowRule
+    from winchcascade.core.run import Run
     from winchcascade.reduction.reduction_result import CycleResult, MeasuredLoad, Reduction
 
 
@@ -162,6 +163,12 @@ def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknow
 def window_words(window: WindowRule) -> str:
     """Rule of an integration window."""
     return window if isinstance(window, str) else f"{window:g} s from the onset"
+
+
+def clock_zero(run: Run) -> float:
+    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
+    first, last = float(run.t[0]), float(run.t[-1])
+    return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
 
 
 def label(cycle: CycleResult) -> str:

@@ -15,6 +15,7 @@ from winchcascade.core.store import inside, make_one
 from winchcascade.core.version import __version__
 from winchcascade.report.content import Picture, Report, Table
 from winchcascade.report.glossary import typeset
+from winchcascade.report.style import house_style
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,6 +72,7 @@ def _write(contents: dict[str, bytes], folder: Path, *, force: bool) -> None:
     write_set(parts)
 
 
+@house_style()
 def _drawn(picture: Picture, ending: str) -> bytes:
     out = io.BytesIO()
     about: dict[str, dict[str, str | None]] = {

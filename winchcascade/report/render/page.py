@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from winchcascade.report.content import Picture, Report, Section, Table
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.publish import template_folder
-from winchcascade.report.style import COLOURS
+from winchcascade.report.style import COLOURS, house_style
 
 if TYPE_CHECKING:
     import jinja2
@@ -62,6 +62,7 @@ def _environment() -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
     environment.filters |= {"text": _text, "svg": _svg, "rows": _rows, "json": _json}
+    environment.filters["plain"] = lambda text: typeset(clean(text))
     environment.filters["kind"] = lambda block: type(block).__name__
     environment.globals |= {"long": LONG}
     return environment
@@ -88,13 +89,14 @@ def _rows(table: Table[Any]) -> dict[str, Any]:
     }
 
 
+@house_style()
 def _svg(picture: Picture) -> Markup:
     """A figure as SVG whose ids are its own and whose colours are those of the page."""
     from markupsafe import Markup
 
     out = io.StringIO()
     picture.figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
-    text = out.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>", "", out.getvalue(), flags=re.DOTALL)
     text = re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{picture.id}-", text[text.index("<svg") :])
     text = re.sub(
         r'(<svg[^>]*?) width="[^"]*"', r"\1", re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1), count=1

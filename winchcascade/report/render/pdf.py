@@ -12,6 +12,7 @@ from winchcascade.report.content import Block, Picture, Report, Table
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.publish import _fonts, fonts_for, lacking_letters, template_folder
 from winchcascade.report.sheet import made_at
+from winchcascade.report.style import house_style
 
 
 def pdf_bytes(report: Report) -> bytes:
@@ -81,6 +82,7 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
     return {"type": "note", "about": _text(block.about), "text": _text(block.text)}
 
 
+@house_style()
 def _svg(picture: Picture) -> str:
     out = io.StringIO()
     picture.figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})

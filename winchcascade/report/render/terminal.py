@@ -22,8 +22,14 @@ MARGIN = 11
 STYLES: dict[Tone, str] = {"plain": "", "good": "green", "warn": "yellow"}
 """Colours of the tones."""
 
-NAME = 24
-"""Longer names of rows may break into lines. [characters]"""
+PLAIN = f"{ESCAPE}[0m"
+"""Code that ends a colour."""
+
+SHORT = 20
+"""Texts of a column that are no longer than this are never broken, longer ones get at least as much room. [characters]"""
+
+GAP = 2
+"""Blanks between columns. [characters]"""
 
 UNBROKEN = 10_000
 """Width of a table in a pipe, which gets all of it. [characters]"""
@@ -50,9 +56,12 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
         brief = [block for block in section.blocks if isinstance(block, Table | Note) and block.brief]
         if brief:
             console.print(Text(f"\n{_safe(section.heading)}", style="bold"))
-        for block in brief:
+        for k, block in enumerate(brief):
             if isinstance(block, Table):
-                wide.print(_grid(block))
+                if k:
+                    console.print()
+                for grid in _grids(block, wide.width):
+                    wide.print(grid)
             else:
                 console.print(_note(block))
     for k, path in enumerate(files):  # a path is never broken
@@ -60,7 +69,12 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
         console.print(Text.assemble((head, "bold"), _safe(str(path))), soft_wrap=True)
     if report.verdict is not None:
         console.print("", _note(report.verdict), sep="\n")
-    return "".join(f"{line.rstrip()}\n" for line in out.getvalue().replace("\x1b", ESCAPE).splitlines())
+    return "".join(f"{_stripped(line)}\n" for line in out.getvalue().replace("\x1b", ESCAPE).splitlines())
+
+
+def _stripped(line: str) -> str:
+    """A line without blanks at its end, also before the code that ends a colour."""
+    return f"{line.removesuffix(PLAIN).rstrip()}{PLAIN}" if line.endswith(PLAIN) else line.rstrip()
 
 
 def console_of(screen: Screen, out: io.StringIO, width: int) -> Console:
@@ -102,22 +116,35 @@ def _note(note: Note) -> RenderableType:
     return _beside(_safe(note.about.lower()), text) if note.about else text
 
 
-def _grid(table: Table[Any]) -> Grid:
-    """A table with its brief columns, those without any entry left out."""
+def _grids(table: Table[Any], width: int) -> list[Grid]:
+    """A table with its brief columns, empty ones left out; columns without room stand below, behind the first one."""
+    table = table.used()
+    brief = [k for k, column in enumerate(table.columns) if column.brief]
+    texts, count = table.texts, len(table.items)
+    rows = [[_safe(cell) for cell in row] for row in (*table.shortened(texts[:count]), *texts[count:])]
+    heads = [(column.name, column.unit) for column in table.columns]
+    longest = [max(map(len, (*heads[k], *(row[k] for row in rows)))) for k in range(len(heads))]
+    left = table.left
+    fixed = [not left[k] or longest[k] <= SHORT for k in range(len(heads))]
+    parts: list[list[int]] = [brief[:1]]
+    for k in brief[1:]:
+        needed = sum((longest[j] if fixed[j] else SHORT) + GAP for j in (*parts[-1], k)) - GAP
+        if needed > width and len(parts[-1]) > 1:
+            parts.append(brief[:1])
+        parts[-1].append(k)
+    return [_grid([(heads[k], left[k], fixed[k], [row[k] for row in rows]) for k in part]) for part in parts]
+
+
+def _grid(columns: Sequence[tuple[tuple[str, str], bool, bool, list[str]]]) -> Grid:
+    """Columns of a table: name and unit, whether they stand to the left, whether they are never broken, and cells."""
     from rich.table import Table as Grid
     from rich.text import Text
 
-    table = table.used()
-    brief = [k for k, column in enumerate(table.columns) if column.brief]
-    rows, left, units = table.texts, table.left, any(table.columns[k].unit for k in brief)
-    named = max((len(row[0]) for row in rows), default=0) <= NAME
-    grid = Grid(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for k in brief:
-        column = table.columns[k]
-        head = Text(f"{column.name}\n{column.unit}" if units else column.name)
-        grid.add_column(
-            head, justify="left" if left[k] else "right", overflow="fold", no_wrap=not left[k] or (named and k == 0)
-        )
-    for row in [*table.shortened(rows[: len(table.items)]), *rows[len(table.items) :]]:
-        grid.add_row(*(Text(_safe(row[k])) for k in brief))
+    grid = Grid(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="bold")
+    units = any(unit for (_, unit), *_ in columns)
+    for (name, unit), left, fixed, _ in columns:
+        head = Text(f"{name}\n{unit}" if units else name)
+        grid.add_column(head, justify="left" if left else "right", overflow="fold", no_wrap=fixed)
+    for row in zip(*(cells for *_, cells in columns), strict=True):
+        grid.add_row(*map(Text, row))
     return grid

@@ -12,10 +12,8 @@ from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report import figures
 from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, picture, section
 from winchcascade.report.digits import upper
-from winchcascade.report.histories import histories_json
 from winchcascade.report.sheet import file_digest, made_at
 
 if TYPE_CHECKING:
@@ -55,7 +53,10 @@ def provenance(rows: Sequence[tuple[str, Cell]], command: str = "") -> Section:
 
 
 def histories(reduction: Reduction) -> Section:
-    """Channels and powers over the whole log, phases shaded."""
+    """Channels and powers over the whole log, phases shaded. Called within the style of figures."""
+    from winchcascade.report import figures
+    from winchcascade.report.histories import histories_json
+
     shaded = len(reduction.cycles) <= figures.SHADED_CYCLES and bool(reduction.cycles)
     caption = "Channels and powers over the whole log." + (" Shaded: payout and hold." if shaded else "")
     caption += " At the lower edge: repaired stretches." if reduction.run.gaps else ""

@@ -1,9 +1,6 @@
-"""The loss map in a report: heat map with the operating points, efficiency over speed and torque, coefficients."""
+"""Figures of a loss map: heat map with the operating points, efficiency over speed and torque."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,14 +8,10 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from winchcascade.core.campaign_file import Origin, banner
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.loss_points import LossPoints, columns_at
-from winchcascade.report.loss_map_text import coefficients_table, loss_points_words
-from winchcascade.report.publish import publish
-from winchcascade.report.sheet import Report, Section, data_point, picture, provenance_section, section
-from winchcascade.report.style import COLOURS, Margins, house_style, panel_figure
+from winchcascade.report.style import COLOURS, Margins, panel_figure
 
 DOTS = 1500
 """Points that are drawn at most; of more, an even selection."""
@@ -30,57 +23,6 @@ _MARGINS = Margins(left=0.09, right=0.97)
 
 _HEAT = LinearSegmentedColormap.from_list("loss", ["#fff3d6", "#f2a65a", "#b8432f", "#4a1230"])
 _GOOD = LinearSegmentedColormap.from_list("efficiency", ["#4a1230", "#3a7fc4", "#8fd3b6", "#fdf3b4"])
-
-
-@house_style()
-def loss_map_section(found: LossMap) -> Section:
-    """Heat map, efficiencies and coefficients."""
-    into, out = found.points.stages
-    words = loss_points_words(found)
-    return section(
-        "loss-map", "Loss map",
-        picture(
-            loss_figure(found), "loss-heat",
-            f"Power that is lost from {into} to {out} over torque and speed of the shaft, and the operating points that it "
-            f"was fitted to, {words}. Outside of the hull of the points the map has no value.",
-            "Heat map of the fitted loss with dots at the operating points; the coefficients are in the table.",
-        ),
-        picture(
-            efficiency_figure(found.points), "loss-efficiency",
-            f"Efficiency from {into} to {out} at the operating points; dashed: lines of constant power at the shaft. Power "
-            "that rotor, shaft and capacitor take up is subtracted from what goes in.",
-            "Dots over speed and torque, coloured by efficiency, with lines of constant power.",
-        ),
-        coefficients_table(found),
-    )  # fmt: skip
-
-
-def with_loss_map(report: Report, found: LossMap) -> Report:
-    """A report of a log with its loss map, before the section on where its numbers come from."""
-    from msgspec.structs import replace
-
-    *others, last = report.sections
-    return replace(report, sections=(*others, loss_map_section(found), last))
-
-
-def campaign_loss_map_report(found: LossMap, title: str, origins: Sequence[Origin], command: str) -> Report:
-    """The loss map of a whole campaign as a report of its own."""
-    return Report(
-        kind="Loss map of a campaign",
-        title=title,
-        subtitle=f"{len(found.points.logs)} logs",
-        tiles=(),
-        points=(data_point(origins),),
-        sections=(loss_map_section(found), provenance_section([("Logs", ", ".join(found.points.logs))], command)),
-        banner=banner(origins),
-    )
-
-
-def publish_campaign_loss_map(report: Report, folder: Path, endings: Sequence[str]) -> list[Path]:
-    """Write `loss_map.html`, `loss_map.pdf` or both into the folder of a batch; the files that were written."""
-    html, pdf = (folder / f"loss_map.{ending}" if ending in endings else None for ending in ("html", "pdf"))
-    publish(report, html=html, pdf=pdf)
-    return [path for path in (html, pdf) if path is not None]
 
 
 def loss_figure(found: LossMap) -> Figure:
