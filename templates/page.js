@@ -5,7 +5,11 @@ function reveal() {
   if (folded) { folded.open = true; target.scrollIntoView(); }
 }
 addEventListener("hashchange", reveal);
-addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((part) => { part.open = true; }));
+const fits = [];  // what gives the plots of a place the width that it has now
+function fit() { fits.forEach((one) => one()); }
+addEventListener("resize", fit);
+addEventListener("toggle", fit, true);
+addEventListener("beforeprint", () => { document.querySelectorAll("details").forEach((part) => { part.open = true; }); fit(); });
 reveal();
 
 function colour(name) { return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim(); }
@@ -45,7 +49,7 @@ function histories(place, data) {
     }, [data.t, ...row.series.map((one) => one.values)], place);
     plots.push(plot);
   });
-  addEventListener("resize", () => plots.forEach((plot) => plot.setSize({ width: place.clientWidth, height: plot.height })));
+  fits.push(() => plots.forEach((plot) => plot.setSize({ width: place.clientWidth, height: plot.height })));
 }
 for (const place of document.querySelectorAll(".histories")) {
   histories(place, JSON.parse(place.nextElementSibling.textContent));

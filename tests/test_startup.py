@@ -51,8 +51,8 @@ def test_help_imports_no_arrays() -> None:
     assert not {"numpy", "pyarrow"} & modules_after(["--help"])
 
 
-def test_text_and_json_of_a_diagnosis_import_no_figures() -> None:
-    modules = "batch.campaign_diagnosis report.diagnosis_text report.diagnosis_text report.exports report.model_export"
+def test_the_json_of_a_diagnosis_imports_no_figures() -> None:
+    modules = "batch.campaign_diagnosis report.results.diagnosis_record report.exports report.model_export"
     imports = "; ".join(f"import winchcascade.{name}" for name in modules.split())
     code = f"import sys; {imports}; sys.stdout.write(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

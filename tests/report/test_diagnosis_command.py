@@ -75,10 +75,6 @@ def test_the_text_shows_what_was_withheld_and_where_the_files_are(results: Path)
         assert str(results / name) in text
 
 
-def test_the_report_names_the_withheld_log(results: Path) -> None:
-    assert "withheld" in (results / "d.html").read_text(encoding="utf-8")
-
-
 @pytest.mark.slow
 def test_json_on_standard_output_stands_alone(corrected: Corrected) -> None:
     assert json.loads(corrected.json)["closure"]["withheld"] == [18.0, 4.5]

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import msgspec
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.contributions import leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.report.diagnosis_words import word_of
-from winchcascade.report.digits import NumberText, number
+from winchcascade.report.digits import number
 from winchcascade.report.gap_words import has_own_simulation
+from winchcascade.report.style import COLOURS, Margins, panel_figure
 from winchcascade.report.wording import load_words, tex
-
-if TYPE_CHECKING:  # the text of a diagnosis needs no figure
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 T = TypeVar("T", Contribution, ContributionPart)
 
@@ -62,10 +62,10 @@ def part_name(found: ModelDiagnosis, part: ContributionPart) -> str:
     return found.suspects[part.effect].label
 
 
-def points_words(value: float, decimals: int = 2) -> str:
+def points_words(value: float) -> str:
     """A part in points of efficiency, with its sign."""
-    text = number(value, decimals)
-    return NumberText(f"+{text}", value) if value > 0.0 and float(text) else text
+    text = number(value, 1)
+    return f"+{text}" if value > 0.0 and float(text) else text
 
 
 def given_head(found: ModelDiagnosis) -> str:
@@ -92,9 +92,17 @@ BAR = 0.165
 
 def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, at three loads at most."""
-    table = waterfall_costs(found)
-    chosen = sorted({0, len(table) // 2, len(table) - 1}) if len(table) > COLUMNS else range(len(table))
-    return _waterfalls(found, [table[k] for k in chosen], BAR)
+    every = waterfall_costs(found)
+    if not every:
+        return None
+    table = [every[k] for k in sorted({0, len(every) // 2, len(every) - 1})] if len(every) > COLUMNS else every
+    height = BAR * (len(table[0].parts) + 2) + 0.75
+    margins, gaps = Margins(left=0.2, head=0.24), {"wspace": 0.08}
+    figure, panels = panel_figure(height, 1, COLUMNS, margins=margins, gaps=gaps, share="y")
+    draw_waterfalls(panels, found, table)
+    for ax in panels[len(table) :]:
+        ax.set_visible(False)
+    return figure
 
 
 SHOWN = 4
@@ -126,23 +134,6 @@ def _sum(parts: Sequence[ContributionPart]) -> ContributionPart:
     return ContributionPart(OTHER, "physical", value, low, high)
 
 
-def _waterfalls(found: ModelDiagnosis, table: Sequence[Contribution], bar: float) -> Figure | None:
-    from winchcascade.report.style import Margins, panel_figure
-
-    if not table:
-        return None
-    bars, lines = len(table[0].parts) + 2, -(-len(table) // COLUMNS)
-    height = lines * (bars * bar + 0.5) + 0.25
-    gaps = {"wspace": 0.08, "hspace": 0.5 / (bars * bar)}
-    figure, panels = panel_figure(height, lines, COLUMNS, margins=Margins(left=0.2, head=0.24), gaps=gaps, share="y")
-    draw_waterfalls(panels, found, table)
-    for k, ax in enumerate(panels):
-        ax.set_visible(k < len(table))
-        if k + COLUMNS < len(table):
-            ax.set_xlabel("")
-    return figure
-
-
 def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution]) -> None:
     """Draw one waterfall for each load, with the names of the bars at the first."""
     bars = len(table[0].parts) + 2
@@ -159,9 +150,10 @@ def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequen
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:
-    """Smallest and largest efficiency that a waterfall passes. [%]"""
-    levels = [costs.measured, *accumulate((part.value for part in costs.parts), initial=costs.as_given)]
-    return min(levels), max(levels)
+    """Smallest and largest efficiency that a waterfall passes, with the ends of its intervals. [%]"""
+    levels = [*accumulate((part.value for part in costs.parts), initial=costs.as_given)]
+    ends = [level + end for level, part in zip(levels, costs.parts, strict=False) for end in (part.low, part.high)]
+    return min(costs.measured, *levels, *ends), max(costs.measured, *levels, *ends)
 
 
 def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
@@ -171,10 +163,6 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
     ----------
     span : of the widest waterfall [points]
     """
-    from matplotlib.ticker import MaxNLocator
-
-    from winchcascade.report.style import COLOURS
-
     low, high = _extent(costs)
     middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
     left = middle - half
@@ -190,7 +178,7 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
             [level - part.value + part.low, level - part.value + part.high], [place] * 2, color=COLOURS["ink"], lw=0.8
         )
         right = max(level - min(part.value, 0.0), level - part.value + part.high)
-        ax.text(right, place, f" {points_words(part.value, 1)}", va="center", ha="left", fontsize=6.8)
+        ax.text(right, place, f" {points_words(part.value)}", va="center", ha="left", fontsize=6.8)
     ax.plot([level, level], [end - 1.33, end + 0.33], color=COLOURS["soft"], lw=0.5)
     ax.set_xlim(left, middle + 1.15 * half)
     ax.xaxis.set_major_locator(MaxNLocator(4, integer=True))

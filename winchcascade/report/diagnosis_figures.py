@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.block_means import BLOCK, PHASES
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, Place
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.gap_map import STANDS_OUT, without_zeros
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
@@ -29,7 +28,6 @@ from winchcascade.report.style import (
     Entry,
     LineStyle,
     Margins,
-    is_narrow,
     label_panel,
     legend_above,
     line_entry,
@@ -320,31 +318,6 @@ def _cell(ax: Axes, i: int, j: int, z: float) -> None:
     )  # fmt: skip
 
 
-def closure_bars(found: ModelDiagnosis) -> Figure | None:
-    """Draw, channel by channel, how many times its noise the misfit is before and after, on held-out logs."""
-    if found.closure is None:
-        return None
-    shown = {name: x for name, x in found.closure.channels.items() if x.noise > 0.0}
-    figure, (ax,) = panel_figure(0.8 + 0.235 * len(shown), margins=Margins(left=0.12))
-    for row, x in enumerate(shown.values()):
-        before, after = x.before / x.noise, x.after / x.noise
-        ax.plot([after, before], [row, row], color=COLOURS["loss"], lw=2.2, solid_capstyle="round", zorder=1)
-        ax.plot([before], [row], ls="none", ms=MARK, mew=1.1, **HOLLOW)
-        ax.plot([after], [row], ls="none", ms=MARK, **FILLED)
-    ax.axvline(1.0, color=COLOURS["ink"], lw=1.0, ls="--", zorder=0.9)
-    ax.set_xscale("log")
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
-    low, high = ax.get_xlim()
-    ax.set(
-        xlim=(min(low, 0.7), max(high, 3.0)), xlabel="Root mean square of block means over their noise (1)",
-        yticks=range(len(shown)), yticklabels=[NAMES[name] for name in shown], ylim=(len(shown) - 0.5, -0.5),
-    )  # fmt: skip
-    ax.grid(False, axis="y")
-    legend_above(figure, [*_before_and_after(found, after=True), line_entry("noise", "ink", lw=0.8, ls="--")])
-    return figure
-
-
 def _before_and_after(found: ModelDiagnosis, *, after: bool) -> list[Entry]:
     """Entries of a legend for marks before and, if there are any, after."""
     entries = [
@@ -352,11 +325,6 @@ def _before_and_after(found: ModelDiagnosis, *, after: bool) -> list[Entry]:
         line_entry(AFTER, ls="none", ms=MARK, **FILLED),
     ]
     return entries if after else entries[:1]
-
-
-def worst_first(found: ModelDiagnosis) -> list[Place]:
-    """Places of the map, those with the largest gap first."""
-    return sorted(found.places, key=lambda p: -abs(p.z) if np.isfinite(p.z) else 0.0)
 
 
 # ---------------------------------------------------------------------------------------- over time
@@ -394,11 +362,8 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
             ax.plot(one.t[shown], (error * factor)[shown], color=COLOURS[colour], lw=1.0)
         ax.margins(x=0.005)
         ax.ticklabel_format(axis="y", useOffset=False)
-        if is_narrow():
-            ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})")
-        else:
-            ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
-            ax.yaxis.set_label_coords((EDGE - left) / (right - left), 0.5)
+        ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
+        ax.yaxis.set_label_coords((EDGE - left) / (right - left), 0.5)
     axes[-1].set_xlabel("Time (s)")
     entries = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
     entries += [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]

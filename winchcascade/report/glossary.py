@@ -82,7 +82,7 @@ _METRIC = re.compile(
 _SIGNS: tuple[tuple[str, str], ...] = (
     (r"(?<=\d) ohm\b(?!\.\w)", "\u00a0Ω"),
     (r"(?<!--load-)(?<!\w-)\bohm\b(?!\.\w)", "Ω"),
-    (r"\b(N|m)\.(?=m\b|s/rad)", r"\1·"),
+    (r"\b(N|m)\.(?=m\b|s/rad|s/m\b)", r"\1·"),
     (r"kg/cm2\b", "kg/cm²"),
     (r"\bR2\b", "R²"),
     (r" \+- ", " ± "),

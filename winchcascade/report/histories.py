@@ -53,14 +53,14 @@ def histories_json(reduction: Reduction) -> str:
     rows = [
         {
             "label": unit,
-            "series": [{"label": name, "colour": colour, "values": _plain(next(shown))} for name, colour, _ in row],
+            "series": [{"label": name, "colour": colour, "values": plain(next(shown))} for name, colour, _ in row],
         }
         for _, unit, row in panels
     ]
-    return msgspec.json.encode({"t": _plain(t), "rows": rows, "spans": _spans(reduction, zero)}).decode()
+    return msgspec.json.encode({"t": plain(t), "rows": rows, "spans": _spans(reduction, zero)}).decode()
 
 
-def _plain(x: Signal) -> list[float | None]:
+def plain(x: Signal) -> list[float | None]:
     """Numbers with six digits, none where the log has none."""
     return [float(f"{value:.6g}") if np.isfinite(value) else None for value in x.tolist()]
 

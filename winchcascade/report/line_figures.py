@@ -11,7 +11,16 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.cause_words import set_words
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
 from winchcascade.report.digits import upper
-from winchcascade.report.style import COLOURS, Margins, label_panel, legend_above, line_entry, panel_figure, wide_figure
+from winchcascade.report.style import (
+    COLOURS,
+    Margins,
+    broken,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    wide_figure,
+)
 
 GIVEN, CAUSED = "line tension times speed", "with the causes"
 
@@ -25,6 +34,9 @@ SHOWN = 2
 """Cycles that are drawn over time."""
 
 KILO = 1e-3
+
+LABEL = 32
+"""Names of a set of causes in a line. [characters]"""
 
 
 def line_power(part: CyclePart) -> Signal:
@@ -61,7 +73,7 @@ def power_history(found: LineDiagnosis, word: str) -> Figure | None:
         below.set_xlabel("Time (s)")
         label_panel(above, "ab"[column], text)
     figure.axes[0].set_ylabel("Winch power (kW)")
-    figure.axes[1].set_ylabel(f"{word} − predicted (kW)")
+    figure.axes[1].set_ylabel("Residual (kW)")
     with_causes = [line_entry(CAUSED, "gen", lw=1.3)] if caused is not None else []
     legend_above(figure, [line_entry(word, "ink", lw=0.9), line_entry(GIVEN, "mech", lw=1.0, ls=DASHES), *with_causes])
     return figure
@@ -93,7 +105,7 @@ def closed_bars(found: LineDiagnosis) -> Figure | None:
         list(dict.fromkeys([(), *((cause.effect,) for cause in found.causes), found.chosen, found.lines.names])),
         found.lines.names,
     )
-    figure, (ax,) = panel_figure(0.45 + 0.3 * len(sets), margins=Margins(left=0.3, head=0.06, foot=0.4))
+    figure, (ax,) = panel_figure(0.5 + 0.34 * len(sets), margins=Margins(left=0.3, head=0.06, foot=0.4))
     for row, names in enumerate(sets):
         left = 100.0 * found.choice.error(names)
         ax.barh(row, left, height=0.6, color=COLOURS["gen" if names == found.chosen else "loss"], lw=0)
@@ -101,7 +113,8 @@ def closed_bars(found: LineDiagnosis) -> Figure | None:
     ax.set(
         yticks=range(len(sets)), ylim=(len(sets) - 0.45, -0.55), xlim=(0.0, 112.0),
         yticklabels=[
-            f"all {len(names)} suspects" if names == every and len(names) > 2 else set_words(names) if names else "no cause"
+            f"all {len(names)} suspects" if names == every and len(names) > 2
+            else broken(set_words(names), LABEL) if names else "no cause"
             for names in sets
         ],
         xlabel="Squared error on held-out cycles (%)",

@@ -38,7 +38,7 @@ def _head(kind: str, audit: Audit | PointAudit, *, evaluated: bool) -> dict[str,
 
 def table_record(table: PublishedTable | PointTable) -> dict[str, str]:
     """Which table it is."""
-    return _picked(table, "name", "title", "source", "path")
+    return picked(table, "name", "title", "source", "path")
 
 
 def load_record(load: float) -> dict[str, float | bool]:
@@ -46,7 +46,8 @@ def load_record(load: float) -> dict[str, float | bool]:
     return {"load_ohm": load, "open_circuit": math.isinf(load)}
 
 
-def _picked(item: object, *names: str) -> dict[str, Any]:
+def picked(item: object, *names: str) -> dict[str, Any]:
+    """Some fields of a result by their names."""
     return {name: getattr(item, name) for name in names}
 
 
@@ -69,7 +70,7 @@ def _by_load(audit: Audit) -> dict[str, Any]:
         "claims": [
             {
                 "verdict": one.verdict,
-                **_picked(one.claim, "says", "where"),
+                **picked(one.claim, "says", "where"),
                 "sentence": one.sentence,
                 "line": one.claim.line,
             }
@@ -88,10 +89,10 @@ def _contradiction(item: Contradiction) -> dict[str, Any]:
     return {
         "kind": item.kind,
         **({} if item.load is None else load_record(item.load)),
-        **_picked(item, "cells", "metric", "printed", "unit"),
+        **picked(item, "cells", "metric", "printed", "unit"),
         "allowed": _ends(item.allowed),
-        **_picked(item, "missed_by", "sentence"),
-        "repairs": [_picked(repair, "metric", "low", "high") for repair in item.repairs],
+        **picked(item, "missed_by", "sentence"),
+        "repairs": [picked(repair, "metric", "low", "high") for repair in item.repairs],
         "line": item.line,
     }
 
@@ -119,7 +120,7 @@ def _row(row: AttainableRow) -> dict[str, Any]:
 
 def _cell(cell: Cell) -> dict[str, Any]:
     return {
-        **_picked(cell, "printed", "derived", "allowed"),
+        **picked(cell, "printed", "derived", "allowed"),
         "reach": (cell.low, cell.high),
         "nominal": cell.nominal,
         "standard_uncertainty": cell.u,
@@ -130,9 +131,9 @@ def _cell(cell: Cell) -> dict[str, Any]:
 
 def _suspect(ranges: AttainableRanges, suspect: SuspectResult) -> dict[str, Any]:
     return {
-        **_picked(suspect, "effect", "stage"),
+        **picked(suspect, "effect", "stage"),
         "fields": {
-            field.name: {**_picked(field, "unit", "absent"), "plausible": (field.low, field.high)}
+            field.name: {**picked(field, "unit", "absent"), "plausible": (field.low, field.high)}
             for field in suspect.fields
         },
         "can": {one.metric: _ability(ranges, one) for one in suspect.abilities},
@@ -143,11 +144,11 @@ def _suspect(ranges: AttainableRanges, suspect: SuspectResult) -> dict[str, Any]
 def _ability(ranges: AttainableRanges, one: Ability) -> dict[str, Any]:
     pairs = zip(ranges.rows, one.needed, strict=True) if one.needed else ()
     needed = [{**load_record(row.load), "value": value} for row, value in pairs]
-    return {**_picked(one, "verdict", "closed"), "needed": needed or None}
+    return {**picked(one, "verdict", "closed"), "needed": needed or None}
 
 
 def _values(values: Values) -> dict[str, Any]:
-    return _picked(values, "fields", "reported", "left_rms", "out_of_reach", "enough", "plausible", "at_bound")
+    return picked(values, "fields", "reported", "left_rms", "out_of_reach", "enough", "plausible", "at_bound")
 
 
 def _by_point(audit: PointAudit) -> dict[str, Any]:
@@ -158,9 +159,9 @@ def _by_point(audit: PointAudit) -> dict[str, Any]:
         "cells_not_numbers": table.unread,
         "column_faults": [
             {
-                **_picked(fault, "kind", "columns"),
+                **picked(fault, "kind", "columns"),
                 "heads": [table.columns[name].head for name in fault.columns],
-                **_picked(fault, "broken_before", "broken_after", "sentence"),
+                **picked(fault, "broken_before", "broken_after", "sentence"),
             }
             for fault in audit.faults
         ],
@@ -168,7 +169,7 @@ def _by_point(audit: PointAudit) -> dict[str, Any]:
             {
                 "row": item.row + 1,
                 "key": {name: cell.value for name, cell in table.rows[item.row].items() if name in table.key},
-                **_picked(item, "column", "printed"),
+                **picked(item, "column", "printed"),
                 "unit": table.columns[item.column].unit,
                 "allowed": _ends(item.allowed),
                 "sentence": item.sentence,

@@ -169,7 +169,10 @@ def _by_load(audit: Audit) -> tuple[list[Tile], list[Note], list[Section]]:
 def _contradicted(audited: PublishedTable, item: Contradiction) -> Contradicted:
     """A contradiction of a table by load, with what would mend its row."""
     row, rounding = item.kind if item.load is None else load_text(item.load), audited.columns[item.metric].rounding
-    sentence = " ".join(filter(None, (item.sentence, remedy(item))))
+    sentence, changes = item.sentence, ", or ".join(f"{repair.metric} {repair.text}" for repair in item.repairs)
+    if item.kind == "row":
+        mended = f"A change of one cell makes the row consistent: {changes}."
+        sentence += f" {mended if changes else 'No change of a single cell makes this row consistent.'}"
     return Contradicted(sentence, row, item.metric, item.printed, item.allowed, item.unit, rounding, item.line)
 
 
@@ -183,16 +186,6 @@ WINDOWS: tuple[Column[RecoveredWindow], ...] = (
     Column("row", lambda w: load_text(w.load)),
     Column("window", lambda w: None if w.span is None else Span(*_ends(w.span)), "s", 4),
 )
-
-
-def remedy(item: Contradiction) -> str:
-    """Which single cell would mend a row."""
-    if item.kind != "row":
-        return ""
-    changes = ", or ".join(f"{repair.metric} {repair.text}" for repair in item.repairs)
-    if not changes:
-        return "No change of a single cell makes this row consistent."
-    return f"A change of one cell makes the row consistent: {changes}."
 
 
 def _shared_windows(audit: Audit) -> list[Note]:

@@ -11,7 +11,7 @@ import msgspec
 from winchcascade.core.campaign_file import joint_origin, origin_record, origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
-from winchcascade.report.results.audit_record import load_record, table_record
+from winchcascade.report.results.audit_record import load_record, picked, table_record
 from winchcascade.report.results.checks import allowance, miss_sentence
 from winchcascade.tables.check import Check, RowKey
 
@@ -38,20 +38,13 @@ def check_record(check: Check) -> dict[str, Any]:
                 "metric": cell.metric,
                 "unit": cell.column.unit,
                 "decimals": cell.column.decimals,
-                "outcome": cell.outcome,
-                "log": cell.log,
-                "printed": cell.printed,
-                "measured": cell.measured,
-                "difference": cell.difference,
+                **picked(cell, "outcome", "log", "printed", "measured", "difference"),
                 "tolerance": {
                     "total": cell.tolerance,
-                    "rounding": cell.rounding,
-                    "deviation": cell.deviation,
-                    "uncertainty": cell.uncertainty,
+                    **picked(cell, "rounding", "deviation", "uncertainty"),
                     **({} if cell.row.number is None else {"means": cell.means}),
                 },
-                "missed_by": cell.missed_by,
-                "line": cell.line,
+                **picked(cell, "missed_by", "line"),
             }
             for cell in check.cells
         ],

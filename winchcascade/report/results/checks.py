@@ -48,7 +48,7 @@ def check_report(check: Check, *, command: str = "") -> Report:
         sections=[
             section(
                 "cells", "Cells, those that do not agree first",
-                table("cells", "Printed and found values.", _columns(check), [*check.misses, *_agreeing(check)],
+                table("cells", "Printed and found values.", _columns(check), sorted(check.cells, key=lambda cell: cell.ok),
                       note="2 u: twice the standard uncertainty of the mean by the sensors."),
                 None if check.cells else Note("No cell was compared."),
             ),
@@ -105,10 +105,6 @@ def _advice(check: Check, differ: int) -> Note | None:
     if check.findings and differ:
         return Note("Correct the logs with findings first.", "Next")
     return Note("`winchcascade audit` shows whether the table contradicts itself.", "Next") if differ else None
-
-
-def _agreeing(check: Check) -> list[CellCheck]:
-    return [cell for cell in check.cells if cell.ok]
 
 
 FINDINGS: tuple[Column[tuple[RowKey, str]], ...] = (

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy
 
 from winchcascade.core.campaign_file import Origin, origin_words
-from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, picture, section
 from winchcascade.report.digits import upper
 from winchcascade.report.sheet import file_digest, made_at
-from winchcascade.tables.point_table import PointTable
+
+if TYPE_CHECKING:
+    from winchcascade.core.published_table import PublishedTable
+    from winchcascade.tables.point_table import PointTable
 
 PRINTED = 20.0
 """Standard uncertainty with which a number has the decimals that are printed, per half a unit of the last one."""

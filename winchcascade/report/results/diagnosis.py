@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import NamedTuple
-
-import msgspec
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
-    Alarm,
     Contribution,
     ContributionPart,
     DiagnosisResult,
     NamedCause,
     Place,
-    Reported,
     Shrunk,
     StagePlace,
 )
@@ -29,8 +24,12 @@ from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_words as words
-from winchcascade.report.cause_costs import given_head, load_costs, no_energy_words, waterfall_figure
-from winchcascade.report.cause_words import LINE_NUMBERS, check_words, meaning_words, minor_words, stability_words
+from winchcascade.report.cause_costs import given_head, load_costs, no_energy_words, part_name, waterfall_figure
+from winchcascade.report.cause_words import (
+    check_words,
+    minor_words,
+    stability_words,
+)
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -38,7 +37,6 @@ from winchcascade.report.content import (
     Note,
     Report,
     Section,
-    Span,
     Table,
     Tile,
     Tone,
@@ -46,46 +44,42 @@ from winchcascade.report.content import (
     section,
     table,
 )
-from winchcascade.report.diagnosis_causes import numbers_figure, profile_figure, stability_figure, threshold_words
+from winchcascade.report.cycle_histories import cycle_picture
+from winchcascade.report.digits import upper
 from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import (
     NAMES,
     SENSORS,
-    about_words,
-    alarm_meaning,
-    alarm_words,
+    alarm_place,
     baseline_words,
     display_of,
     nuisance_words,
     own_simulation_words,
     phase_words,
-    probability_words,
     share_words,
 )
 from winchcascade.report.glossary import CHANNELS
-from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results import line_diagnosis
 from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.diagnosis_parts import (
+    CauseRow,
+    cause_columns,
+    cause_rows,
+    look_alikes,
+    note_of,
+    numbers,
+    residual,
+)
 from winchcascade.report.sheet import file_digest
 from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display
 
 
-class CauseRow(NamedTuple):
-    """One number of a cause; what concerns the cause itself stands in its first row alone."""
-
-    cause: NamedCause
-    name: str
-    value: Reported
-    first: bool
-
-
 def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
     """Report of a diagnosis, with a model or without."""
     if isinstance(found, LineDiagnosis):
-        from winchcascade.report.results.line_diagnosis import line_report
-
-        return line_report(found, command=command)
+        return line_diagnosis.line_report(found, command=command)
     assert isinstance(found, ModelDiagnosis)  # there are no others
     return _model_report(found, command=command)
 
@@ -100,28 +94,29 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         tiles=tiles(found),
         lead=picture(
             waterfall_figure(found), "waterfall",
-            f"{leading_metric(found.contributions) or ''} from {given_head(found)} to {word}, cause by cause; black: 95 %.",
+            f"{leading_metric(found.contributions) or ''} from {given_head(found)} to {word}, part by part; black: 95 %.",
             "Bars from one level to the next; the values are in the table of what each cause costs.",
         ),
         points=points(found),
         sections=[
             section("causes", "Causes", causes_table(found), *(Note(text) for text in actions(found))),
-            section("costs", "What each cause costs", *cost_tables(found)),
-            section("next", "What next", _note(words.experiment_words(found))),
-            section("residual", "Residual", _note(words.remainder_words(found)), alarms_table(found)),
+            section(
+                "costs", "What each cause costs" if found.causes else "Efficiencies",
+                cost_table(found, leading_metric(found.contributions)),
+            ),
+            section("next", "What next", note_of(words.experiment_words(found))),
+            residual(found),
+            _other_costs(found),
             _where(found, word),
             _how_far(found, both, word),
-            _numbers(found),
+            section("time-histories", "Time histories", cycle_picture(found, word), folded=True),
+            numbers(found),
             _speed(found, both, word),
             _considered(found),
             _provenance(found, command),
         ],
         banner=banner(words.origins_of(found)),
     )  # fmt: skip
-
-
-def _note(text: str) -> Note | None:
-    return Note(text) if text else None
 
 
 # ------------------------------------------------------------------------------------------------------ the first screen
@@ -131,21 +126,32 @@ def tiles(found: ModelDiagnosis) -> list[Tile]:
     named = f"{count} cause{'s' * (count > 1)} named" if count else "no cause named"
     shown = [Tile("Verdict", "", words.VERDICTS[found.verdict], named)]
     costs = worst_costs(found)
-    if costs is not None and costs.parts and count:
-        largest = min(costs.parts[:count], key=lambda part: part.value)
-        label = found.suspects[largest.effect].label if largest.effect else ""
-        shown.append(
-            Tile(
-                "Largest cost",
-                f"of {costs.metric} at {load_words(costs.load, 'ohm')}",
-                label,
-                f"{largest.value:+.1f} points",
-            )
-        )
+    physical = (
+        [part for part in costs.parts if part.kind == "physical" and part.value < 0.0] if costs is not None else []
+    )
+    if costs is not None and physical:
+        largest = min(physical, key=lambda part: part.value)
+        place = f"of {costs.metric} at {load_words(costs.load, 'ohm')}"
+        shown.append(Tile("Largest cost", place, part_name(found, largest), f"{largest.value:+.1f} points"))
     if found.closure is not None and count:
         interval = f"95 %: {words.interval_words(found.closure)}"
         shown.append(Tile("Gap closed", words.closed_on(found), share_words(found.closure.share), interval))
+    if not count:
+        shown.append(_largest(found))
     return shown
+
+
+def _largest(found: ModelDiagnosis) -> Tile:
+    """The strongest sign of something unexplained; without any, the place that deviates most."""
+    alarms = () if found.remainder is None else found.remainder.alarms
+    if alarms:
+        place = alarm_place(alarms[0], words.files_of(found))
+        return Tile("First sign", alarms[0].kind, place, f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}")
+    worst = max(found.places, key=lambda one: abs(one.z))
+    where = f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load, 'ohm')}"
+    return Tile(
+        "Largest deviation", where, f"{worst.z:+.1f}", f"standard uncertainties; significant from {STANDS_OUT:g}"
+    )
 
 
 def worst_costs(found: ModelDiagnosis) -> Contribution | None:
@@ -179,46 +185,6 @@ def points(found: ModelDiagnosis) -> list[Note]:
 
 
 # ------------------------------------------------------------------------------------------------------------ the causes
-def cause_rows(found: DiagnosisResult, costs: dict[str, float]) -> list[CauseRow]:
-    """Every number of the causes; those that cost most come first, wrong entries before them."""
-    ranked = sorted(found.causes, key=lambda cause: (cause.stage != "entry", -abs(costs.get(cause.effect, 0.0))))
-    return [
-        CauseRow(cause, name, value, first=k == 0)
-        for cause in ranked
-        for k, (name, value) in enumerate(cause.parameters.items())
-    ]
-
-
-def cause_columns(found: DiagnosisResult) -> list[Column[CauseRow]]:
-    """What stands of a number of a cause: what changes, its value and its interval in the unit in which it is shown."""
-
-    def how(row: CauseRow) -> tuple[str, float, str]:
-        if isinstance(found, LineDiagnosis):
-            shown = LINE_NUMBERS[row.cause.effect]
-        else:
-            shown = display_of(row.cause.effect, row.name, row.value.unit)
-        return shown.what, shown.factor, shown.unit
-
-    def u(row: CauseRow) -> float:
-        return (row.value.high - row.value.low) / 3.92 * how(row)[1]
-
-    def limits(row: CauseRow) -> str:
-        ends = {"high": "upper limit of its range", "low": "lower limit of its range"}
-        return ends.get(row.value.at_limit or "", "beyond its plausible range" if row.value.beyond_range else "")
-
-    return [
-        Column("effect", lambda row: row.cause.effect if row.first else ""),
-        Column("what changes", lambda row: how(row)[0], brief=False),
-        Column("found", lambda row: Measured(row.value.value * how(row)[1], u(row)), own_digits=True),
-        Column("unit", lambda row: how(row)[2].replace("·", ".")),
-        Column(
-            "95 %", lambda row: Span(row.value.low * how(row)[1], row.value.high * how(row)[1], u(row)), own_digits=True
-        ),
-        Column("limit", limits),
-        Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
-    ]
-
-
 def causes_table(found: ModelDiagnosis) -> Table[CauseRow] | None:
     """Every cause in one line: number, interval, cost, share that is closed without it, look-alikes, and what to do."""
     worst = worst_costs(found)
@@ -231,14 +197,13 @@ def causes_table(found: ModelDiagnosis) -> Table[CauseRow] | None:
             *cause_columns(found),
             Column("cost", lambda row: known.get(row.cause.effect) if row.first else None, "points", 2, signed=True),
             Column(
-                "closed without it",
-                lambda row: 100.0 * row.cause.ablation if row.first and math.isfinite(row.cause.ablation) else None,
-                "%", 0, brief=False,
+                "without", lambda row: 100.0 * row.cause.ablation if row.first and math.isfinite(row.cause.ablation) else None,
+                "%", 1, brief=False,
             ),
-            Column("look-alikes", lambda row: ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""),
+            Column("look-alikes", look_alikes, brief=False),
         ],
         cause_rows(found, known),
-        note=f"Cost: change of {place}. {no_energy_words(found)}".rstrip() if place else "",
+        note=f"Cost: change of {place}. Without: share of the gap that is closed without it. {no_energy_words(found)}".rstrip(),
     )  # fmt: skip
 
 
@@ -266,15 +231,6 @@ def action_words(found: ModelDiagnosis, cause: NamedCause) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------------------- costs
-def cost_tables(found: ModelDiagnosis) -> list[Table[CostRow] | None]:
-    """The split of every efficiency by load."""
-    leading = leading_metric(found.contributions)
-    return [
-        _cost_table(found, metric, brief=metric == leading)
-        for metric in sorted(EFFICIENCIES, key=lambda m: m != leading)
-    ]
-
-
 class CostRow(NamedTuple):
     """One row of the split of an efficiency: a level or a part at each load. [%, points]"""
 
@@ -283,7 +239,14 @@ class CostRow(NamedTuple):
     values: Sequence[Cell]
 
 
-def _cost_table(found: ModelDiagnosis, metric: str, *, brief: bool) -> Table[CostRow] | None:
+def _other_costs(found: ModelDiagnosis) -> Section:
+    leading = leading_metric(found.contributions)
+    others = [metric for metric in EFFICIENCIES if metric != leading]
+    tables = (cost_table(found, metric, brief=False) for metric in others)
+    return section("other-costs", "Other efficiencies", *tables, folded=True)
+
+
+def cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool = True) -> Table[CostRow] | None:
     """Levels and parts of an efficiency (rows) by load (columns)."""
     costs = load_costs(found, metric)
     if not costs:
@@ -308,31 +271,14 @@ def _cost_table(found: ModelDiagnosis, metric: str, *, brief: bool) -> Table[Cos
     ]
     columns: list[Column[CostRow]] = [Column("part", lambda row: row.name), Column("unit", lambda row: row.unit)]
     columns += [at(k) for k in range(len(costs))]
-    caption = f"{metric} by load, and what each cause changes of it."
-    return Table(f"costs-{metric.replace('_', '-')}", caption, columns, rows, brief=brief)
+    caption = f"{metric} by load, and what each part changes of it."
+    return Table(f"costs-{costs[0].metric.replace('_', '-')}", caption, columns, rows, brief=brief)
 
 
 # ---------------------------------------------------------------------------------------------------------- the residual
-def alarms_table(found: ModelDiagnosis) -> Table[Alarm] | None:
-    """Every sign of something unexplained, worst first."""
-    files = words.files_of(found)
-    return table(
-        "alarms", "Signs of something that the named causes do not explain, worst first.",
-        [
-            Column("where", lambda alarm: about_words(alarm.about, files)),
-            Column("kind", lambda alarm: alarm.kind),
-            Column("size", lambda alarm: Measured(alarm.size, 0.1 * alarm.size), own_digits=True),
-            Column("limit", lambda alarm: f"{alarm.limit:g}"),
-            Column("what it says", lambda alarm: alarm_words(alarm, files), brief=False),
-            Column("may mean", alarm_meaning, brief=False),
-        ],
-        () if found.remainder is None else found.remainder.alarms,
-    )  # fmt: skip
-
-
 # ---------------------------------------------------------------------------------------------------------- the evidence
 def _where(found: ModelDiagnosis, word: str) -> Section:
-    minus = f"{word} minus {baseline_words(found)}"
+    minus = f"{upper(word)} minus {baseline_words(found)}"
     return section(
         "where", "Where the gap lies",
         picture(
@@ -342,7 +288,7 @@ def _where(found: ModelDiagnosis, word: str) -> Section:
         ),
         _places("places", "The places with the largest gap, the zero of the log's sensor taken off.", found.places),
         picture(
-            figures.stage_map(found), "stages",
+            figures.stage_map(found), "stage-map",
             f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, in standard uncertainties.",
             "Matrix of numbers by stage and phase (rows) and load (columns); the largest are in the table.",
         ),
@@ -361,10 +307,13 @@ def _places(name: str, caption: str, places: Sequence[Place | StagePlace]) -> Ta
         return Measured(place.bias * factor, abs(place.bias / place.z) * factor if place.z else None)
 
     ranked = sorted(places, key=lambda place: -abs(place.z) if math.isfinite(place.z) else 0.0)
+    stage: Column[Place | StagePlace] = Column(
+        "stage", lambda place: place.stage if isinstance(place, StagePlace) else ""
+    )
     return table(
         name, caption,
         [
-            Column("stage", lambda place: place.stage if isinstance(place, StagePlace) else None),
+            *([stage] if name == "stages" else []),
             Column("channel", lambda place: NAMES[place.channel]),
             Column("phase", lambda place: phase_words(place.phase)),
             Column("load", lambda place: load_words(place.load, "ohm")),
@@ -399,7 +348,7 @@ def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
                 Column("channel", lambda row: NAMES[row[0]]),
                 *map(_misfit, ("before", "after", "noise")),
                 Column("unit", lambda row: CHANNELS[row[0]].unit),
-                Column("", lambda row: "worse" if row[1].worse else ""),
+                Column("result", lambda row: "worse" if row[1].worse else ""),
             ],
             shrunk,
         ),
@@ -412,25 +361,6 @@ def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
             figures.history(found, both, log, word), "history",
             f"{run.name} ({load_words(run.load, 'ohm')}): {word} minus simulated, block by block.",
             "Lines over time for every channel.",
-        ),
-        folded=True,
-    )  # fmt: skip
-
-
-def _numbers(found: ModelDiagnosis) -> Section:
-    return section(
-        "numbers", "Numbers of the causes",
-        picture(
-            numbers_figure(found), "numbers", "Each number beside the rig file's value, its tolerance, and what is plausible.",
-            "Points with bars on one axis for each number; the values are in the table of causes.",
-        ),
-        picture(
-            profile_figure(found), "rolloff", "Back-EMF constant over the stator current (the paper's Fig. 18e).",
-            "A falling curve with a band; its value at 10 A is in the table of causes.",
-        ),
-        picture(
-            stability_figure(found), "stability", "Number of each cause from every run alone, 95 %; band: the joint number.",
-            "Points with error bars for every run, and a band; the values are in the JSON.",
         ),
         folded=True,
     )  # fmt: skip
@@ -454,14 +384,16 @@ def _considered(found: ModelDiagnosis) -> Section:
     moved: list[tuple[Nuisance, float]] = [pair for pair in pulls if abs(pair[1]) > 1.0]
     return section(
         "considered", "What else was considered",
-        _note(f"Not needed: {words.not_needed_words(found)}." if found.causes else ""),
+        note_of(f"Not needed: {words.not_needed_words(found)}." if found.causes else ""),
         table(
-            "thresholds", "How large each effect, alone, would have to be to be named in these logs in nine of ten cases.",
+            "thresholds",
+            "From which size each effect alone would have been named in nine of ten such campaigns; -: no plausible size.",
             [
                 Column[Threshold]("effect", lambda one: one.effect),
                 Column("stage", lambda one: found.suspects[one.effect].stage),
-                Column("what it is", lambda one: meaning_words(found, one.effect)),
-                Column("named from", lambda one: threshold_words(one, _display(found, one))),
+                Column("what it is", lambda one: found.suspects[one.effect].summary),
+                Column("named from", lambda one: _named_from(one, _display(found, one)), own_digits=True),
+                Column("unit", lambda one: _display(found, one).unit.replace("·", ".")),
             ],
             found.thresholds,
             brief=False,
@@ -479,6 +411,11 @@ def _considered(found: ModelDiagnosis) -> Section:
     )  # fmt: skip
 
 
+def _named_from(one: Threshold, how: Display) -> Cell:
+    """Number from which an effect would have been named, as exact as two digits of its change."""
+    return None if one.value is None else Measured(one.value * how.factor, abs(one.value - one.absent) * how.factor)
+
+
 def _display(found: ModelDiagnosis, one: Threshold) -> Display:
     """How the number of a threshold is shown."""
     return display_of(one.effect, found.suspects[one.effect].parameter, one.unit)
@@ -486,15 +423,13 @@ def _display(found: ModelDiagnosis, one: Threshold) -> Display:
 
 def _provenance(found: ModelDiagnosis, command: str) -> Section:
     rig, sets = found.rig, len(found.sets)
-    logs = [f"{run.name} ({load_words(run.load, 'ohm')}, {run.sha256 or 'no file'})" for run in found.runs]
     rows: list[tuple[str, Cell]] = [
         ("Campaign", found.title),
-        ("Logs", "; ".join(logs)),
+        *((run.name, f"{load_words(run.load, 'ohm')}, {run.sha256 or 'no file'}") for run in found.runs),
         ("Withheld", words.judged_words(found)),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("Source of the rig's numbers", rig.source),
         ("SHA-256 of the rig file", file_digest(rig.path)),
-        ("Suspects", ", ".join(found.suspects)),
         ("Fits", f"{sets} sets of effects; {len(found.data.nuisances)} tolerances beside each"),
         ("Seed of the resampled cycles", str(found.seed)),
     ]
@@ -504,39 +439,5 @@ def _provenance(found: ModelDiagnosis, command: str) -> Section:
 def main_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     """The table of the causes of a diagnosis of either kind."""
     if isinstance(found, LineDiagnosis):
-        from winchcascade.report.results import line_diagnosis
-
         return line_diagnosis.causes_table(found)
     return causes_table(found) if isinstance(found, ModelDiagnosis) else None
-
-
-class _CauseName(msgspec.Struct, frozen=True):
-    label: str
-    effect: str
-
-
-class _ShareClosed(msgspec.Struct, frozen=True):
-    share_closed: float
-
-
-class _Outcome(msgspec.Struct, frozen=True):
-    """What the few lines on a diagnosis tell of its record."""
-
-    verdict: str
-    causes: tuple[_CauseName, ...]
-    closure: _ShareClosed | None
-
-
-def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
-    """Verdict, causes and files of a diagnosis in few lines.
-
-    Parameters
-    ----------
-    record : the diagnosis as JSON, schema `winchcascade/diagnosis/1`
-    """
-    found = msgspec.convert(record, _Outcome)
-    names = ", ".join(f"{cause.label} ({cause.effect})" for cause in found.causes)
-    closed = "" if found.closure is None else f"{share_words(found.closure.share_closed)} of the gap closed"
-    text = "; ".join(part for part in (names, closed) if part)
-    title = f"diagnosis: {words.VERDICTS[found.verdict].lower()}"
-    return terminal_text(Report("Diagnosis", title, points=[Note(text, "Causes")]), files)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
 from winchcascade.diagnosis.line.line_data import CyclePart
@@ -11,9 +9,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report import line_figures as figures
 from winchcascade.report.cause_words import (
-    LINE_MEANINGS,
     cycles_of,
-    flipped_words,
     minor_words,
     set_words,
     slope_words,
@@ -33,11 +29,19 @@ from winchcascade.report.content import (
     section,
     table,
 )
-from winchcascade.report.diagnosis_causes import stability_figure
+from winchcascade.report.digits import upper
 from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import phase_words, probability_words, share_words
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.report.results.diagnosis import CauseRow, cause_columns, cause_rows
+from winchcascade.report.results.diagnosis_parts import (
+    CauseRow,
+    cause_columns,
+    cause_rows,
+    look_alikes,
+    note_of,
+    numbers,
+    residual,
+)
 from winchcascade.report.sheet import file_digest
 from winchcascade.report.style import house_style
 
@@ -55,12 +59,13 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
         tiles=_tiles(found),
         points=_points(found),
         sections=[
-            section("causes", "Causes", causes_table(found), _note(words.fitted_words(found), "Fitted beside them")),
+            section("causes", "Causes", causes_table(found), note_of(words.fitted_words(found), "Fitted too")),
             section("energies", "Energies by phase", energies_table(found)),
-            section("next", "What next", _note(words.experiment_words(found))),
-            section("residual", "Residual", _note(words.remainder_words(found) if found.remainder else "")),
+            section("next", "What next", note_of(words.experiment_words(found))),
+            *([residual(found)] if found.remainder else []),
             _where(found, word),
             _how_far(found, word),
+            numbers(found),
             _tried(found),
             provenance(
                 [
@@ -83,10 +88,6 @@ def _part(part: CyclePart) -> str:
     return f"cycles {part.cycle.min()} to {part.cycle.max()}, {part.run.sha256 or 'no file'}"
 
 
-def _note(text: str, about: str = "") -> Note | None:
-    return Note(text, about) if text else None
-
-
 def _tiles(found: LineDiagnosis) -> list[Tile]:
     count = len(found.causes)
     named = f"{count} cause{'s' * (count > 1)} named" if count else "no cause named"
@@ -101,7 +102,6 @@ def _points(found: LineDiagnosis) -> list[Note]:
     small, drifting = small_words(found), any(c.stability and c.stability.trends for c in found.causes)
     return [
         data_note(words.origins_of(found)),
-        Note(flipped_words(found), "Sign corrected", "warn"),
         Note(words.verdict_words(found), "Verdict", "good" if found.verdict in ("no_gap", "explained") else "warn"),
         *(Note(text, "Finding", "warn") for text in finding_words(found)),
         Note(words.where_words(found), "Where"),
@@ -120,23 +120,25 @@ def causes_table(found: LineDiagnosis) -> Table[CauseRow] | None:
         "causes", "Effects that are needed, in units of the line.",
         [
             *cause_columns(found),
-            Column("look-alikes", lambda row: ", ".join(one.effect for one in row.cause.look_alikes)),
-            Column("what it is", lambda row: LINE_MEANINGS[row.cause.effect], brief=False),
+            Column("look-alikes", look_alikes, brief=False),
         ],
         cause_rows(found, {}),
     )  # fmt: skip
 
 
-def energies_table(found: LineDiagnosis) -> Table[tuple[str, ...]] | None:
+def energies_table(found: LineDiagnosis) -> Table[words.PhaseEnergy] | None:
     """Energies of the judged cycles by phase: measured, and how far predictions deviate."""
-    heads = ("phases", "measured", "before", "after", "worst cycle")
-    columns: list[Column[tuple[str, ...]]] = [Column(head, partial(_cell, k)) for k, head in enumerate(heads)]
-    caption = "Energy of the winch, and by how much predictions deviate from it."
-    return table("energies", caption, columns, words.energy_rows(found))
-
-
-def _cell(k: int, row: tuple[str, ...]) -> str:
-    return row[k]
+    return table(
+        "energies", "Energy of the winch, and by how much predictions deviate from it.",
+        [
+            Column[words.PhaseEnergy]("phases", lambda row: row.phases),
+            Column("energy", lambda row: row.measured * KILO, "kJ", 0),
+            Column("before", lambda row: 100.0 * row.before, "%", 1, signed=True),
+            Column("after", lambda row: 100.0 * row.after, "%", 1, signed=True),
+            Column("worst cycle", lambda row: 100.0 * row.worst, "%", 1, signed=True),
+        ],
+        words.energy_rows(found),
+    )  # fmt: skip
 
 
 def _bias(place: Place) -> Cell:
@@ -151,7 +153,7 @@ def _where(found: LineDiagnosis, word: str) -> Section:
             "Lines over time; root mean squares are in the table.",
         ),
         table(
-            "places", f"{word} power of the winch minus line tension times speed, phase by phase.",
+            "places", f"{upper(word)} power of the winch minus line tension times speed, phase by phase.",
             [
                 Column("phase", lambda place: phase_words(place.phase)),
                 Column("bias", _bias, "kW"),
@@ -167,11 +169,12 @@ def _where(found: LineDiagnosis, word: str) -> Section:
 
 
 def _how_far(found: LineDiagnosis, word: str) -> Section:
-    energies = found.energies if found.closure is not None else ()
+    energies = [one for one in found.energies if one.phase != "hold"] if found.closure is not None else []
     return section(
         "how-far", "How far the gap closes",
         picture(
-            figures.power_scatter(found, word), "scatter", f"{word} over predicted power at samples of the judged cycles.",
+            figures.power_scatter(found, word), "scatter",
+            f"{upper(word)} over predicted power at samples of the judged cycles.",
             "Clouds of marks about a diagonal, wide before and narrow after.",
         ),
         picture(
@@ -209,10 +212,6 @@ def _tried(found: LineDiagnosis) -> Section:
             figures.closed_bars(found), "closed", "Squared error of sets of causes on held-out cycles (green: chosen).",
             "Bars of the squared error; the values are in the table of sets.",
         ),
-        picture(
-            stability_figure(found), "stability", "Number of each cause from every cycle alone, 95 %; band: the joint number.",
-            "Points with error bars for every cycle, and a band; the values are in the JSON.",
-        ),
         table(
             "sets", "Sets of suspects by their evidence.",
             [
@@ -220,7 +219,7 @@ def _tried(found: LineDiagnosis) -> Section:
                 Column("error", lambda names: 100.0 * choice.error(names), "% of the gap", 2),
                 Column("evidence", lambda names: choice.evidence[names] - chosen, "nats", 1, signed=True),
                 Column("probability", lambda names: probability_words(choice.probability[names])),
-                Column("", lambda names: "chosen" if names == found.chosen else ""),
+                Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],
             ranked[:LISTED],
             brief=False,
