@@ -23,6 +23,7 @@ from winchcascade.blind.history import in_run, run_changes
 from winchcascade.blind.injected import Hidden, draw_hidden
 from winchcascade.blind.twin import FIXED, Solved, Twin, draw_motion, draw_twin, read_log, solve_twin
 from winchcascade.blind.twin_numbers import SCATTER, Numbers
+from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.run import Signal
 from winchcascade.core.scratch import scratch_folder
 from winchcascade.diagnosis.calibrate import calibrate
@@ -184,7 +185,7 @@ def write_campaign(plan: Plan, folder: Path) -> None:
     if rig is not None:
         (folder / PLAIN).write_text(text, encoding="utf-8")
         (folder / "rig.toml").write_text(rig, encoding="utf-8")
-        text = f'rig = "rig.toml"\n{text}'
+        text = text.replace(f'rig = "{DEFAULT_RIG}"', 'rig = "rig.toml"', 1)
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
 
 

@@ -98,7 +98,8 @@ def test_an_uncertainty_is_one_standard_uncertainty_or_limits_of_a_rectangular_d
         f'{MINIMAL}[winch]\nr_drum = {{ value = 200, unit = "mm", {stated} }}\n', "mine.toml"
     ).winch.r_drum
     assert radius is not None
-    assert (radius.u, radius.rectangular) == (pytest.approx(u, rel=1e-12), rectangular)
+    assert radius.u == pytest.approx(u, rel=1e-12)
+    assert radius.rectangular == rectangular
 
 
 @pytest.mark.parametrize(

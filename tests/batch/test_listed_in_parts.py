@@ -17,7 +17,8 @@ ENTRY = '[[run]]\nfile = "{file}"\nload_ohm = 36\nwindow_s = 5.48\n{cycles}\n'
 def listed(folder: Path, *entries: tuple[str, str]) -> Path:
     """A campaign of entries of one log, each with the spelling of its file and its cycles."""
     log = Path(shutil.copy(LOG, folder))
-    (folder / "campaign.toml").write_text("".join(ENTRY.format(file=file, cycles=cycles) for file, cycles in entries))
+    runs = "".join(ENTRY.format(file=file, cycles=cycles) for file, cycles in entries)
+    (folder / "campaign.toml").write_text(f'rig = "hsu2026"\n{runs}')
     return log
 
 

@@ -426,15 +426,11 @@ def _batch(folder: Path, name: str, log: Log | None) -> tuple[set[str], str]:
     return _words(called.out + called.err), re.sub(r"\d", "0", row)
 
 
-WIDE = ("--tolerance", "uncertainty=3")
-"""The rebuilt logs meet the table by the limits of its sensors, about three times what the calibrated ones allow."""
-
-
 def _clean_words(folder: Path, command: str) -> set[str]:
     """The words that `batch` and `check` print for the undamaged campaign, with and without results of an earlier call."""
     if not _CLEAN:
         _CLEAN["batch"] = set.union(*(_batch(folder, "r18ohm", None)[0] for _ in range(2)))
-        clean = call("check", folder / "results", "--against", "hsu2026-table2", *WIDE)
+        clean = call("check", folder / "results", "--against", "hsu2026-table2")
         assert clean.code == 0, clean
         _CLEAN["check"] = _words(clean.out)
     return _CLEAN[command]
@@ -536,7 +532,7 @@ def widened(log: Log, rng: Rng) -> Damage:
         beyond, _ = moved(truth(log), found)
         known = _clean_words(folder, "check")
         _batch(folder, log.name, damaged)
-        called = call("check", folder / "results", "--against", "hsu2026-table2", *WIDE)
+        called = call("check", folder / "results", "--against", "hsu2026-table2")
         new = sorted(_words(called.out + called.err) - known)
         if called.code:
             return Outcome(beyond, f"exit code {called.code}")

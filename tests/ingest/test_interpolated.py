@@ -119,7 +119,9 @@ def test_a_channel_that_is_quiet_at_rest_and_noisy_in_motion_has_no_finding() ->
 
 def rows_of(x: Signal) -> list[int]:
     """Rows of a channel that were filled in, of a log that moves all the time."""
-    found = find_interpolated(np.arange(x.size) / 25.0, {"force": find_bends(x)}, np.ones(x.size, dtype=bool))
+    found = find_interpolated(
+        np.arange(x.size) / 25.0, {"force": x}, {"force": find_bends(x)}, np.ones(x.size, dtype=bool)
+    )
     return found["force"].tolist() if found else []
 
 

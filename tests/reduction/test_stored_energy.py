@@ -52,7 +52,9 @@ def efficiency(item: dict[str, Any], *, corrected: bool) -> float:
 def test_over_speed_a_ramp_has_the_efficiency_of_steady_points(tmp_path: Path) -> None:
     bins = {0.5 * (b["rpm_low"] + b["rpm_high"]): b for b in ramp(tmp_path)["bins"]}
     for rpm in (550.0, 1050.0, 2050.0):
-        v = rpm / built_in().rpm_per_velocity
+        ratio = built_in().rpm_per_velocity
+        assert ratio is not None
+        v = rpm / ratio
         steady = reduced(
             tmp_path, f"steady {rpm:.0f}", [0, 2, 3, 9, 9.5, 12, 13, 25, 26, 30], [0, 0, v, v, 0, 0, -0.4, -0.4, 0, 0]
         )

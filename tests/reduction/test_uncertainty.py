@@ -256,9 +256,11 @@ IN_PLACE: dict[str, tuple[dict[str, float], dict[str, tuple[float, str]]]] = {
 @pytest.mark.parametrize("kind", IN_PLACE)
 def test_a_calibration_in_place_replaces_the_limits(kind: str) -> None:
     stated, expected = IN_PLACE[kind]
-    sensor = Sensor("N", high=20000.0, accuracy_full_scale=0.002, accuracy_reading=0.005, **stated)
+    limits = {"high": 20000.0, "accuracy_full_scale": 0.002, "accuracy_reading": 0.005}
+    sensor = msgspec.convert({"unit": "N", **limits, **stated}, Sensor)
     found = error_sources("force", sensor)
-    assert [(s.part, pytest.approx(s.u), s.basis) for s in found] == [(part, *of) for part, of in expected.items()]
+    assert [(s.part, s.basis) for s in found] == [(part, basis) for part, (_, basis) in expected.items()]
+    assert [s.u for s in found] == pytest.approx([u for u, _ in expected.values()])
     assert sensor_errors(sensor) == tuple(part_uncertainty(sensor, part) for part in ("gain", "zero"))
 
 

@@ -224,9 +224,7 @@ def test_every_finding_is_listed_with_what_was_done(results: dict[str, Result], 
     named = {} if table is None else columns(table)
     kept = [named[name] for name in ("finding", "channel", "what was found", "what was done") if named]
     listed = list(zip(*kept, strict=True))
-    assert Counter(listed) == Counter(
-        (f.kind.replace("_", " "), f.channel, f.message, f.action) for f in reduction.quality
-    )
+    assert Counter(listed) == Counter((f.kind, f.channel, f.message, f.action) for f in reduction.quality)
 
 
 def test_a_finding_states_its_share_of_the_samples(clean: Result) -> None:

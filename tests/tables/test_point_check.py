@@ -212,3 +212,21 @@ def test_a_row_that_numbers_two_logs_is_rejected(bench: Path, tmp_path: Path) ->
     )
     assert code == 2
     assert "expected one log, so write its file name there" in err
+
+
+def test_a_sensor_that_is_calibrated_in_place_counts_by_its_limits_for_the_table(bench: Path, tmp_path: Path) -> None:
+    """The zero of the torque, +-0.2 N m by its maker, moves the power of a step by as much times the speed of the shaft."""
+    for path in bench.glob("*.csv"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "campaign.toml").write_bytes((bench / "campaign.toml").read_bytes())
+    calibrated = "accuracy_full_scale = 0.001\nu_zero = 0.01\nu_gain = 0.0\n"
+    (tmp_path / "bench.toml").write_text(BENCH.replace("accuracy_full_scale = 0.001\n", calibrated))
+    path = table(tmp_path, [printed(*point) for point in ALL])
+    called = call("check", tmp_path, "--against", path, "--json", "-")
+    cells = [cell for cell in json.loads(called.out)["cells"] if cell["metric"] == "power_mech"]
+    assert (called.code, len(cells)) == (0, len(ALL))
+    for cell, (rpm, _) in zip(cells, ALL, strict=True):
+        by_makers = 2.0 * 0.2 / math.sqrt(3.0) * rpm * math.pi / 30.0 / 1e3
+        assert cell["tolerance"]["basis"] == "budget_and_limits"
+        assert cell["tolerance"]["limits"] == pytest.approx(by_makers, rel=1e-6)
+        assert cell["tolerance"]["uncertainty"] > cell["tolerance"]["limits"]

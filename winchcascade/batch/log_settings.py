@@ -49,6 +49,7 @@ def read_with(path: Path, settings: LogSettings) -> Run:
         origin=settings.origin,
         table=settings.sheet,
         campaign=False,
+        repairs=settings.repairs,
     )
     findings = run.findings if settings.parts is None else (*run.findings, settings.parts)
     return replace(run, window=settings.window, cycles=settings.cycles, findings=findings)

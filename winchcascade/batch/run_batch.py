@@ -39,12 +39,12 @@ from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.run_record import CampaignWavesRecord, RunRecord
+from winchcascade.report.campaign_json import campaign_json
 from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
     LogSummary,
     campaign_from,
-    campaign_json,
     log_summary,
 )
 from winchcascade.report.records import read_results, reduction_record

@@ -20,6 +20,7 @@ from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
 from winchcascade.blind.twin_numbers import LOADS
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
+from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.run import Signal
 from winchcascade.core.store import digest_of, inside
 from winchcascade.core.version import __version__
@@ -150,13 +151,13 @@ def log_text(columns: dict[str, Signal]) -> str:
 
 
 def campaign_toml(title: str, loads: Mapping[str, float] = STATED_LOADS) -> str:
-    """Make the campaign.toml of a case.
+    """Make the campaign.toml of a case, with the built-in rig for which the twin stands.
 
     Parameters
     ----------
     loads : stated load of each log by its name [ohm]
     """
-    lines = [f'title = "{title}"', "measured = false", f'origin = "{ORIGIN}"']
+    lines = [f'title = "{title}"', f'rig = "{DEFAULT_RIG}"', "measured = false", f'origin = "{ORIGIN}"']
     for log, ohm in loads.items():
         lines += ["", "[[run]]", f'file = "{log}.csv"', f"load_ohm = {ohm!r}"]
     return "\n".join(lines) + "\n"

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.run import Repairs
 from winchcascade.report.report_files import ReportFiles
 
 
@@ -73,6 +74,13 @@ SheetOption = Annotated[
     str | None,
     valued_option(
         "--sheet", "NAME|NUMBER", "Read this sheet of a workbook, this run of a MATLAB file, or this TDMS group."
+    ),
+]
+RepairsOption = Annotated[
+    Repairs,
+    typer.Option(
+        "--repairs",
+        help="Repair the faults of the log (on), or keep what was logged and list what would be repaired (off).",
     ),
 ]
 JsonOption = Annotated[

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec.structs import replace
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
@@ -17,6 +18,7 @@ from winchcascade.cli.options import (
     LoadOption,
     LossMapOption,
     ParquetOption,
+    RepairsOption,
     RigOption,
     SheetOption,
     WindowOption,
@@ -43,6 +45,7 @@ def reduce_command(
     load_ohm: LoadOption = None,
     window: WindowOption = None,
     sheet: SheetOption = None,
+    repairs: RepairsOption = "on",
     json: JsonOption = None,
     parquet: ParquetOption = None,
     report: ReportFiles = NO_REPORT,
@@ -67,7 +70,7 @@ def reduce_command(
 
         check_ending(loss_map)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
-    reduction = reduce(read_with(log, settings))
+    reduction = reduce(read_with(log, replace(settings, repairs=repairs)))
     require_payouts(reduction)
     mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
     if parquet is not None:

@@ -108,7 +108,7 @@ def compared_run(record: RunRecord, where: str) -> ComparedRun:
         window=record.window,
         cycles_from=record.cycles_from or "velocity",
         window_length=mean_of_known([cycle.window.duration_s for cycle in done]),
-        speed=mean_of_known([c.phase_summary.payout.plateau.speed for c in done if c.phase_summary.payout.plateau]),
+        speed=record.plateau_speed,
         complete=len(done),
         findings=len(record.quality),
         mean=_of(record, "mean", metrics),

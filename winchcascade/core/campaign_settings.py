@@ -12,7 +12,7 @@ from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origi
 from winchcascade.core.named_rig import first_named
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import read_rig
-from winchcascade.core.run import Finding
+from winchcascade.core.run import Finding, Repairs
 
 
 class LogSettings(msgspec.Struct, frozen=True):
@@ -21,7 +21,7 @@ class LogSettings(msgspec.Struct, frozen=True):
     `load` [ohm] is None where only the log may contain it, `load_source` is where it comes from, `window` is a rule or a
     length [s], `cycles` are the first and the last that count, `about` is the title of the campaign, `origin` describes
     where the data come from, and `sheet` names the table to read, None where the file has one only. `parts` is the finding on
-    a log of which a campaign lists other cycles elsewhere.
+    a log of which a campaign lists other cycles elsewhere. `repairs` is "off" for a log that is to be kept as it was logged.
     """
 
     rig: Rig
@@ -33,6 +33,7 @@ class LogSettings(msgspec.Struct, frozen=True):
     origin: Origin = Origin()
     sheet: str | None = None
     parts: Finding | None = None
+    repairs: Repairs = "on"
 
 
 def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import numpy as np
 
-from winchcascade.core.arguments import COUNT, CYCLES, RATE, TEXT, check_arguments
+from winchcascade.core.arguments import COUNT, CYCLES, FLAG, NAME, RATE, TEXT, check_arguments, is_number
+from winchcascade.core.campaign_file import Origin
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.toml_text import Expected
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +51,28 @@ def sealed_channels(channels: Mapping[str, Signal]) -> SealedChannels:
     return SealedChannels({name: sealed(x) for name, x in channels.items()})
 
 
+_FIELDS = {
+    "name": TEXT,
+    "channels": Expected(
+        'arrays by the names of channels, such as {"velocity": v}', lambda value: isinstance(value, Mapping) and value
+    ),
+    "fs": RATE,
+    "samples": COUNT,
+    "gaps": Expected("stamps around what was bridged, by channel", lambda value: isinstance(value, Mapping)),
+    **dict.fromkeys(("load_source", "path", "sha256", "about", "first_stamp"), TEXT),
+    "findings": Expected(
+        "a tuple of findings", lambda value: isinstance(value, tuple) and all(hasattr(one, "kind") for one in value)
+    ),
+    "simulated": FLAG,
+    "origin": Expected("an Origin", lambda value: isinstance(value, Origin)),
+    "table": NAME,
+    **dict.fromkeys(("started", "temperature"), Expected("a number", lambda value: value is None or is_number(value))),
+    "rig": Expected("a Rig, as load_rig(name) gives it", lambda value: isinstance(value, Rig | None)),
+    "cycles": CYCLES,
+}
+"""Kinds of the fields of a run besides its arrays; its load is checked always, its window by `reduce`."""
+
+
 def checked_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
     """Stamps, channels and gaps of a run with these fields, as arrays that cannot be written to.
 
@@ -58,21 +82,7 @@ def checked_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
         than that of the stamps, or a field of another type
     """
     call = f"Run({fields['name']!r:.60})"
-    check_arguments(
-        call,
-        ("name", fields["name"], TEXT),
-        ("fs", fields["fs"], RATE),
-        ("samples", fields["samples"], COUNT),
-        ("cycles", fields["cycles"], CYCLES),
-    )
-    for name, kind, expected in (
-        ("channels", Mapping, 'arrays by the names of channels, such as {"velocity": v}'),
-        ("gaps", Mapping, "stamps around what was bridged, by channel"),
-        ("findings", tuple, "a tuple of findings"),
-        ("rig", Rig | None, "a Rig, as load_rig(name) gives it"),
-    ):
-        if not isinstance(fields[name], kind) or (name == "channels" and not fields[name]):
-            _reject(call, name, fields[name], expected)
+    check_arguments(call, *((name, fields[name], kind) for name, kind in _FIELDS.items()))
     t = _array(fields["t"], call, "t", (None,))
     if t.size == 0 or not (np.diff(t) > 0.0).all():
         _reject(call, "t", t, "the times of the samples in their order, which rise")

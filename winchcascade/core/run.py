@@ -87,12 +87,26 @@ CLOCK = "clock"
 """Key in `Run.gaps` of the gaps that concern every channel: rows that were never logged or could not be kept."""
 
 
+Repairs = Literal["on", "off"]
+"""Whether faults of a log are repaired; `off` keeps what was logged and lists what would be repaired."""
+
+
+class Repair(msgspec.Struct, frozen=True):
+    """What a finding changed of a log, or would change: how, how many samples (0: none was taken out), the first and the last
+    time of each place [s], and whether it was done."""
+
+    what: str
+    samples: int
+    spans: tuple[tuple[float, float], ...] = ()
+    applied: bool = True
+
+
 class Finding(msgspec.Struct, frozen=True):
     """One thing that is wrong with a log: where, how much, and what was done about it.
 
     `start` and `end` are times on the log's clock [s]; `removed` counts the samples that the finding took out of the
     measurement (bridged, left out or never logged), 0 where the data were kept as they are. `columns` are the names of columns
-    that are no channel.
+    that are no channel. `repair` is what was changed of the log, where the action alone does not describe it.
     """
 
     kind: FindingKind
@@ -104,6 +118,32 @@ class Finding(msgspec.Struct, frozen=True):
     count: int = 1
     removed: int = 0
     columns: tuple[str, ...] = ()
+    repair: Repair | None = None
+
+    @property
+    def repaired(self) -> Repair | None:
+        """What was changed of the log, or would be; None for a finding that changes none of it.
+
+        >>> Finding("truncated", "the log ends within a row", "1 row left out", removed=1).repaired
+        Repair(what='1 row left out', samples=1, spans=(), applied=True)
+        """
+        if self.repair is not None or not self.removed or self.kind == "incomplete_cycle":
+            return self.repair
+        spans = () if self.start is None or self.end is None else ((self.start, self.end),)
+        return Repair(self.action, self.removed, spans)
+
+    def at_times(self, t: Signal, other: Signal) -> Finding:
+        """The finding on another clock: `other` has the times of the samples that `t` has on this one, (n,) each. [s]"""
+        import numpy as np
+
+        if self.start is None or self.end is None:
+            return self
+        start, end = np.interp([self.start, self.end], t, other).tolist()
+        repair = self.repair
+        if repair is not None and repair.spans:
+            spans = tuple((a, b) for a, b in np.interp(np.array(repair.spans), t, other).tolist())
+            repair = msgspec.structs.replace(repair, spans=spans)
+        return msgspec.structs.replace(self, start=start, end=end, repair=repair)
 
     def lost_share(self, samples: int) -> float:
         """Share of the samples that it removed from a log with this number of rows; rows that were never logged count, too.
@@ -140,6 +180,7 @@ class Run(msgspec.Struct, frozen=True):
     rig : with which the log was read, marked as assumed where none was named; None for a run that was not read
     window, cycles : rule or length [s] of the integration windows, first and last cycle that count, as the campaign that lists
         the log states them; `reduce` uses them where it is given no others
+    repairs : "off" where the channels are as they were logged, and the findings list what would be repaired
     """
 
     name: str
@@ -164,6 +205,7 @@ class Run(msgspec.Struct, frozen=True):
     rig: Rig | None = None
     window: str | float | None = None
     cycles: Cycles | None = None
+    repairs: Repairs = "on"
 
     def __post_init__(self) -> None:
         """Check a run that was not read by this program. Raises OptionError as `checked_fields`."""

@@ -12,7 +12,7 @@ from winchcascade.diagnosis.diagnosis_result import Alarm, Drift, EnergySpot, Sp
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from winchcascade.core.rig_file import ModelAccuracy
     from winchcascade.core.run import Signal
@@ -91,11 +91,14 @@ STAGES_OF = {"eta_pto": ("line", "gen"), "eta_trans": ("line", "mech"), "eta_gen
 
 
 def left_over(
-    contributions: Iterable[Contribution], energies: Iterable[PhaseEnergy], accuracy: ModelAccuracy
+    contributions: Sequence[Contribution], energies: Iterable[PhaseEnergy], accuracy: ModelAccuracy
 ) -> list[Alarm]:
     """Residuals of efficiencies that exceed what the rig file calls relevant, beyond the uncertainty of their energies."""
+    window = {(one.log, one.metric): abs(one.measured) for one in contributions}
     share = {
-        (one.run, one.stage): one.u / abs(one.measured) for one in energies if one.phase == "payout" and one.measured
+        (one.run, one.stage): _share_of_window(one, window.get((one.run, f"energy_{one.stage}"), math.nan))
+        for one in energies
+        if one.phase == "payout" and one.measured
     }
     limit, found = accuracy.relevant_efficiency, []
     for one in contributions:
@@ -104,3 +107,14 @@ def left_over(
         if abs(residual) - WITHIN * abs(one.measured) * math.hypot(first, last) > limit:
             found.append(Alarm("residual", Spot(one.metric, load=one.load), abs(residual), limit))
     return found
+
+
+def _share_of_window(energy: PhaseEnergy, window: float) -> float:
+    """Standard uncertainty of the energy of a window over that energy: noise averages out less than over a whole payout. [1]
+
+    Parameters
+    ----------
+    window : mean energy of a window [J]; NaN where it is unknown
+    """
+    longer = abs(energy.measured) / (energy.cycles * window) if window > 0.0 else 1.0
+    return energy.u / abs(energy.measured) * math.sqrt(max(longer, 1.0))

@@ -31,6 +31,7 @@ from winchcascade.diagnosis.misfit import LOCAL, Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.suspects import Suspects, varied
 from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.phase_summary import mean_plateau_speed
 from winchcascade.reduction.reduce import metrics_within, reduce
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.evidence import Fit, Found
+    from winchcascade.reduction.reduction_result import CycleResult
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
     from winchcascade.rig.parts import Model
 
@@ -71,26 +73,33 @@ def quantities_of(run: Run, rig: Rig, windows: Signal) -> Signal:
     return np.concatenate([np.mean(np.array(cycles, dtype=np.float64), axis=0), channels])
 
 
-def windows_of(run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None) -> Signal:
-    """Integration windows of the complete cycles, (k, 2) [s]; none where the run has no window of that length."""
+def complete_cycles(
+    run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None
+) -> tuple[CycleResult, ...]:
+    """Complete cycles of a run; none where it has no window of that length [s]."""
     try:
-        reduction = reduce(run, rig=rig, window=window, cycles=cycles)
+        return reduce(run, rig=rig, window=window, cycles=cycles).complete
     except OptionError:
-        return np.zeros((0, 2))
-    found = [(one.window.onset, one.window.cutoff) for one in reduction.cycles if one.complete]
+        return ()
+
+
+def windows_of(cycles: Sequence[CycleResult]) -> Signal:
+    """Integration windows of some cycles, (k, 2) [s]."""
+    found = [(one.window.onset, one.window.cutoff) for one in cycles]
     return np.array(found, dtype=np.float64).reshape(-1, 2)
 
 
 class WindowedLog(NamedTuple):
     """A log with its integration windows, (k, 2) [s], whose metrics are simulated many times.
 
-    `number` is that of the log.
+    `number` is that of the log, `plateau_speed` the mean over the cycles, None where they have no plateau [m/s].
     """
 
     number: int
     log: Log
     rig: Rig
     windows: Signal
+    plateau_speed: float | None
 
     def simulated(self, model: Model, skew: Signal, zeros: Signal, solution: Signal | None = None) -> Signal:
         """What `quantities_of` gives for a model, (14,), also of channels that the log lacks.
@@ -115,7 +124,9 @@ def windowed(data: Fitted, number: int, window: float | None = None) -> Windowed
     window : length of the windows [s]; by default the rule of the rig
     """
     log = data.logs[number]
-    return WindowedLog(number, log, data.rig, windows_of(log.run, data.rig, window, data.cycles[number]))
+    cycles = complete_cycles(log.run, data.rig, window, data.cycles[number])
+    speed = mean_plateau_speed(cycle.summary.payout for cycle in cycles)
+    return WindowedLog(number, log, data.rig, windows_of(cycles), speed)
 
 
 # ------------------------------------------------------------------------------------------------------- the split
@@ -386,6 +397,7 @@ def _recorded(one: WindowedLog, split: Split, names: Names, suspects: Suspects) 
         Contribution(
             log=one.number,
             load=one.log.run.load,
+            plateau_speed=one.plateau_speed,
             metric=quantity,
             as_given=float(split.as_given[k]),
             measured=float(split.measured[k]),
@@ -491,7 +503,9 @@ def from_own_simulation(
         for number, (log, simulation, window, span) in enumerate(settings)
         for quantity, value in zip(
             QUANTITIES,
-            quantities_of(_along(log.run, simulation), data.rig, windows_of(log.run, data.rig, window, span)),
+            quantities_of(
+                _along(log.run, simulation), data.rig, windows_of(complete_cycles(log.run, data.rig, window, span))
+            ),
             strict=True,
         )
     }

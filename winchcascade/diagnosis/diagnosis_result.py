@@ -278,7 +278,8 @@ class Contribution(msgspec.Struct, frozen=True):
     """One metric of one run: by the model of the rig file, as measured, and the parts that add up to the difference; SI units.
 
     `log` is the number of the run. `metric` is one of the nine metrics of the integration windows or the mean of a channel over
-    them. NaN and no parts for a metric that the run cannot give.
+    them. NaN and no parts for a metric that the run cannot give. `plateau_speed` is the mean of the run [m/s], None where it has
+    no plateau.
     """
 
     log: int
@@ -287,6 +288,7 @@ class Contribution(msgspec.Struct, frozen=True):
     as_given: float
     measured: float
     parts: tuple[ContributionPart, ...]
+    plateau_speed: float | None = None
 
 
 class LargestChange(msgspec.Struct, frozen=True):

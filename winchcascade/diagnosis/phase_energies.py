@@ -30,7 +30,7 @@ class PhaseEnergy(msgspec.Struct, frozen=True):
 
     `before` is that of the model of the rig file, `after` that of the fit, each with the zeros of the sensors of the run. `u`
     is the standard uncertainty of measured minus after: noise, zeros, the discrepancy of the model and the laws of the causes.
-    `scale` is the energy of the stage in payout, of the line where it is larger.
+    `scale` is the energy of the stage in payout, of the line where it is larger, `cycles` the number of cycles.
     """
 
     run: int
@@ -41,6 +41,7 @@ class PhaseEnergy(msgspec.Struct, frozen=True):
     after: float
     u: float
     scale: float
+    cycles: int = 1
 
 
 class _Readings(NamedTuple):
@@ -112,5 +113,6 @@ def _of_stage(data: Fitted, k: int, stage: str, readings: _Readings) -> list[Pha
             float(np.sum(zeros[here])),
             LAW * (after - before),
         )
-        found.append(PhaseEnergy(k, phase, stage, was, before, after, u, scale))
+        cycles = int(np.unique(blocks.cycle[here]).size)
+        found.append(PhaseEnergy(k, phase, stage, was, before, after, u, scale, cycles))
     return found

@@ -18,6 +18,7 @@ from winchcascade.core.arguments import (
     FLAG,
     LOAD,
     NAME,
+    ON_OFF,
     PATH,
     SHEET,
     TEXT,
@@ -35,7 +36,7 @@ from winchcascade.core.named_rig import given_rig
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import CLOCK, Finding, Run, Signal
+from winchcascade.core.run import CLOCK, Finding, Repairs, Run, Signal
 from winchcascade.core.toml_text import Expected
 from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
 from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
@@ -89,6 +90,7 @@ def read_run(
     units: Mapping[str, str] | None = None,
     name: str | None = None,
     campaign: bool = True,
+    repairs: Repairs = "on",
 ) -> Run:
     """Read a log, a file of any known format or a pandas DataFrame, and check it.
 
@@ -111,6 +113,8 @@ def read_run(
     units : of a DataFrame alone: units of its columns by their names, such as {"force": "kN"}
     name : of the run, in messages and reports; by default that of the file, or `data frame`
     campaign : False to read a file without the campaign.toml beside it
+    repairs : "off" keeps what was logged, and the findings list what would be repaired. All the same cells without a number are
+        bridged, stamps that do not rise are put in order, and signs are corrected
 
     Raises
     ------
@@ -135,13 +139,14 @@ def read_run(
         ("name", name, NAME),
         ("campaign", campaign, FLAG),
         ("origin", origin, _ORIGIN),
+        ("repairs", repairs, ON_OFF),
         *([("path", path, PATH)] if isinstance(path, str | os.PathLike) else []),
     )
     table = None if table is None else str(table)
     settings = LogSettings(given_rig("read_run", rig))
     if campaign and isinstance(path, str | os.PathLike):
         settings = settings_beside(Path(path), rig, table)
-    given = {"load": load, "about": about or None, "origin": origin, "sheet": table}
+    given = {"repairs": repairs, "load": load, "about": about or None, "origin": origin, "sheet": table}
     given["load_source"] = None if load is None else load_source
     settings = replace(settings, **{key: value for key, value in given.items() if value is not None})
     if isinstance(path, str | os.PathLike):
@@ -246,7 +251,10 @@ def _run_of(opened: _Opened, settings: LogSettings, *, where: str, simulated: bo
 
         checked = steps_of_rows(channels)
     else:
-        checked = check(clock.t, channels, rig, simulated=simulated, open_circuit=load == math.inf)
+        open_circuit = load == math.inf
+        checked = check(
+            clock.t, channels, rig, simulated=simulated, open_circuit=open_circuit, repairs=settings.repairs
+        )
     if not checked.channels:
         raise LogError(
             f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
@@ -274,6 +282,7 @@ def _run_of(opened: _Opened, settings: LogSettings, *, where: str, simulated: bo
         rig=rig,
         window=settings.window,
         cycles=settings.cycles,
+        repairs=settings.repairs,
     )
 
 

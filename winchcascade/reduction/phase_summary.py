@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -42,6 +42,13 @@ class PayoutSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
     travel: float | None
     speed_max: float | None
     plateau: PlateauSummary | None
+
+
+def mean_plateau_speed(payouts: Iterable[PayoutSummary]) -> float | None:
+    """Mean speed of the plateaus of some payouts, None where there is none. [m/s]"""
+    speeds = [payout.plateau.speed for payout in payouts if payout.plateau is not None]
+    known = [speed for speed in speeds if speed is not None]
+    return sum(known) / len(known) if known else None
 
 
 class HoldSummary(msgspec.Struct, frozen=True):

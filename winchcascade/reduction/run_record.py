@@ -12,8 +12,15 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.run import Repairs
 from winchcascade.reduction.energies import NetSpan
-from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, OperatingPoint, PayoutSummary
+from winchcascade.reduction.phase_summary import (
+    BothWays,
+    HaulInSummary,
+    OperatingPoint,
+    PayoutSummary,
+    mean_plateau_speed,
+)
 from winchcascade.reduction.wave_bootstrap import EnergyError
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
@@ -46,6 +53,22 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
     open_circuit: bool
     simulated: bool | None
     about: str | None
+    repairs: Repairs = "on"
+
+
+class RepairRecord(msgspec.Struct, frozen=True):
+    """What a finding changed of the log: how, the number of samples (0: none was taken out), how many places, and the times of
+    the first `MAX_SPANS` of them; `applied` is false where repairs are off, and nothing was changed."""
+
+    what: str
+    applied: bool
+    samples: int
+    places: int
+    spans_s: tuple[tuple[float, float], ...]
+
+
+MAX_SPANS = 100
+"""Maximum number of places of a repair in the record."""
 
 
 class RigRecord(msgspec.Struct, frozen=True):
@@ -57,7 +80,7 @@ class RigRecord(msgspec.Struct, frozen=True):
 
 
 class FindingRecord(msgspec.Struct, frozen=True):
-    """One finding, with the share of the log's samples that it removed."""
+    """One finding, with the share of the log's samples that it removed and what it changed, null for nothing."""
 
     kind: str
     channel: str | None
@@ -67,6 +90,7 @@ class FindingRecord(msgspec.Struct, frozen=True):
     action: str
     message: str
     removed_share: float
+    repaired: RepairRecord | None = None
 
 
 class PhasesRecord(msgspec.Struct, frozen=True):
@@ -105,7 +129,10 @@ class WindowRecord(msgspec.Struct, frozen=True):
 
 
 class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """One cycle with its phases, their summary, its window, its metrics and their standard uncertainties."""
+    """One cycle with its phases, their summary, its window, its metrics and their standard uncertainties.
+
+    `sensors_by_limits` is as in `UncertaintyRecord`.
+    """
 
     cycle: int
     complete: bool
@@ -128,6 +155,7 @@ class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
     energy_gen_cycle_j: float | None = None
     eta_net: float | None = None
     standard_uncertainty: Numbers
+    sensors_by_limits: Numbers = {}
     stages: Numbers | UnsetType = UNSET
 
     @property
@@ -161,12 +189,17 @@ class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors."""
+    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors.
+
+    `sensors_by_limits` is, for a check of a printed table, what the accuracies of the sensors that are calibrated in place
+    would leave of the means; empty without such sensors.
+    """
 
     seed: int
     draws: int
     stated: dict[str, str | None]
     sensors: Numbers
+    sensors_by_limits: Numbers = {}
     repeatability: Numbers
     monte_carlo: Numbers
     interval_95_sensors: dict[str, Interval95 | None]
@@ -306,6 +339,11 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     def rig_name(self) -> str:
         """Name of the rig."""
         return self.rig if isinstance(self.rig, str) else self.rig.name
+
+    @property
+    def plateau_speed(self) -> float | None:
+        """Mean speed of the plateaus of the complete cycles, None where there is none. [m/s]"""
+        return mean_plateau_speed(cycle.phase_summary.payout for cycle in self.cycles if cycle.complete)
 
     def numbers(self, part: Part) -> Numbers:
         """Numbers of the metrics by their names, those of configured stages among them."""

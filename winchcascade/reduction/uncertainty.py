@@ -8,15 +8,15 @@ depend on the errors; a Monte Carlo therefore never has to integrate again.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
+from winchcascade.core.accuracy import Basis, ErrorSource, error_sources, replaced_sources
 from winchcascade.core.cascade import Cascade, Product
 from winchcascade.core.integrate import integrals_of
-from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.reduction.efficiency import NET_METRICS, NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
@@ -57,7 +57,9 @@ class Budget(msgspec.Struct, frozen=True):
     of every cycle, without repeatability. `freedom` are effective degrees of freedom (Welch and Satterthwaite, GUM G.4).
     A metric that needs a channel of `unknown` has none: the rig file states no accuracy for it. Nor has one of
     `undetermined`: the errors could take away all of what it is divided by. `reach` is the largest share of an energy that
-    the errors together could change.
+    the errors together could change. `by_limits` and `cycles_by_limits` are what the accuracies of the sensors that are
+    calibrated in place would leave of the means and of every cycle: no part of `mean`, but of a table whose reader knows
+    these alone.
     """
 
     rows: tuple[BudgetRow, ...]
@@ -66,6 +68,8 @@ class Budget(msgspec.Struct, frozen=True):
     mean: Metrics
     freedom: Metrics
     cycles: tuple[Metrics, ...]
+    by_limits: Metrics
+    cycles_by_limits: tuple[Metrics, ...]
     exact: tuple[str, ...]
     unknown: tuple[str, ...]
     undetermined: tuple[str, ...] = ()
@@ -214,6 +218,7 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     repeats = reduction.rig.phases.repeats
     scatter = {m: _error_of_mean(x) for m, x in columns.items() if repeats and len(x) > 1}
     mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
+    by_limits, cycles_by_limits = _by_limits(reduction, model, stated)
     return Budget(
         rows=tuple(rows),
         sensors=Metrics(sensors, names),
@@ -224,10 +229,28 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
             Metrics({m: math.sqrt(square[m][k]) for m in stated if c.metrics[m] is not None}, names)
             for k, c in enumerate(reduction.cycles)
         ),
+        by_limits=by_limits,
+        cycles_by_limits=cycles_by_limits,
         exact=tuple(sorted(channels & set(TAKEN_AS_EXACT) - with_accuracy)),
         unknown=tuple(sorted(unknown)),
         undetermined=tuple(undetermined),
         reach=max((reach[s] for m in cascade.all_ratios for s in _stages_of(cascade, m) if s in reach), default=0.0),
+    )
+
+
+def _by_limits(reduction: Reduction, model: ErrorModel, metrics: Sequence[str]) -> tuple[Metrics, tuple[Metrics, ...]]:
+    """Standard uncertainties of means and cycles by the accuracies that calibrations in place replace; empty without any."""
+    sources = _of_sensors(reduction.rig, model.stages, replaced_sources)
+    if not sources:
+        return Metrics(), (Metrics(),) * len(reduction.cycles)
+    limited, names = msgspec.structs.replace(model, sources=tuple(sources)), model.cascade.all_metrics
+    ((_, joules), *_) = _errors_alike(limited, _energy_slopes(limited))
+    changed = _of_metrics(joules, limited, metrics, independent=False)
+    means = {m: _of_mean(x[:, model.rows[m]], shared=True) for m, x in changed.items() if model.rows[m].size}
+    cycles = {m: np.sqrt((x * x).sum(axis=0)) for m, x in changed.items()}
+    return Metrics({m: math.sqrt(u @ u) for m, u in means.items()}, names), tuple(
+        Metrics({m: float(u[k]) for m, u in cycles.items() if c.metrics[m] is not None}, names)
+        for k, c in enumerate(reduction.cycles)
     )
 
 
@@ -274,8 +297,7 @@ def budgeted(mean: Metrics) -> list[str]:
 
 def _sources(rig: Rig, stages: Mapping[str, StageEnergy]) -> list[ErrorSource]:
     """Every source of uncertainty of the stages of a run: sensors of their channels, drum radius, and coarse sampling."""
-    sensors = {name: rig.sensors[name] for name in sorted(_channels(stages)) if name in rig.sensors}
-    found = [source for name, sensor in sensors.items() for source in error_sources(name, sensor)]
+    found = _of_sensors(rig, stages, error_sources)
     radius = rig.winch.r_drum
     if any(s.radius_power for s in stages.values()) and radius is not None and radius.u:
         u = radius.u / radius.value
@@ -286,6 +308,14 @@ def _sources(rig: Rig, stages: Mapping[str, StageEnergy]) -> list[ErrorSource]:
         origin = "reduction of every second and third sample"
         found.append(ErrorSource(SAMPLING, "gain", limit / math.sqrt(3.0), limit, origin, "resampling"))
     return found
+
+
+def _of_sensors(
+    rig: Rig, stages: Mapping[str, StageEnergy], of: Callable[[str, Sensor], tuple[ErrorSource, ...]]
+) -> list[ErrorSource]:
+    """Errors of the sensors of all channels that the stages are made of."""
+    sensors = {name: rig.sensors[name] for name in sorted(_channels(stages)) if name in rig.sensors}
+    return [source for name, sensor in sensors.items() for source in of(name, sensor)]
 
 
 def sampling_limit(stages: Mapping[str, StageEnergy]) -> float:

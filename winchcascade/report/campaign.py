@@ -6,11 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 from urllib.parse import quote
 
 import msgspec
-import numpy as np
 from msgspec import UNSET
 from msgspec.structs import replace
 
@@ -19,14 +17,18 @@ from winchcascade.core.cascade import field_of
 from winchcascade.reduction.run_record import FindingRecord
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report import sheet as content
+from winchcascade.report.best_load import Best, LoadRanking, rank_loads
 from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
     LogSummary,
     cascade_of,
+    has_speeds,
     mixed_windows,
+    motion_words,
     run_load_text,
     runs_by_load,
+    unlike_motion,
     window_text,
 )
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
@@ -38,11 +40,6 @@ from winchcascade.report.sheet import TableColumn
 from winchcascade.report.style import house_style
 from winchcascade.report.wave_record import CampaignWaves, campaign_waves
 from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, symbols_section, unit_of
-
-SEED = 20260
-"""Seed of the draws from which the probability follows that a load is the best."""
-
-DRAWS = 20_000
 
 LISTED = 800
 """Characters of a list of files that is given in full."""
@@ -90,7 +87,7 @@ def campaign_report(
     runs, failed = runs_by_load(campaign.reduced), campaign.failed
     loaded = [run for run in runs if not run.open_circuit] or runs
     rigs = sorted({run.rig for run in runs})
-    energies, logs = (_linked(table, runs) if linked else table for table in (energies_table(runs), _LOGS.of(runs)))
+    energies, logs = (_linked(table, runs) if linked else table for table in (energies_table(runs), logs_table(runs)))
     return content.Report(
         kind="Campaign",
         title=campaign.title,
@@ -133,13 +130,18 @@ _NOT_JOINED = (
 
 def _over_load(loaded: Sequence[LogSummary]) -> content.Picture | None:
     """Powers and efficiencies over the load, and what the figure shows."""
+    unlike = unlike_motion(loaded)
     return content.picture(
         figures.over_load(loaded),
         "loads",
         f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. "
         + ("Lines join the means of the logs of each load. " if figures.repeated(loaded) else "")
         + (_NOT_JOINED if len(figures.comparable(loaded)) > 1 else "")
-        + "Where η_pto is highest, most of the line's energy reaches the DC link.",
+        + (
+            "Where η_pto is highest, most of the line's energy reaches the DC link."
+            if unlike is None
+            else f"The points are not of one motion: {motion_words(*unlike, 'Ω')}."
+        ),
         "Points of powers and efficiencies over the load; the values are in the tables.",
     )
 
@@ -181,40 +183,6 @@ def _model(runs: Sequence[LogSummary], out: Path) -> list[content.Section]:
     return [] if made is None else [content.of_stated(made)]
 
 
-class Best(NamedTuple):
-    """The log of the highest eta_pto, the probability that its load is the best, the best log of the next load, and how many
-    logs the best load has.
-    """
-
-    run: LogSummary
-    likely: float
-    following: LogSummary
-    logs: int
-
-
-def best_load(runs: Sequence[LogSummary]) -> Best | None:
-    """The load of the log of the highest efficiency of the whole cascade, and the next load; None where no two can be compared.
-
-    Each mean is drawn from a normal distribution with its standard uncertainty, the logs independent of each other: as
-    logs with the same sensors share their errors, the true probability is rather higher. A load is the best where any of
-    its logs is.
-    """
-    eta = cascade_of(runs).overall
-    given = [run for run in runs if run.standard_uncertainty.get(eta) and run.mean.get(eta) is not None]
-    given = [run for run in given if run.load_ohm is not None and not run.open_circuit]
-    loads = np.array([run.load_ohm for run in given], dtype=float)
-    if np.unique(loads).size < 2:
-        return None
-    mean = np.array([run.mean[eta] for run in given])
-    u = np.array([run.standard_uncertainty[eta] for run in given])
-    drawn = mean + u * np.random.default_rng(SEED).standard_normal((DRAWS, len(given)))
-    share = np.bincount(np.argmax(drawn, axis=1), minlength=len(given)) / DRAWS
-    order = np.argsort(-mean, kind="stable")
-    same = loads == loads[order[0]]
-    following = next(k for k in order.tolist() if not same[k])
-    return Best(given[order[0]], float(share[same].sum()), given[following], int(same.sum()))
-
-
 def _name(run: LogSummary) -> str:
     return run.name if run.load is None else f"{run_load_text(run)} Ω"
 
@@ -233,7 +201,7 @@ def _tiles(runs: Sequence[LogSummary]) -> tuple[content.Tile, ...]:
     """The best load with its efficiency, and the largest power."""
     tiles, cascade = [], cascade_of(runs)
     eta, delivered = cascade.overall, f"power_{cascade.names[-1]}"
-    best = best_load(runs)
+    best = rank_loads(runs).best
     if best is not None:
         sure = f"best with a probability of {percent(best.likely) if best.likely < 0.995 else '>99'} %"
         there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
@@ -246,14 +214,15 @@ def _tiles(runs: Sequence[LogSummary]) -> tuple[content.Tile, ...]:
     for _, run in sorted(powered, key=lambda pair: -(pair[0] or 0.0))[:1]:
         unknown = run.interval_95.get(field_of(delivered)) is None
         text = "uncertainty unknown" if unknown else f"95 %: {_interval(delivered, run)} W"
-        tiles.append(content.Tile(SYMBOL[delivered], f"largest, at {_name(run)}", f"{_mean(delivered, run)} W", text))
+        there = f"largest, at {_name(run)}{'' if run.plateau_speed_mps is None else f' and {run.plateau_speed_mps:.2f} m/s'}"
+        tiles.append(content.Tile(SYMBOL[delivered], there, f"{_mean(delivered, run)} W", text))
     return tuple(tiles)
 
 
 def _points(
     runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Sequence[LogSummary]
 ) -> list[content.Point]:
-    eta, mixed, best = cascade_of(runs).overall, mixed_windows(runs), best_load(loaded)
+    eta, mixed, ranking = cascade_of(runs).overall, mixed_windows(runs), rank_loads(loaded)
     total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
     found = [run for run in runs if run.findings]
     kinds = ", ".join(sorted({kind.replace("_", " ") for run in found for kind in run.findings}))
@@ -266,7 +235,7 @@ def _points(
             f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete.",
             "warn" if failed or whole < total else "plain",
         ),
-        *([] if best is None else [content.Point("Best load", _best_words(best, eta))]),
+        *_best_point(ranking, loaded, eta),
         *([content.Point("Findings", f"In {len(found)} of {len(runs)} logs: {kinds}.", "warn")] if found else []),
         *([content.Point("Findings", "No fault found in any log.", "good")] if runs and not found else []),
         *(
@@ -276,6 +245,14 @@ def _points(
             for maximum, run in sorted(worst, key=lambda pair: -pair[0])[:1]
         ),
     ]
+
+
+def _best_point(ranking: LoadRanking, loaded: Sequence[LogSummary], eta: str) -> list[content.Point]:
+    """The best load, or why none is claimed; nothing without two loads."""
+    if ranking.best is not None:
+        return [content.Point("Best load", _best_words(ranking.best, eta))]
+    loads = {run.load_ohm for run in loaded if run.load_ohm is not None}
+    return [content.Point("Best load", f"None is claimed: {ranking.reason}.", "warn")] if len(loads) > 1 else []
 
 
 def _best_words(best: Best, eta: str) -> str:
@@ -305,9 +282,15 @@ def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: s
 # ---------------------------------------------------------------------------------------------------------- the tables
 _LOG: TableColumn[LogSummary] = TableColumn("Log", text=True, of=lambda run: run.name)
 _LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=run_load_text)
+_SPEED: TableColumn[LogSummary] = TableColumn("Plateau", "m/s", 3, of=lambda run: run.plateau_speed_mps)
 _WINDOW: TableColumn[LogSummary] = TableColumn("Window", "s", of=window_text)
 _CYCLES: TableColumn[LogSummary] = TableColumn("Cycles", of=lambda run: run.complete)
 _LISTED_RUNS = content.Limit(MAX_RUNS, "more, in the dataset")
+
+
+def _of_log(runs: Sequence[LogSummary]) -> list[TableColumn[LogSummary]]:
+    """Columns with which each table over loads begins: log, load and, where it is known, the speed of its plateau."""
+    return [_LOG, _LOAD, *([_SPEED] if has_speeds(runs) else [])]
 
 
 def _linked(table: content.Table | None, runs: Sequence[LogSummary]) -> content.Table | None:
@@ -338,7 +321,7 @@ def energies_table(runs: Sequence[LogSummary]) -> content.Table | None:
     return content.ItemTable(
         "energies",
         "Mean energies over the integration window and mean powers in it, ± standard uncertainty.",
-        [_LOG, _LOAD, _WINDOW, _CYCLES, *map(_metric_column, given)],
+        [*_of_log(runs), _WINDOW, _CYCLES, *map(_metric_column, given)],
         metrics_note(cascade, given).strip(),
         _LISTED_RUNS,
     ).of(runs)
@@ -359,7 +342,7 @@ def logs_efficiencies_table(runs: Sequence[LogSummary]) -> content.Table | None:
     return content.ItemTable[LogSummary](
         "efficiencies",
         "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals.",
-        [_LOG, _LOAD, _WINDOW, *(column for pair in pairs for column in pair)],
+        [*_of_log(runs), _WINDOW, *(column for pair in pairs for column in pair)],
         f"{metrics_note(cascade, given)}Errors of the sensors are common to all runs with the same sensors, so differences "
         f"between loads are better known than each value. {INTERVALS}",
         _LISTED_RUNS,
@@ -374,7 +357,7 @@ def logs_net_table(runs: Sequence[LogSummary]) -> content.Table | None:
         "net",
         "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset, ± standard uncertainty.",
-        [_LOG, _LOAD, *map(_metric_column, given)],
+        [*_of_log(runs), *map(_metric_column, given)],
         f"These energies do not depend on the integration window. {ratio}"
         "The report of each log states why it has none; in open circuit they are not evaluated.",
         _LISTED_RUNS,
@@ -390,8 +373,7 @@ def logs_repeatability_table(runs: Sequence[LogSummary]) -> content.Table | None
         "repeatability",
         "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean.",
         [
-            _LOG,
-            _LOAD,
+            *_of_log(several),
             _CYCLES,
             *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, field_of(m))) for m in given),
         ],
@@ -408,21 +390,22 @@ def _findings(run: LogSummary) -> str:
     return f"{run.finding_count}: {kinds}" if kinds else "none"
 
 
-_LOGS = content.ItemTable[LogSummary](
-    "logs",
-    "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings.",
-    [
-        _LOG,
-        _LOAD,
-        _WINDOW,
-        TableColumn("Data", text=True, of=lambda run: KINDS[run.origin.measured]),
-        TableColumn("Complete cycles", of=lambda run: f"{run.complete} of {run.cycles}"),
-        TableColumn("Data lost", "%", of=lambda run: percent(run.removed_share, 2)),
-        TableColumn("Findings", text=True, of=_findings),
-    ],
-    limit=_LISTED_RUNS,
-)
-"""Every log: its cycles, and what was found wrong with it."""
+def logs_table(runs: Sequence[LogSummary]) -> content.Table | None:
+    """Every log: its cycles, and what was found wrong with it; None without logs."""
+    return content.ItemTable[LogSummary](
+        "logs",
+        "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings.",
+        [
+            *_of_log(runs),
+            _WINDOW,
+            TableColumn("Data", text=True, of=lambda run: KINDS[run.origin.measured]),
+            TableColumn("Complete cycles", of=lambda run: f"{run.complete} of {run.cycles}"),
+            TableColumn("Data lost", "%", of=lambda run: percent(run.removed_share, 2)),
+            TableColumn("Findings", text=True, of=_findings),
+        ],
+        limit=_LISTED_RUNS,
+    ).of(runs)
+
 
 _BETWEEN = content.ItemTable[tuple[str, FindingRecord]](
     "between",

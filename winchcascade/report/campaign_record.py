@@ -13,12 +13,11 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
-from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, origin_record
+from winchcascade.core.campaign_file import Origin, origin_from
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage, field_of
 from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.run import Units
-from winchcascade.core.version import __version__
 from winchcascade.reduction.run_record import CampaignWavesRecord, FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.content import Note, Report
 from winchcascade.report.digits import stated, uncertain
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
 else:
     pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
-CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
-
 LISTED_RUNS = Limit(20, "more, in the dataset")
 """Logs that are listed; of more the first and the last half of that."""
 
@@ -46,7 +43,10 @@ MAX_ALTERED = 5
 
 
 class LogSummary(msgspec.Struct, frozen=True):
-    """One log of a campaign: where its result is, and its means; `findings` are kinds, `finding_count` counts them all."""
+    """One log of a campaign: where its result is, and its means; `findings` are kinds, `finding_count` counts them all.
+
+    `plateau_speed_mps` is the mean over its complete cycles, null where a cycle has no plateau [m/s].
+    """
 
     name: str
     log: str
@@ -55,6 +55,7 @@ class LogSummary(msgspec.Struct, frozen=True):
     table: str | None
     load_ohm: float | None
     open_circuit: bool
+    plateau_speed_mps: float | None
     simulated: bool | None
     data: dict[str, bool | str | None]
     window: str | float
@@ -128,6 +129,7 @@ def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
         table=record.log.table,
         load_ohm=record.log.load_ohm,
         open_circuit=record.log.open_circuit,
+        plateau_speed_mps=record.plateau_speed,
         simulated=record.log.simulated,
         data=record.data,
         window=record.window,
@@ -150,22 +152,6 @@ def cascade_of(runs: Iterable[LogSummary]) -> Cascade:
     orders = [run.stages for run in runs if run.stages is not UNSET]
     names = dict.fromkeys(name for order in orders for name in order)
     return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in names), configured=True) if names else PAPER
-
-
-def campaign_json(campaign: CampaignRecord) -> dict[str, object]:
-    """The record as it is written, schema `winchcascade/campaign/1`."""
-    rules = {rule: len(found) for rule, found in window_rules(campaign.reduced).items()}
-    return {
-        "schema": CAMPAIGN_SCHEMA,
-        "version": __version__,
-        "title": campaign.title,
-        "data": origin_record(joint_origin([run.origin for run in campaign.reduced])),
-        "windows": {"rules": rules, "mixed": len(rules) > 1},
-        "state": campaign.state,
-        "runs": campaign.runs,
-        **({} if campaign.waves is UNSET else {"waves": campaign.waves}),
-        "between_logs": [{"run": name, **msgspec.structs.asdict(finding)} for name, finding in campaign.between],
-    }
 
 
 class _FindingOf(FindingRecord, frozen=True, kw_only=True):
@@ -220,6 +206,32 @@ def window_rules(runs: Sequence[LogSummary]) -> dict[str, list[LogSummary]]:
     return {rule: [run for run in runs if rule_of(run) == rule] for rule in dict.fromkeys(map(rule_of, runs))}
 
 
+def has_speeds(runs: Sequence[LogSummary]) -> bool:
+    """Whether the plateau speed of any log is known."""
+    return any(run.plateau_speed_mps is not None for run in runs)
+
+
+SPEED_ALIKE = 0.05
+"""Largest share by which plateau speeds of loads that are compared may differ: efficiencies depend on the speed, too. [1]"""
+
+
+def unlike_motion(runs: Sequence[LogSummary]) -> tuple[LogSummary, LogSummary] | None:
+    """The slowest and the fastest log with a load, if their plateau speeds differ by more than `SPEED_ALIKE`."""
+    known = [(run.plateau_speed_mps, k) for k, run in enumerate(runs) if run.load_ohm and not run.open_circuit]
+    ends = sorted((speed, k) for speed, k in known if speed is not None)
+    if not ends or ends[-1][0] <= (1.0 + SPEED_ALIKE) * ends[0][0]:
+        return None
+    return runs[ends[0][1]], runs[ends[-1][1]]
+
+
+def motion_words(slow: LogSummary, fast: LogSummary, ohm: str) -> str:
+    """Plateau speeds of the slowest and the fastest of some logs, with the unit of their loads, and what follows from them."""
+    ends = (f"{run.plateau_speed_mps:.2f} m/s at {run_load_text(run)} {ohm}" for run in (slow, fast))
+    return (
+        f"plateau speeds differ, {' to '.join(ends)}; loads are compared at one motion, within {100 * SPEED_ALIKE:g} %"
+    )
+
+
 def mixed_windows(runs: Sequence[LogSummary]) -> str:
     """Report that logs have windows of several rules; empty if they have one."""
     rules = sorted(window_rules(runs).items(), key=lambda item: -len(item[1]))
@@ -240,7 +252,7 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
     altered : files of an earlier call that did not match their digest
     """
     runs = runs_by_load(campaign.reduced)
-    mixed = mixed_windows(runs)
+    mixed, unlike = mixed_windows(runs), unlike_motion(runs)
     earlier = f", {kept} of them by an earlier call" if kept else ""
     lines = [
         *wrapped(f"{campaign.title}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}", piped=None),
@@ -248,6 +260,7 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
         "",
         *([*_table(runs), *_marked(runs), *_between(campaign), ""] if runs else []),
         *([*headed(wrapped(f"note: windows of {mixed}"), "note", "warning"), ""] if mixed else []),
+        *([*headed(wrapped(f"note: {motion_words(*unlike, 'ohm')}."), "note", "warning"), ""] if unlike else []),
     ]
     if campaign.waves is not UNSET:
         from winchcascade.report.render.terminal import terminal_text
@@ -304,7 +317,14 @@ def _table(runs: Sequence[LogSummary]) -> list[str]:
         TableColumn(m.replace("energy", "E"), "J" if m.startswith("energy") else "", of=partial(_mean, m))
         for m in (*cascade.energies, *cascade.ratios)
     ]
-    columns = [*_LOG, *metrics, TableColumn("±", of=partial(_uncertainty, cascade)), *_FINDINGS]
+    columns = [
+        *_LOG[:2],
+        *([_SPEED] if has_speeds(runs) else []),
+        *_LOG[2:],
+        *metrics,
+        TableColumn("±", of=partial(_uncertainty, cascade)),
+        *_FINDINGS,
+    ]
     return listing(
         columns if any(run.findings for run in runs) else columns[:-1],
         runs,
@@ -337,6 +357,9 @@ _LOG: tuple[TableColumn[LogSummary], ...] = (
     TableColumn(
         "cycles", of=lambda run: f"{run.complete}" + ("" if run.complete == run.cycles else f" of {run.cycles}")
     ),
+)
+_SPEED: TableColumn[LogSummary] = TableColumn(
+    "plateau", "m/s", of=lambda run: stated(run.plateau_speed_mps, None, 3).replace("–", "-")
 )
 _FINDINGS: tuple[TableColumn[LogSummary], ...] = (
     TableColumn("findings", of=lambda run: toned(f"! {run.finding_count}", "warning") if run.findings else "-"),

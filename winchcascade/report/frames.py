@@ -28,6 +28,7 @@ from winchcascade.reduction.run_record import (
     REDUCTION_SCHEMA,
     BinRecord,
     CycleRecord,
+    FindingRecord,
     HoldRecord,
     PhasesRecord,
     RunRecord,
@@ -85,7 +86,7 @@ def reduction_rows(reduction: Reduction) -> dict[str, list[Row]]:
     return {
         "cycles": [begin | _flat_cycle(cycle_record(c, Metrics(), cascade)) for c in reduction.cycles],
         "bins": [begin | _flat_bin(bin_record(b, cascade)) for b in reduction.bins],
-        "findings": [begin | asdict(finding_record(f, run.samples)) for f in reduction.quality],
+        "findings": [begin | _flat_finding(finding_record(f, run.samples)) for f in reduction.quality],
     }
 
 
@@ -161,13 +162,14 @@ def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
         "runs": [begin | _flat_run(record)],
         "cycles": [begin | _flat_cycle(c) for c in record.cycles],
         "bins": [begin | _flat_bin(b) for b in record.bins],
-        "findings": [begin | asdict(f) for f in record.quality],
+        "findings": [begin | _flat_finding(f) for f in record.quality],
     }
 
 
 def _flat_run(record: RunRecord) -> Row:
     """A log in one row: means with their uncertainties, 95 % intervals and largest deviations."""
     row: Row = {
+        "plateau_speed_mps": record.plateau_speed,
         "sha256": record.log.sha256,
         "rig": record.rig_name,
         "window": record.window if isinstance(record.window, str) else f"{record.window:g}",
@@ -204,6 +206,13 @@ def _flat_cycle(record: CycleRecord) -> Row:
     return row
 
 
+def _flat_finding(record: FindingRecord) -> Row:
+    """A finding in one row."""
+    own: Row = asdict(record)
+    repaired = record.repaired
+    return own | ({} if repaired is None else {"repair": repaired.what, "repair_applied": repaired.applied})
+
+
 def _flat_bin(record: BinRecord) -> Row:
     """A bin in one row."""
     own = asdict(record)
@@ -228,7 +237,7 @@ def _floats(record: type[msgspec.Struct], prefix: str = "") -> dict[str, type]:
 
 _COLUMNS: dict[str, dict[str, type]] = {
     "runs": {
-        **{"sha256": str, "rig": str, "window": str, "measured": bool, "origin": str},
+        **{"plateau_speed_mps": float, "sha256": str, "rig": str, "window": str, "measured": bool, "origin": str},
         **dict.fromkeys(("samples", "cycles", "complete", "findings"), int),
         **{f"{field}{end}": float for field in FIELDS.values() for end in RUN_ENDS},
     },
@@ -247,7 +256,7 @@ _COLUMNS: dict[str, dict[str, type]] = {
     "bins": {**{k: float for k in _floats(BinRecord) if k != "stages"}, "count": int},
     "findings": {
         **{"kind": str, "channel": str, "start_s": float, "end_s": float, "count": int, "action": str, "message": str},
-        "removed_share": float,
+        **{"removed_share": float, "repair": str, "repair_applied": bool},
     },
 }
 """Names and types of the columns of each table, in order."""
@@ -280,7 +289,8 @@ _CAUSES: dict[str, type] = {
     **{"unit": str, "at_limit": str, "beyond_range": bool, "alternatives": str},
 }
 _CONTRIBUTIONS: dict[str, type] = {
-    **{"run": str, "load_ohm": float, "metric": str, "as_given": float, "measured": float, "effect": str, "kind": str},
+    **{"run": str, "load_ohm": float, "plateau_speed_mps": float, "metric": str, "as_given": float, "measured": float},
+    **{"effect": str, "kind": str},
     **_PARAMETER,
     "unit": str,
 }

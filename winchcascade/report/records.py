@@ -18,6 +18,7 @@ from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty, uncertainty
 from winchcascade.reduction.run_record import (
+    MAX_SPANS,
     REDUCTION_SCHEMA,
     BinRecord,
     BudgetRecord,
@@ -28,6 +29,7 @@ from winchcascade.reduction.run_record import (
     LogRecord,
     PhasesRecord,
     PhaseSummaryRecord,
+    RepairRecord,
     RigRecord,
     RunRecord,
     StagesRecord,
@@ -80,13 +82,14 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             open_circuit=run.open_circuit,
             simulated=True if run.simulated else None,
             about=run.about or None,
+            repairs=run.repairs,
         ),
         rig=RigRecord(reduction.rig.name, reduction.rig.assumed, reduction.rig.r_drum),
         window=reduction.window,
         quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
         cycles=tuple(
-            cycle_record(c, u, reduction.rig.cascade)
-            for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)
+            cycle_record(c, u, reduction.rig.cascade, limits)
+            for c, u, limits in zip(reduction.cycles, known.cycles, known.cycles_by_limits, strict=True)
         ),
         mean=reduction.mean.fields(),
         max_deviation_percent=reduction.max_deviation_percent.fields(),
@@ -97,6 +100,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             draws=found.draws,
             stated={field_of(name): found.method.get(name) for name in names},
             sensors=known.sensors.fields(names),
+            sensors_by_limits=known.by_limits.fields(names) if known.by_limits else {},
             repeatability=known.repeatability.fields(names),
             monte_carlo=found.drawn.fields(names),
             interval_95_sensors=_intervals(found.interval_95_sensors, names),
@@ -168,6 +172,10 @@ def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], 
 
 def finding_record(finding: Finding, samples: int) -> FindingRecord:
     """One finding of a log with a given number of samples."""
+    repair, repaired = finding.repaired, None
+    if repair is not None:
+        spans = repair.spans[:MAX_SPANS]
+        repaired = RepairRecord(repair.what, repair.applied, repair.samples, len(repair.spans), spans)
     return FindingRecord(
         kind=finding.kind,
         channel=finding.channel,
@@ -177,12 +185,16 @@ def finding_record(finding: Finding, samples: int) -> FindingRecord:
         action=finding.action,
         message=finding.message,
         removed_share=finding.lost_share(samples),
+        repaired=repaired,
     )
 
 
-def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cascade = PAPER) -> CycleRecord:
-    """One cycle with the standard uncertainties of its metrics."""
+def cycle_record(
+    cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cascade = PAPER, by_limits: Metrics | None = None
+) -> CycleRecord:
+    """One cycle with the standard uncertainties of its metrics, and those by replaced accuracies of its sensors."""
     phases, window, summary = cycle.phases, cycle.window, cycle.summary
+    names = tuple(dict.fromkeys((*ALL_METRICS, *cascade.metrics)))
     hold = None
     if summary.hold is not None:
         pressure = None if summary.hold.pressure is None else summary.hold.pressure / _KGCM2
@@ -195,8 +207,8 @@ def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cas
         window=WindowRecord(window.onset, window.cutoff, round(window.cutoff - window.onset, 9)),
         net_span=cycle.net,
         **cycle.metrics.fields(),
-        standard_uncertainty=standard_uncertainty.fields()
-        | (standard_uncertainty.fields(cascade.metrics) if cascade.configured else {}),
+        standard_uncertainty=standard_uncertainty.fields(names),
+        sensors_by_limits=by_limits.fields(names) if by_limits else {},
         stages=cycle.metrics.fields(cascade.metrics) if cascade.configured else UNSET,
     )
 

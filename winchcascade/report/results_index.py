@@ -11,6 +11,7 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.report import sheet as content
 from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
 from winchcascade.report.content import Link
+from winchcascade.report.digits import number
 from winchcascade.report.sheet import number_column, text_column
 
 INDEX = "index.html"
@@ -87,10 +88,14 @@ def _files(names: Sequence[str]) -> content.Section:
 
 def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> content.Section:
     kinds = ", ".join(ending.upper() for ending in endings)
-    rows = [(run.name, run_load_text(run), f"{run.complete} of {run.cycles}", kinds) for run in runs]
+    rows = [
+        (run.name, run_load_text(run), number(run.plateau_speed_mps, 3), f"{run.complete} of {run.cycles}", kinds)
+        for run in runs
+    ]
     columns = (
         text_column("Log"),
         number_column("Load", "Ω"),
+        number_column("Plateau", "m/s"),
         number_column("Complete cycles"),
         text_column("Files"),
     )

@@ -187,11 +187,6 @@ def joined(lines: Iterable[str]) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def paragraphs(texts: Iterable[str], indent: str = "") -> list[str]:
-    """Sentences, each in lines that fit into the terminal."""
-    return [line for text in texts for line in wrapped(text, indent)]
-
-
 def indented(text: str) -> list[str]:
     """A sentence in lines two columns in."""
     return wrapped(text, indent="  ")

@@ -15,7 +15,7 @@ from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
 from winchcascade.report.digits import RAISED
-from winchcascade.report.sheet import SUBSCRIPTS, ItemTable, Section, picture, section
+from winchcascade.report.sheet import ItemTable, Section, picture, section
 from winchcascade.report.sheet import TableColumn as Column
 
 if TYPE_CHECKING:
@@ -93,12 +93,6 @@ def metrics_note(cascade: Cascade, given: Sequence[str]) -> str:
     ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in cascade.ratios.items() if m in given]
     subscripts = f"Subscripts: {'; '.join(stages)}" if stages else ""
     return "".join(f"{text}. " for text in (subscripts, ", ".join(ratios)) if text)
-
-
-def subscripts_of(cascade: Cascade) -> tuple[str, ...]:
-    """Subscripts of the symbols of a cascade, longer ones first."""
-    own = {SYMBOL[m].partition("_")[2] for m in cascade.all_metrics}
-    return (*sorted(own - {*SUBSCRIPTS}, key=len, reverse=True), *SUBSCRIPTS)
 
 
 def tex(metric: str) -> str:

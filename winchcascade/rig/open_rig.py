@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from winchcascade.core.arguments import PATH, check_arguments
+from winchcascade.core.arguments import RIG_NAME, check_arguments
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import read_rig
 
@@ -17,7 +17,7 @@ def load_rig(rig: str | Path) -> Rig:
     OptionError : this is no path and no name
     RigError : an entry of the file is wrong, or an effect that it states is not one of the catalogue; names which
     """
-    check_arguments("load_rig", ("rig", rig, PATH))
+    check_arguments("load_rig", ("rig", rig, RIG_NAME))
     found = read_rig(rig)
     if found.effects:  # the catalogue takes longer to import than a plain rig file to read
         from winchcascade.rig.baseline import stated_effects

@@ -2,8 +2,9 @@
 
 A cell allows ``|measured - printed| <= rounding + deviation + uncertainty``: half a unit of its last printed decimal, the
 largest deviation of the measured cycles from their mean, and twice the standard uncertainty that the sensors leave of the
-mean. The scatter of the cycles counts once, in the deviation. Where the table prints the largest deviation of its cycles, the
-measured one counts up to that: a damaged log must not widen its own tolerance.
+mean. Of sensors that are calibrated in place, a reader of the table knows only the limits of the makers: for the side of the
+table these count too, in squares. The scatter of the cycles counts once, in the deviation. Where the table prints the largest
+deviation of its cycles, the measured one counts up to that: a damaged log must not widen its own tolerance.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ COVERAGE = 2.0
 _DUST = 1e-12
 """Share of the printed value that the arithmetic itself may miss."""
 
+Counted = Literal["none", "budget", "budget_and_limits"]
+"""What a tolerance counts of the sensors: nothing, the budget of the log, or with it the limits of the makers."""
+
 Outcome = Literal["ok", "miss", "not_measured", "no_run"]
 
 
@@ -39,8 +43,9 @@ class Measured(msgspec.Struct, frozen=True):
 
     `at` and `log` are of a check of operating points: what the result is at besides its metrics, and the file. `load` is
     in ohms, inf for an open circuit, None where it is not known; `deviation` is the largest one of a cycle from the mean
-    [%], `uncertainty` the standard uncertainty that the sensors leave of the mean, without the scatter of the cycles.
-    `findings` are the sentences on what is wrong with the log.
+    [%], `uncertainty` the standard uncertainty that the sensors leave of the mean, without the scatter of the cycles;
+    `limits` is what the limits of the sensors that are calibrated in place would leave of it, empty where results do not
+    state it. `findings` are the sentences on what is wrong with the log.
     """
 
     name: str
@@ -48,6 +53,7 @@ class Measured(msgspec.Struct, frozen=True):
     mean: Mapping[str, float | None]
     deviation: Mapping[str, float | None]
     uncertainty: Mapping[str, float | None]
+    limits: Mapping[str, float | None] = msgspec.field(default_factory=dict)
     findings: tuple[str, ...] = ()
     origin: Origin = Origin()
     at: Mapping[str, float | None] = msgspec.field(default_factory=dict)
@@ -96,7 +102,8 @@ class CellCheck(msgspec.Struct, frozen=True):
     """One cell of the table beside its measured value, all in the unit of its column.
 
     `log` names the run, None where there is none; `line` is that of the cell in the table's file. `means` is what the table
-    allows a mean of products to differ from the product of means.
+    allows a mean of products to differ from the product of means. `limits` is the part of `uncertainty`, in squares, that
+    the limits of the sensors make.
     """
 
     row: RowKey
@@ -108,6 +115,7 @@ class CellCheck(msgspec.Struct, frozen=True):
     rounding: float = 0.0
     deviation: float = 0.0
     uncertainty: float = 0.0
+    limits: float = 0.0
     means: float = 0.0
     line: int | None = None
 
@@ -120,6 +128,11 @@ class CellCheck(msgspec.Struct, frozen=True):
     def tolerance(self) -> float:
         """What the measured value may differ by."""
         return self.rounding + self.deviation + self.uncertainty + self.means
+
+    @property
+    def basis(self) -> Counted:
+        """What the tolerance counts of the sensors."""
+        return "budget_and_limits" if self.limits else "budget" if self.uncertainty else "none"
 
     @property
     def difference(self) -> float | None:
@@ -191,6 +204,7 @@ def measured_from_record(record: RunRecord, where: str) -> Measured:
         mean=metrics(record.mean),
         deviation=metrics(record.max_deviation_percent),
         uncertainty=metrics(record.uncertainty.sensors),
+        limits=metrics(record.uncertainty.sensors_by_limits),
         findings=tuple(f"{finding.kind}: {finding.message}" for finding in record.quality),
         origin=origin_from(record.data),
     )
@@ -265,15 +279,20 @@ def _cell(table: PublishedTable, row: TableRow, metric: str, run: Measured | Non
     if run is None or mean is None:
         return bare
     claimed, deviation = _claimed(table, metric), run.deviation.get(metric) or 0.0
-    u = run.uncertainty.get(metric) or 0.0
     share = 1.0 if claimed is None or deviation <= claimed[0] else claimed[0] / deviation  # up to what the table prints
     return msgspec.structs.replace(
         bare,
         measured=mean / column.factor,
         rounding=factors.rounding * column.rounding,
         deviation=factors.deviation * share * deviation / 100.0 * abs(mean) / column.factor,
-        uncertainty=factors.uncertainty * COVERAGE * u / column.factor,
+        **by_sensors(run, metric, factors.uncertainty / column.factor),
     )
+
+
+def by_sensors(run: Measured, metric: str, factor: float) -> dict[str, float]:
+    """The part of a tolerance that the sensors make, of both sides, and the part of this by their limits, times a factor."""
+    own, limits = (factor * COVERAGE * (part.get(metric) or 0.0) for part in (run.uncertainty, run.limits))
+    return {"uncertainty": math.hypot(own, limits), "limits": limits}
 
 
 def _claimed(table: PublishedTable, metric: str) -> tuple[float, str] | None:

@@ -18,13 +18,13 @@ from winchcascade.core.published_table import PrintedColumn, TableError, same_lo
 from winchcascade.core.quantity import si_unit
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
 from winchcascade.tables.check import (
-    COVERAGE,
     CellCheck,
     Check,
     CheckError,
     Factors,
     Measured,
     RowKey,
+    by_sensors,
     measured_from_record,
 )
 from winchcascade.tables.point_table import AT, PointCell, PointColumn, PointTable
@@ -107,6 +107,7 @@ def _of_cycle(log: Measured, cycle: CycleRecord) -> Measured:
         mean=_metrics(cycle.numbers),
         deviation={},
         uncertainty=_metrics(cycle.standard_uncertainty),
+        limits=_metrics(cycle.sensors_by_limits),
         at={**_at([cycle]), "cycle": float(cycle.cycle), "load": log.load},
     )
 
@@ -115,12 +116,13 @@ def _of_log(log: Measured, record: RunRecord, cycles: Sequence[CycleRecord], *, 
     """The mean of the cycles of a log that repeat; of others sums and the ratios of these, of unknown uncertainty."""
     at = {**_at(cycles), "load": log.load, "cycle": 1.0 if len(cycles) == 1 else None}
     if not mean:
-        return replace(log, mean=_metrics(record.numbers("total")), deviation={}, uncertainty={}, at=at)
+        return replace(log, mean=_metrics(record.numbers("total")), deviation={}, uncertainty={}, limits={}, at=at)
     return replace(
         log,
         mean=_metrics(record.numbers("mean")),
         deviation=_metrics(record.numbers("max_deviation_percent")),
         uncertainty=_metrics(record.uncertainty.sensors),
+        limits=_metrics(record.uncertainty.sensors_by_limits),
         at=at,
     )
 
@@ -318,13 +320,13 @@ def _cell(table: PointTable, k: int, name: str, result: Measured | None, factors
     value = None if result is None else _value(result, column.measured)
     if result is None or value is None:
         return bare
-    deviation, u = (part.get(column.measured) or 0.0 for part in (result.deviation, result.uncertainty))
+    deviation = result.deviation.get(column.measured) or 0.0
     return replace(
         bare,
         measured=value / column.factor,
         rounding=factors.rounding * cell.rounding,
         deviation=factors.deviation * deviation / 100.0 * abs(value) / column.factor,
-        uncertainty=factors.uncertainty * COVERAGE * u / column.factor,
+        **by_sensors(result, column.measured, factors.uncertainty / column.factor),
         means=factors.means * table.tolerance * abs(cell.value),
     )
 

@@ -24,7 +24,7 @@ from winchcascade.core.integrate import (
     smallest_step,
 )
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Finding, Mask, Signal
+from winchcascade.core.run import Finding, Mask, Repair, Signal
 
 BLOCK = 1.0
 """Minimum duration of a block: noise of the sensors averages out, and a lag between the channels matters little. [s]"""
@@ -82,6 +82,9 @@ CLEAR = 1.2
 
 IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.03, "speed": 0.5}
 """What a channel of the other sign must exceed to be called flipped: well above zeros and noise. [N, N m, W, V, A, rad/s]"""
+
+SIGN_CORRECTED = "sign corrected"
+"""Action on a channel that is logged with the opposite sign."""
 
 VACUUM = -1.05e5
 """No gauge pressure lies below it. [Pa]"""
@@ -286,7 +289,13 @@ def correct_signs(channels: dict[str, Signal]) -> list[Finding]:
             flipped[name] = "it is negative while the line pays out"
     channels |= {name: -channels[name] for name in flipped}
     return [
-        Finding("sign_flipped", f"{name} has the opposite sign: {why}", "sign corrected", name)
+        Finding(
+            "sign_flipped",
+            f"{name} has the opposite sign: {why}",
+            SIGN_CORRECTED,
+            name,
+            repair=Repair(SIGN_CORRECTED, channels[name].size),
+        )
         for name, why in flipped.items()
     ]
 

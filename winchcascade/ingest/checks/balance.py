@@ -15,8 +15,8 @@ import numpy as np
 
 from winchcascade.core.integrate import median
 from winchcascade.core.run import Mask, Signal
-from winchcascade.ingest.checks.glitches import MIN_SHARE, STILL
-from winchcascade.ingest.checks.spikes import UPDATES, usual_without
+from winchcascade.ingest.checks.glitches import MIN_SHARE
+from winchcascade.ingest.checks.spikes import STILL, UPDATES, usual_without
 from winchcascade.ingest.checks.stuck import IDLE
 
 HOLDS = 0.5

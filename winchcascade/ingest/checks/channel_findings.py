@@ -6,10 +6,10 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.channels import Channel
-from winchcascade.core.integrate import ends_of
+from winchcascade.core.integrate import ends_of, stretches_of
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.rig_file import Sensor
-from winchcascade.core.run import Finding, FindingKind, Index, Mask, Signal
+from winchcascade.core.run import Finding, FindingKind, Index, Mask, Repair, Signal
 from winchcascade.ingest.checks.stuck import repeats_of
 
 MAY_HOLD = ("velocity", "speed")
@@ -21,6 +21,9 @@ MIN_SATURATED = 20
 MOSTLY = 0.5
 """Share of the samples at the largest value that hold it as the sample before does: saturation comes in stretches. [1]"""
 
+REPAIRED_IN_PART = "but for"
+"""Words in the action on samples of which another finding repairs some."""
+
 RARELY = 0.3
 """Chance that a sample repeats the one before, from which a channel is too coarse or too smooth to show saturation. [1]"""
 
@@ -28,11 +31,13 @@ RARELY = 0.3
 def at(t: Signal, bad: Mask, kind: FindingKind, channel: str, what: str, *, removed: bool = False) -> Finding:
     """A finding about the samples of one channel where `bad` is set."""
     index = np.flatnonzero(bad)
-    action = "bridged by straight lines" if removed else "reported and kept"
     start, end = t[index[[0, -1]]].tolist()
-    return Finding(
-        kind, f"{index.size} {channel} {what}", action, channel, start, end, index.size, index.size if removed else 0
-    )
+    found = Finding(kind, f"{index.size} {channel} {what}", "reported and kept", channel, start, end, index.size)
+    if not removed:
+        return found
+    spans = tuple((begin, last) for begin, last in t[stretches_of(bad) - (0, 1)].tolist())
+    repair = Repair("bridged by straight lines", index.size, spans)
+    return msgspec.structs.replace(found, action=repair.what, removed=index.size, repair=repair)
 
 
 def text_of(channel: Channel, value: float, digits: int = 5) -> str:
@@ -83,7 +88,7 @@ def out_of_range(
         f"{text_of(channel, limit)}"
     )
     found = at(t, (x < low) | (x > high), "out_of_range", channel.name, what)
-    action = f"reported and kept, but for {spikes} bridged as spikes" if spikes else found.action
+    action = f"reported and kept, {REPAIRED_IN_PART} {spikes} bridged as spikes" if spikes else found.action
     return [msgspec.structs.replace(found, action=action)]
 
 

@@ -18,8 +18,9 @@ import numpy as np
 from winchcascade.core.integrate import median, smallest_step
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.ingest.checks.balance import HOLDS, beside, breaks_balance, powers_of, whole
-from winchcascade.ingest.checks.glitches import BEYOND, FAR, LONGEST, MIN_SHARE, NOISE, STILL, TEARS, travelled
-from winchcascade.ingest.checks.spikes import SHOWN, UPDATES, Bends, Usual, usual_without
+from winchcascade.ingest.checks.glitches import BEYOND, LONGEST, MIN_SHARE, NOISE, TEARS, travelled
+from winchcascade.ingest.checks.spikes import FAR, SHOWN, STILL, UPDATES, Bends, Usual, usual_without
+from winchcascade.ingest.checks.witnesses import Witnesses
 
 ALONE = 0.1
 """The same where the velocity is the only other channel: with a light load, a small loss of speed opens the clutch."""
@@ -102,16 +103,19 @@ def find_dropouts(
         return {}
     for name in channels:
         level.setdefault(name, usual_without(bends[name].x, np.empty(0)))
+    shown = Witnesses(channels, level)
     sure = {
         (d.before, d.after)
         for name, stretches in suspects.items()
         for d in stretches
-        if d.far or _cannot_be(t, name, d, channels)
+        if d.far or _cannot_be(t, name, d, shown)
     }
     by_line = _has_line(channels)
     powers = [] if by_line else powers_of(channels, stages)
 
     def is_fault(name: str, d: Dropout) -> bool:
+        if shown.show(name, d.before, d.after):
+            return False
         if len(powers) > 1:
             return breaks_balance(t, name, d.before, d.after, powers)
         witnesses = WITNESSES if by_line else WITNESSES_OF_ONE_STAGE
@@ -254,11 +258,12 @@ def _uneven(t: Signal, samples: Bends, at: Index) -> list[Dropout]:
     return found
 
 
-def _cannot_be(t: Signal, name: str, d: Dropout, channels: Mapping[str, Signal]) -> bool:
+def _cannot_be(t: Signal, name: str, d: Dropout, witnesses: Witnesses) -> bool:
     """Whether a channel that only motion can change jumps where there is no such motion."""
-    usual = BEYOND * d.usual
+    usual, channels = BEYOND * d.usual, witnesses.channels
     if name == "pressure":  # that of a flow changes with a valve
-        return "flow" not in channels and _has_line(channels) and d.jump > usual > 0.0
+        jumps = "flow" not in channels and _has_line(channels) and d.jump > usual > 0.0
+        return jumps and not witnesses.show(name, d.before, d.after)
     if name == "displacement":
         return d.jump > max(usual, TEARS * _fastest(t, d, channels))
     if name != "velocity" or "displacement" not in channels or d.before < 0 or d.after >= t.size or d.jump < usual:

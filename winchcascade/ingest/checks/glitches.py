@@ -14,6 +14,7 @@ import numpy as np
 from winchcascade.core.integrate import quantile
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.ingest.checks.spikes import AROUND, Bends
+from winchcascade.ingest.checks.witnesses import Witnesses
 
 LONGEST = 0.2
 """A glitch lasts no longer: five samples at 25 Hz. Stops of the crane and saturated sensors do. [s]"""
@@ -43,12 +44,6 @@ half sine that spans four intervals, the middle three samples are 0.71 of each o
 RESOLVED = 3
 """Where fewer samples fit into the longest glitch, as below 15 Hz, a load could come and go within two alike: a glitch then
 repeats one value exactly."""
-
-FAR = 5.0
-"""Distance of a value from the range of the channel, in ranges, beyond which it is no measurement. [1]"""
-
-STILL = 20.0
-"""Minimum range of a channel over its usual curvature: below it the channel contains only noise. [1]"""
 
 MAX_SHARE = 0.01
 """A channel that jumps away and back in a larger share of its samples does so by itself: pulses, a chopper."""
@@ -90,24 +85,25 @@ class Pulses(msgspec.Struct, frozen=True):
     moves: float
 
 
-def find_glitches(t: Signal, channels: Mapping[str, Signal], pulses: Mapping[str, Pulses]) -> dict[str, list[slice]]:
+def find_glitches(t: Signal, witnesses: Witnesses, pulses: Mapping[str, Pulses]) -> dict[str, list[slice]]:
     """Find the glitches of a log's channels, as slices of its samples.
 
     Parameters
     ----------
     t : (n,) stamps [s]
-    channels : (n,) each, NaN where they have holes or single-sample spikes
+    witnesses : the channels, NaN where they have holes or single-sample spikes
     pulses : what jumps away and back in each
     """
+    channels = witnesses.channels
     sure = {
         (p.before, p.after)
         for name, channel in pulses.items()
         for p in channel.found
-        if p.lost or (name == "displacement" and _torn(t, p, channels))
+        if p.lost or (name == "displacement" and is_torn(t, channels, p.before, p.after, p.jump))
     }
     glitches = {}
     for name, channel in pulses.items():
-        alone = [p for p in channel.found if (p.before, p.after) in sure or not follows(t, name, p, channels, pulses)]
+        alone = [p for p in channel.found if (p.before, p.after) in sure or not follows(t, name, p, witnesses, pulses)]
         usual = np.ones(channel.at.size, dtype=np.bool_)
         for p in alone:
             usual[np.searchsorted(channel.at, p.before) : np.searchsorted(channel.at, p.after)] = False
@@ -132,8 +128,7 @@ def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pul
     if steps.size == 0:
         return Pulses((), steps, np.empty(0), moves)
     place = bends.places
-    far = FAR * usual.span if usual.span > STILL * usual.noise else np.inf
-    lost = _Lost(usual.low - far, usual.high + far, limit)
+    lost = _Lost(usual.low - usual.reach, usual.high + usual.reach, limit)
     pulses: list[Pulse] = []
     free = -1
     for i, j in _pairs(x, steps, place, max(longest, MAX_SAMPLES)):
@@ -211,8 +206,11 @@ def _ends(x: Signal, steps: Index, place: Index, lost: _Lost) -> list[Pulse]:
     return ends
 
 
-def follows(t: Signal, name: str, pulse: Pulse, channels: Mapping[str, Signal], pulses: Mapping[str, Pulses]) -> bool:
+def follows(t: Signal, name: str, pulse: Pulse, witnesses: Witnesses, pulses: Mapping[str, Pulses]) -> bool:
     """Whether another channel goes with a pulse of this one, so that the machine moved."""
+    if witnesses.show(name, pulse.before, pulse.after):
+        return True
+    channels = witnesses.channels
     before, after = max(pulse.before, 0), min(pulse.after, t.size - 1)
     if name == "velocity" and "displacement" in channels:
         moved, with_it, without = travelled(t, channels, before, after)
@@ -227,14 +225,14 @@ def follows(t: Signal, name: str, pulse: Pulse, channels: Mapping[str, Signal], 
     )
 
 
-def _torn(t: Signal, pulse: Pulse, channels: Mapping[str, Signal]) -> bool:
-    """Whether a displacement jumps much farther than the velocity allows."""
-    if "velocity" not in channels or pulse.before < 0 or pulse.after >= t.size:
+def is_torn(t: Signal, channels: Mapping[str, Signal], before: int, after: int, jump: float) -> bool:
+    """Whether a displacement jumps, between two samples, by much more [m] than the velocity allows."""
+    if "velocity" not in channels or before < 0 or after >= t.size:
         return False
-    around = slice(pulse.before, pulse.after + 1)
+    around = slice(before, after + 1)
     v = np.abs(channels["velocity"][around])
     farthest = v.max(initial=0.0, where=np.isfinite(v)) * np.diff(t[around]).max()
-    return bool(np.isfinite(v[[0, -1]]).all() and pulse.jump > TEARS * farthest)
+    return bool(np.isfinite(v[[0, -1]]).all() and jump > TEARS * farthest)
 
 
 def travelled(t: Signal, channels: Mapping[str, Signal], before: int, after: int) -> tuple[float, float, float]:

@@ -16,6 +16,7 @@ from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.core.smooth import evenly_stamped
 from winchcascade.ingest.checks.spikes import AROUND, Bends
 from winchcascade.ingest.checks.stuck import IDLE, TURNS, UNLIKELY
+from winchcascade.ingest.checks.witnesses import LookAlikes, samples_of
 
 MOSTLY_EVEN = 0.9
 """Smallest share of evenly stamped samples. [1]"""
@@ -53,7 +54,9 @@ SAME = 3
 """Samples by which the ends of a stretch may differ between channels that were filled in together."""
 
 
-def find_interpolated(t: Signal, bends: Mapping[str, Bends], moving: Mask) -> dict[str, Index]:
+def find_interpolated(
+    t: Signal, channels: Mapping[str, Signal], bends: Mapping[str, Bends], moving: Mask
+) -> dict[str, Index]:
     """Find the samples that were filled in, (k,) places in the log, for each channel that has any.
 
     Where one channel shows a filled gap for sure, it also counts in each other channel that is calm over the same samples.
@@ -61,11 +64,12 @@ def find_interpolated(t: Signal, bends: Mapping[str, Bends], moving: Mask) -> di
     Parameters
     ----------
     t : (n,) stamps [s]; mostly uneven ones bend a channel without noise, too, and nothing is found
-    bends : where each channel bends sharply and where it is calm
+    channels : (n,) each, NaN where they have holes
+    bends : where each channel bends sharply and where it is calm; that of a channel that is left out does not count
     moving : (n,) whether the line moves; all are set where that is unknown
     """
-    calm = {name: _calm_in_motion(channel, moving) for name, channel in bends.items()}
-    certain = [_certain(bends[name], moving, stretches) for name, stretches in calm.items()]
+    calm = {name: _calm_in_motion(bends[name], moving) for name in channels if name in bends}
+    certain = [_certain(name, channels, bends[name], moving, stretches) for name, stretches in calm.items()]
     sure = np.concatenate([np.empty((0, 2), dtype=np.intp), *certain])
     found: dict[str, Index] = {}
     if not len(sure) or np.count_nonzero(evenly_stamped(t, 1)) < MOSTLY_EVEN * t.size:
@@ -94,8 +98,11 @@ def _count(mask: Mask, stretches: Index) -> Index:
     return np.array([np.count_nonzero(mask[a : b + 1]) for a, b in stretches.tolist()], dtype=np.intp)
 
 
-def _certain(bends: Bends, moving: Mask, stretches: Index) -> Index:
-    """Those of some calm stretches of a channel that are longer than its noise allows, (k, 2)."""
+def _certain(name: str, channels: Mapping[str, Signal], bends: Bends, moving: Mask, stretches: Index) -> Index:
+    """Those of some calm stretches of a channel that are longer than its noise allows, (k, 2).
+
+    They are not longer if the channel is as calm elsewhere in the same state of all other channels.
+    """
     free = moving.copy()
     for a, b in stretches.tolist():
         free[a : b + 1] = False
@@ -115,7 +122,18 @@ def _certain(bends: Bends, moving: Mask, stretches: Index) -> Index:
     idle = IDLE * max(abs(bends.usual.low), abs(bends.usual.high))
     sure = [_is_line(x[a : b + 1], idle) and _has_noise_beside(bends, a, b) for a, b in rows.tolist()]
     found: Index = stretches[np.array(sure, dtype=bool)]
-    return found
+    if not len(found):
+        return found
+    line = np.zeros(channels[name].size, dtype=bool)
+    line[1:-1] = np.abs(np.diff(channels[name], 2)) <= bends.usual.calm
+    ends = [(a, b + 1) for a, b in found.tolist()]
+    alike, suspects = LookAlikes(channels), samples_of(ends, line.size)
+    chances = [FOLLOWS * max(alike.calm(name, stretch, line, suspects), RARELY) for stretch in ends]
+    usual = np.array(
+        [n * math.log(min(c, 1.0)) >= UNLIKELY for n, c in zip(_count(moving, found), chances, strict=True)]
+    )
+    apart: Index = found[~usual]
+    return apart
 
 
 def _is_line(x: Signal, idle: float) -> bool:

@@ -57,6 +57,12 @@ UPDATES = 20
 OTHERS = 0.01
 """Fewer samples than this share do not show what a channel does: it may switch between two values, as a friction does. [1]"""
 
+FAR = 5.0
+"""Distance of a value from the range of the channel, in ranges, beyond which it is no measurement. [1]"""
+
+STILL = 20.0
+"""Minimum range of a channel over its usual curvature: below it the channel contains only noise. [1]"""
+
 _BLOCK = 1 << 16
 
 _ROWS = _BLOCK // 8
@@ -75,6 +81,15 @@ class Usual(msgspec.Struct, frozen=True):
     def span(self) -> float:
         """Range in which the channel moves."""
         return self.high - self.low
+
+    @property
+    def reach(self) -> float:
+        """Distance from that range beyond which a value is no measurement, inf for a channel of noise alone."""
+        return FAR * self.span if self.span > STILL * self.noise else float("inf")
+
+    def is_far(self, value: float) -> bool:
+        """Whether a value is no measurement."""
+        return value < self.low - self.reach or value > self.high + self.reach
 
     def minimum(self, share: float, noise: float) -> float:
         """Minimum size of a fault: a share of the range, and a multiple of the curvature."""

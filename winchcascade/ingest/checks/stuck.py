@@ -1,11 +1,14 @@
 """Stuck channels, of which one value is held while they should have changed, and rows that were written twice.
 
 A channel at rest is not stuck: an encoder holds its value while the line does, and the output of a stage is zero while
-nothing drives it. A channel is stuck if the motion should have changed it, or if its noise is missing.
+nothing drives it. A channel is stuck if the motion should have changed it, or if its noise is missing. It is not if another
+channel shows that it jumped to its value, or if it is as still elsewhere in the same state of all other channels, as a coarse
+power is at low speed.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import pairwise
 
@@ -14,6 +17,7 @@ import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, ends_of, median, smallest_step, stretches_of
 from winchcascade.core.run import Finding, Index, Mask, Signal
+from winchcascade.ingest.checks.witnesses import LookAlikes, Witnesses
 
 HELD = 0.3
 """Minimum time for which a value is held, to be evaluated. [s]"""
@@ -60,6 +64,9 @@ LAG = 5
 
 UNLIKELY = -18.0
 """Logarithm of the chance below which a noisy channel does not repeat itself by accident: once in 60 million samples."""
+
+MIN_REPEATS = 0.02
+"""Smallest chance that is believed: that a noisy channel repeats itself. [1]"""
 
 TURNS = 0.15
 """Minimum share of the changes of a noisy channel that reverse at once. [1]"""
@@ -109,19 +116,21 @@ def motion(t: Signal, v: Signal, v_onset: float) -> ObservedMotion:
     return ObservedMotion(t, v, v_onset, v > v_onset, v < -v_onset, float(v.max(initial=v_onset)))
 
 
-def find_stuck(name: str, x: Signal, line: ObservedMotion, channels: Mapping[str, Signal]) -> list[tuple[int, int]]:
+def find_stuck(name: str, line: ObservedMotion, witnesses: Witnesses) -> list[tuple[int, int]]:
     """Find stretches [first, last) in which a channel is stuck.
 
     Parameters
     ----------
     name : channel; its name decides on what it depends
-    x : (n,) its values, finite or NaN
-    channels : the other channels of the log: displacement and torque show whether a velocity is stuck
+    witnesses : all channels of the log, finite or NaN: displacement and torque show whether a velocity is stuck
     """
+    channels = witnesses.channels
+    x = channels[name]
     first, last = _held(x, line.t)
     if first.size == 0:
         return []
     stuck = _too_still(name, x, line, first, last)
+    stuck[stuck] = ~_usual_there(name, witnesses, first[stuck], last[stuck])
     if name == "velocity":
         stuck |= _loaded(first, last, line, channels) & (x[first] < line.v_onset)
         stuck |= _apart(first, last, x, line, channels)
@@ -130,11 +139,13 @@ def find_stuck(name: str, x: Signal, line: ObservedMotion, channels: Mapping[str
         if name == "displacement":
             stuck |= _loaded(first, last, line, channels)
     else:
-        stuck |= _unchanged(name, first, last, x, line)
+        unchanged = _unchanged(name, first, last, x, line) & ~stuck
+        unchanged[unchanged] = ~_usual_there(name, witnesses, first[unchanged], last[unchanged])
+        stuck |= unchanged
     return list(zip(first[stuck].tolist(), last[stuck].tolist(), strict=True))
 
 
-def find_still(x: Signal, shaft: ObservedMotion, loaded: Mask) -> list[tuple[int, int]]:
+def find_still(name: str, shaft: ObservedMotion, witnesses: Witnesses, loaded: Mask) -> list[tuple[int, int]]:
     """Find stretches [first, last) in which a noisy channel of a log without a line holds a value.
 
     The motion of the shaft does not show what should have changed, so only the missing noise counts. A stretch at the largest
@@ -144,6 +155,7 @@ def find_still(x: Signal, shaft: ObservedMotion, loaded: Mask) -> list[tuple[int
     ----------
     loaded : (n,) whether other stages have a power: at no load a drag may be constant
     """
+    x = witnesses.channels[name]
     first, last = _held(x, shaft.t)
     if first.size == 0:
         return []
@@ -152,7 +164,26 @@ def find_still(x: Signal, shaft: ObservedMotion, loaded: Mask) -> list[tuple[int
     values, held = np.unique(x[first], return_counts=True)
     still &= held[np.searchsorted(values, x[first])] == 1
     still[still] = ~_dithers(x, first[still], last[still])
+    still[still] = ~_usual_there(name, witnesses, first[still], last[still])
     return list(zip(first[still].tolist(), last[still].tolist(), strict=True))
+
+
+def _usual_there(name: str, witnesses: Witnesses, first: Index, last: Index) -> Mask:
+    """Whether each stretch [first, last) of a held value is what the machine does, (k,).
+
+    Others show that the channel jumps to the value, or the channel holds it, or any, elsewhere in their state.
+    """
+    if not first.size:
+        return np.zeros(0, dtype=bool)
+    alike = LookAlikes(witnesses.channels)
+    usual: Mask = np.array(
+        [
+            witnesses.show(name, a - 1, b)
+            or (b - a - 1) * math.log(max(alike.repeats(name, (a, b)), MIN_REPEATS)) >= UNLIKELY
+            for a, b in zip(first.tolist(), last.tolist(), strict=True)
+        ]
+    )
+    return usual
 
 
 def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
@@ -308,7 +339,7 @@ def repeats_of(change: Signal) -> float:
     large = np.minimum(np.abs(some[1:]), np.abs(some[:-1]))[turn] > 1.5 * np.abs(some).min()
     if np.mean(turn) < TURNS or np.mean(large) < LARGE:
         return 1.0
-    return float(max(1.0 - some.size / change.size, 0.02))
+    return float(max(1.0 - some.size / change.size, MIN_REPEATS))
 
 
 def repeated_rows(t: Signal, channels: Mapping[str, Signal]) -> list[Finding]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from winchcascade.core.integrate import BLOCK, ENOUGH, GAUSS, median, quantiles_in_place, running, smallest_step
 from winchcascade.core.rig_file import Thresholds
-from winchcascade.core.run import Finding, Index, Mask, Signal
+from winchcascade.core.run import Finding, Index, Mask, Repair, Signal
 from winchcascade.ingest.checks.agreement import MOVING
 
 BLOCKS = 200
@@ -141,7 +141,7 @@ def _put_back(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) ->
             continue
         start = end = float(t[jump.before])
         travel = abs(jump.speed) * (t[jump.after] - start)
-        action = "reported and kept"
+        action, repair = "reported and kept", None
         if abs(jump.speed) < thresholds.v_onset:
             if abs(jump.metres) < thresholds.stroke_min:
                 continue
@@ -153,6 +153,7 @@ def _put_back(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) ->
             x[jump.after :] -= jump.metres
             cause = ": the counter was set back" + (f", or {repeats} rows were written twice" if repeats else "")
             action = "step removed from the displacement"
+            repair = Repair(action, x.size - jump.after, ((start, float(t[-1])),))
         else:
             lost = jump.metres / jump.speed
             t = np.concatenate((t[: jump.after], t[jump.after :] + lost))
@@ -160,8 +161,9 @@ def _put_back(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) ->
             gaps.append((start, end))
             cause = f": {lost:.2f} s of rows were lost and the clock was renumbered, or the displacement slipped"
             action = "treated as a gap of that length"
+            repair = Repair(action, 0, ((start, end),))
         what = f"at {start:.2f} s the displacement jumps by {jump.metres:+.3f} m beyond what the velocity gives{cause}"
-        findings.append(Finding("clock_mismatch", what, action, start=start, end=end))
+        findings.append(Finding("clock_mismatch", what, action, start=start, end=end, repair=repair))
     return Timed(t, np.array(gaps).reshape(-1, 2), tuple(findings))
 
 

@@ -105,12 +105,13 @@ def load_findings(phased: PhasedRun, points: Sequence[Operating]) -> list[Findin
         return []
     voltage, current = _middle([p.v_dc for p in points])[0], _middle([p.i_dc for p in points])[0]
     ohm = f"{voltage / current:.4g} ohm" if current > 0.0 else "no load"
+    where = "on the plateau" if points[0].plateau is not None else "over the cycles"
     idle = current <= open_circuit_current(phased.rig, voltage)
     if phased.run.open_circuit:
         if idle:
             return []
         message = (
-            f"load inf is stated, but Vdc {voltage:.4g} V and Idc {current:.4g} A on the plateau are "
+            f"load inf is stated, but Vdc {voltage:.4g} V and Idc {current:.4g} A {where} are "
             f"{voltage * current:.3g} W, as of a load of {ohm}"
         )
         action = (
@@ -123,14 +124,14 @@ def load_findings(phased: PhasedRun, points: Sequence[Operating]) -> list[Findin
         if not idle or voltage <= CERTAIN * phased.u_zero(VDC):
             return found
         message = (
-            f"no load is stated, and Vdc {voltage:.4g} V with Idc {current:.4g} A on the plateau ({ohm}) is what an open "
+            f"no load is stated, and Vdc {voltage:.4g} V with Idc {current:.4g} A {where} ({ohm}) is what an open "
             "circuit has"
         )
         action = "eta_gen and eta_pto are reported as of a load; state the load: inf for an open circuit"
         return [_finding(points, message, action), *found]
     if _contradicts_load(phased, points, phased.run.load):
         message = (
-            f"load {phased.run.load:g} ohm is stated, but Vdc / Idc on the plateau is {voltage:.4g} V / {current:.4g} A = "
+            f"load {phased.run.load:g} ohm is stated, but Vdc / Idc {where} is {voltage:.4g} V / {current:.4g} A = "
             f"{ohm}"
         )
         action = "reported and kept; check the load, Vdc and Idc: this ratio cannot distinguish them"

@@ -26,6 +26,9 @@ OPPOSED = 0.5
 """Smallest correlation of two powers, taken negative, that shows a wrong sign: what a spring or a mass between two stages
 exchanges is out of phase by a quarter of a period. [1]"""
 
+LARGEST = 0.999999
+"""Correlation whose inverse hyperbolic tangent, by which its scatter is normal (Fisher), is still finite. [1]"""
+
 Place = tuple[int, float]
 """Number of a cycle, and a value there."""
 
@@ -67,7 +70,7 @@ def sign_findings(run: Run, rig: Rig) -> list[Finding]:
     for (one, x), (other, y) in pairwise(powers.items()):
         size = float(np.linalg.norm(x) * np.linalg.norm(y))
         together = float(x @ y) / size if size > 0.0 else 0.0
-        if together > -OPPOSED or math.atanh(max(together, -0.999999)) * math.sqrt(x.size) > -CERTAIN:
+        if not (together <= -OPPOSED and math.atanh(max(together, -LARGEST)) * math.sqrt(x.size) <= -CERTAIN):
             continue
         names = [" * ".join(p.channels) for p in (logged[one], logged[other]) if p is not None]
         message = (

@@ -22,9 +22,6 @@ MARGIN = 11
 STYLES: dict[Tone, str] = {"plain": "", "good": "green", "warn": "yellow"}
 """Colours of the tones."""
 
-PLAIN = f"{ESCAPE}[0m"
-"""Code that ends a colour."""
-
 SHORT = 20
 """Texts of a column that are no longer than this are never broken, longer ones get at least as much room. [characters]"""
 
@@ -69,12 +66,7 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
         console.print(Text.assemble((head, "bold"), _safe(str(path))), soft_wrap=True)
     if report.verdict is not None:
         console.print("", _note(report.verdict), sep="\n")
-    return "".join(f"{_stripped(line)}\n" for line in out.getvalue().replace("\x1b", ESCAPE).splitlines())
-
-
-def _stripped(line: str) -> str:
-    """A line without blanks at its end, also before the code that ends a colour."""
-    return f"{line.removesuffix(PLAIN).rstrip()}{PLAIN}" if line.endswith(PLAIN) else line.rstrip()
+    return "".join(f"{line.rstrip()}\n" for line in out.getvalue().replace("\x1b", ESCAPE).splitlines())
 
 
 def console_of(screen: Screen, out: io.StringIO, width: int) -> Console:

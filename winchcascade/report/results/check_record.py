@@ -41,7 +41,7 @@ def check_record(check: Check) -> dict[str, Any]:
                 **picked(cell, "outcome", "log", "printed", "measured", "difference"),
                 "tolerance": {
                     "total": cell.tolerance,
-                    **picked(cell, "rounding", "deviation", "uncertainty"),
+                    **picked(cell, "rounding", "deviation", "uncertainty", "limits", "basis"),
                     **({} if cell.row.number is None else {"means": cell.means}),
                 },
                 **picked(cell, "missed_by", "line"),

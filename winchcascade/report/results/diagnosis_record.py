@@ -333,6 +333,7 @@ def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
         {
             "run": found.runs[one.log].name,
             "load_ohm": _load(one.load),
+            "plateau_speed_mps": None if one.plateau_speed is None else rounded_number(one.plateau_speed),
             "metric": FIELDS.get(one.metric, one.metric),
             "as_given": rounded_number(one.as_given, SUMMED),
             "measured": rounded_number(one.measured, SUMMED),

@@ -69,15 +69,15 @@ def reduction_report(
         tiles=_tiles(reduction, found) if waves is None else _wave_tiles(waves, reduction.rig.cascade),
         points=_points(reduction, found),
         sections=[
+            *([] if waves is None else [wave_section(waves, figure("wave-energies"))]),
             section(
                 "results", "Energies and efficiencies",
-                figure("flow"), cycles_table(reduction, found), directions_table(reduction),
+                figure("flow"), cycles_table(reduction, found), directions_table(reduction), folded=waves is not None,
             ),
             section(
                 "whole-cycles", "Whole cycles",
                 figure("cycle-flow"), net_table(reduction, found), *_net_notes(reduction), folded=True,
             ),
-            *([] if waves is None else [wave_section(waves, figure("wave-energies"))]),
             *_given(further, "histories"),
             *_given(further, "loss-map"),
             section("phases", "Phases", phases_table(reduction, found), phase_means_table(reduction, found), folded=True),

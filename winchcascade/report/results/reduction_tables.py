@@ -378,7 +378,7 @@ def findings_table(reduction: Reduction) -> Table[Finding] | None:
     """What was found wrong with the log and what was done; None for a clean log."""
     samples, zero = reduction.run.samples, clock_zero(reduction.run)
     columns: list[Column[Finding]] = [
-        Column("finding", lambda f: f.kind.replace("_", " ")),
+        Column("finding", lambda f: f.kind),
         Column("channel", lambda f: f.channel, brief=False),
         Column("when", lambda f: None if f.start is None else Span(f.start - zero, (f.end or f.start) - zero), "s", 2),
         Column("data lost", lambda f: 100.0 * share if (share := f.lost_share(samples)) else None, "%", 2, brief=False),

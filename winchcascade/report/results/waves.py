@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 DRAWN_WAVES = 1500
 """Waves that are drawn at most; of more, an even selection."""
 
+ROUNDING = 1e-9
+"""An uncertainty below this share of its value is none. [1]"""
+
 LISTED_CLASSES = 40
 """Rows of classes that a table lists; of more the first and the last half of that."""
 
@@ -73,16 +76,18 @@ def _interval(of: RatioOfSums | None) -> Span | None:
     return Span(*of.interval, math.hypot(of.u_waves or 0.0, of.u_sensors or 0.0))
 
 
-def _u(u: float | None) -> Measured:
-    return Measured(u, u)
+def _u(of: RatioOfSums | None, *, sensors: bool) -> Measured | float | None:
+    """The part of the standard uncertainty by waves or by sensors; zero for what rounding of numbers alone makes."""
+    u = None if of is None else of.u_sensors if sensors else of.u_waves
+    return 0.0 if of is not None and u is not None and u < ROUNDING * abs(of.value or 1.0) else Measured(u, u)
 
 
 EFFICIENCIES: tuple[Column[tuple[str, RatioOfSums]], ...] = (
     Column("efficiency", lambda row: row[0]),
     Column("ratio of sums", lambda row: row[1].value, decimals=3),
     Column("95 %", lambda row: _interval(row[1]), decimals=3, own_digits=True),
-    Column("u of waves", lambda row: _u(row[1].u_waves), brief=False, own_digits=True),
-    Column("u of sensors", lambda row: _u(row[1].u_sensors), brief=False, own_digits=True),
+    Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False, own_digits=True),
+    Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False, own_digits=True),
     Column("block", lambda row: row[1].block, "waves", 0),
 )
 """An efficiency of all waves together."""
@@ -95,8 +100,8 @@ def _record_table(found: WaveEnergies) -> Table[str] | None:
         Column("stage", lambda s: s),
         Column("mean power", lambda s: found.record_power.get(s), "W", own_digits=True),
         Column("95 %", lambda s: _interval(power(s)), "W", own_digits=True),
-        Column("u of waves", lambda s: _u(p.u_waves) if (p := power(s)) else None, "W", brief=False, own_digits=True),
-        Column("u of sensors", lambda s: _u(p.u_sensors) if (p := power(s)) else None, "W", brief=False, own_digits=True),
+        Column("u of waves", lambda s: _u(power(s), sensors=False), "W", brief=False, own_digits=True),
+        Column("u of sensors", lambda s: _u(power(s), sensors=True), "W", brief=False, own_digits=True),
         Column("energy of the record", lambda s: found.record_energy[s], "J", 0, brief=False),
         Column("of its waves", lambda s: float(found.energy[s].sum()) if s in found.energy else None, "J", 0, brief=False),
     ]  # fmt: skip
