@@ -36,7 +36,7 @@ SHARED = ROOT.parent / "shared" / "data"
 SIMULATED_RATES = (5, 10, 25, 50, 100)
 SIMULATED_LOADS = {"r4p5ohm": 4.5, "r9ohm": 9.0, "r18ohm": 18.0, "r45ohm": 45.0, "open_circuit": float("inf")}
 
-TRUE_OF_THE_KITE = {"repeated_stamp", "incomplete_cycle", "unknown_column", "spike"}
+TRUE_OF_THE_KITE = {"repeated_stamp", "incomplete_cycle", "unknown_column"}
 """Findings that the kite log deserves: joined cycles, repeated stamps, columns of the kite itself."""
 
 

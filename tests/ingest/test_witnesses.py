@@ -105,6 +105,25 @@ def test_a_coarse_power_that_holds_a_value_in_a_slow_payout_is_not_stuck(step: f
 
 
 @pytest.mark.parametrize("name", ["force", "torque", "vdc", "idc"])
+def test_a_saturated_sensor_is_stuck_although_it_holds_the_same_value_in_each_payout(tmp_path: Path, name: str) -> None:
+    rows = table().copy()
+    x = rows[:, column(name)]
+    rows[:, column(name)] = np.minimum(x, 0.8 * x.max())
+    run = written(tmp_path, rows, load=36.0)
+    (finding,) = [f for f in run.findings if f.kind == "stuck"]
+    assert finding.channel == name
+    assert finding.removed > 0.3 * np.count_nonzero(x > 0.8 * x.max())  # of one payout in three at least
+
+
+@pytest.mark.parametrize("names", [("vdc", "idc"), ("torque", "vdc", "idc")])
+def test_a_zero_of_several_channels_at_once_is_a_fault_of_the_logger(tmp_path: Path, names: tuple[str, ...]) -> None:
+    rows, k = table().copy(), row_after_onset(3.0)
+    for name in names:
+        rows[k : k + 12, column(name)] = 0.0
+    assert {channel for _, channel in repaired(written(tmp_path, rows, load=36.0))} >= {"vdc", "idc"}
+
+
+@pytest.mark.parametrize("name", ["force", "torque", "vdc", "idc"])
 def test_a_value_that_is_held_while_the_others_have_their_noise_is_stuck(tmp_path: Path, name: str) -> None:
     rows, k = table().copy(), row_after_onset(3.0)
     rows[k : k + 20, column(name)] = rows[k, column(name)]

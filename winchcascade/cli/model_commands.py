@@ -42,7 +42,9 @@ from winchcascade.core.jobs import one_thread_each
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
+    from winchcascade.core.rig_file import Rig
     from winchcascade.report.content import Report
+    from winchcascade.rig.parts import Model
 
 MotionArgument = Annotated[
     Path | None,
@@ -94,8 +96,7 @@ def simulate_command(
     simulated log keeps the load. Errors of sensors that a corrected rig file states are left out, unless --sensors is given.
     """
     from winchcascade.report.terminal import simulation_text
-    from winchcascade.rig.baseline import baseline, sensor_errors
-    from winchcascade.rig.effects.catalogue import make_effect
+    from winchcascade.rig.baseline import sensor_errors
     from winchcascade.rig.simulate import simulate, write_log
 
     source = profile or log
@@ -110,11 +111,8 @@ def simulate_command(
     run = read_with(source, settings)
     if run.load is None:
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
-    model, left_out = baseline(settings.rig), [] if sensors else sensor_errors(settings.rig)
-    model = model.physics if left_out else model
-    for name, fields in _fields(effects or []).items():
-        model = make_effect(name, fields).apply(model)
-    simulation = simulate(run, model)
+    left_out = [] if sensors else sensor_errors(settings.rig)
+    simulation = simulate(run, _model(settings.rig, effects or [], sensors=sensors))
     write_log(simulation, out, force=force)
 
     def make() -> Report:
@@ -133,6 +131,17 @@ def simulate_command(
 
     write_reports(make, report, f"{out.stem}_simulation", force=force)
     show(simulation_text(simulation, left_out) + written(results))
+
+
+def _model(rig: Rig, effects: Sequence[str], *, sensors: bool) -> Model:
+    """Model of a rig with the effects of `--with` options, and with the errors of its sensors where they are wanted."""
+    from winchcascade.rig.baseline import baseline
+    from winchcascade.rig.effects.catalogue import make_effect
+
+    model = baseline(rig) if sensors else baseline(rig).physics
+    for name, fields in _fields(effects).items():
+        model = make_effect(name, fields).apply(model)
+    return model
 
 
 def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:

@@ -10,7 +10,8 @@ A slow channel that is written as zero between its updates is found by its patte
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -103,18 +104,18 @@ def find_dropouts(
         return {}
     for name in channels:
         level.setdefault(name, usual_without(bends[name].x, np.empty(0)))
-    shown = Witnesses(channels, level)
+    is_shown = _shown(suspects, level, channels)
     sure = {
         (d.before, d.after)
         for name, stretches in suspects.items()
         for d in stretches
-        if d.far or _cannot_be(t, name, d, shown)
+        if d.far or (_cannot_be(t, name, d, channels) and not (name == "pressure" and is_shown(name, d)))
     }
     by_line = _has_line(channels)
     powers = [] if by_line else powers_of(channels, stages)
 
     def is_fault(name: str, d: Dropout) -> bool:
-        if shown.show(name, d.before, d.after):
+        if is_shown(name, d):
             return False
         if len(powers) > 1:
             return breaks_balance(t, name, d.before, d.after, powers)
@@ -128,6 +129,33 @@ def find_dropouts(
     if powers:
         found = {name: _without_neighbours(dropouts) for name, dropouts in found.items()}
     return {name: dropouts for name, dropouts in found.items() if dropouts}
+
+
+def _shown(
+    suspects: Mapping[str, list[Dropout]], level: Mapping[str, Usual], channels: Mapping[str, Signal]
+) -> Callable[[str, Dropout], bool]:
+    """What answers whether another channel shows a stretch of a channel.
+
+    Zeros and values that come again may be codes, and many lie where another channel happens to change: only a stretch of
+    another channel between the same samples that holds something else shows them.
+    """
+    witnesses = Witnesses(channels, level)
+    repeats = {name: Counter(d.value for d in stretches) for name, stretches in suspects.items()}
+    between: dict[tuple[int, int], list[tuple[str, Dropout]]] = {}
+    for name, stretches in suspects.items():
+        for d in stretches:
+            between.setdefault((d.before, d.after), []).append((name, d))
+
+    def is_shown(name: str, d: Dropout) -> bool:
+        is_code = d.even and (repeats[name][d.value] > 1 or _is_zero(d, level[name]))
+        if not is_code:
+            return witnesses.show(name, d.before, d.after)
+        others = [(other, e) for other, e in between[d.before, d.after] if other != name]
+        return any(
+            _differs(d, e) and not (_is_zero(d, level[name]) and _is_zero(e, level[other])) for other, e in others
+        )
+
+    return is_shown
 
 
 def _without_neighbours(dropouts: list[Dropout]) -> list[Dropout]:
@@ -258,12 +286,24 @@ def _uneven(t: Signal, samples: Bends, at: Index) -> list[Dropout]:
     return found
 
 
-def _cannot_be(t: Signal, name: str, d: Dropout, witnesses: Witnesses) -> bool:
+def _is_zero(d: Dropout, usual: Usual) -> bool:
+    """Whether a stretch holds no more than noise about zero."""
+    return abs(d.value) < MIN_SHARE * usual.span
+
+
+def _differs(d: Dropout, e: Dropout) -> bool:
+    """Whether the stretch of another channel between the same samples is a measurement, so that both are.
+
+    A logger writes the same code into all channels; what differs is what the machine did.
+    """
+    return not e.far and e.value != d.value
+
+
+def _cannot_be(t: Signal, name: str, d: Dropout, channels: Mapping[str, Signal]) -> bool:
     """Whether a channel that only motion can change jumps where there is no such motion."""
-    usual, channels = BEYOND * d.usual, witnesses.channels
+    usual = BEYOND * d.usual
     if name == "pressure":  # that of a flow changes with a valve
-        jumps = "flow" not in channels and _has_line(channels) and d.jump > usual > 0.0
-        return jumps and not witnesses.show(name, d.before, d.after)
+        return "flow" not in channels and _has_line(channels) and d.jump > usual > 0.0
     if name == "displacement":
         return d.jump > max(usual, TEARS * _fastest(t, d, channels))
     if name != "velocity" or "displacement" not in channels or d.before < 0 or d.after >= t.size or d.jump < usual:

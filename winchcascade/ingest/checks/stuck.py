@@ -171,15 +171,21 @@ def find_still(name: str, shaft: ObservedMotion, witnesses: Witnesses, loaded: M
 def _usual_there(name: str, witnesses: Witnesses, first: Index, last: Index) -> Mask:
     """Whether each stretch [first, last) of a held value is what the machine does, (k,).
 
-    Others show that the channel jumps to the value, or the channel holds it, or any, elsewhere in their state.
+    Others show that the channel jumps to the value, or the channel holds it, or any, elsewhere in their state. The largest
+    value of a channel does not count: a saturated sensor holds it in each payout.
     """
     if not first.size:
         return np.zeros(0, dtype=bool)
-    alike = LookAlikes(witnesses.channels)
+    x, alike = witnesses.channels[name], LookAlikes(witnesses.channels)
+    low, high = ends_of(x)
+    top = high if high >= -low else low
     usual: Mask = np.array(
         [
-            witnesses.show(name, a - 1, b)
-            or (b - a - 1) * math.log(max(alike.repeats(name, (a, b)), MIN_REPEATS)) >= UNLIKELY
+            x[a] != top
+            and (
+                witnesses.show(name, a - 1, b)
+                or (b - a - 1) * math.log(max(alike.repeats(name, (a, b)), MIN_REPEATS)) >= UNLIKELY
+            )
             for a, b in zip(first.tolist(), last.tolist(), strict=True)
         ]
     )

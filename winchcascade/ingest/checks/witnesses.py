@@ -15,11 +15,15 @@ import numpy as np
 
 from winchcascade.core.integrate import median, quantile, quantiles_in_place, smallest_step
 from winchcascade.core.run import Index, Mask, Signal
-from winchcascade.ingest.checks.spikes import AROUND, MIN_SHARE, NOISE, Usual
+from winchcascade.ingest.checks.spikes import AROUND, MIN_CALM, MIN_SHARE, NOISE, Usual
 
 CHANGE_MIN = 2.0
 """Minimum change of a channel that shows an event, of its value or its slope from sample to sample, over the upper quartile of
 such changes nearby. The change is as large as a spike, too, so that noise shows none. [1]"""
+
+COMMENSURATE = 0.05
+"""Minimum change of a channel that shows an event, over that of the event, both in ranges: inertia makes a spike of a power
+from a change of the velocity that is a tenth of it. [1]"""
 
 REACH = 1
 """Steps before and after an edge within which another channel shows it: converters read one channel after the other."""
@@ -52,14 +56,22 @@ class Witnesses(msgspec.Struct, frozen=True):
 
         A channel that holds a code there, or is lost like this one, is no witness. An end of the log (-1, n) is no edge.
         """
+        share = COMMENSURATE * self._size(name, before, after)
         return name in self.usual and any(
-            self._changes_with(other, before, after) and not self._is_lost(other, name, slice(before + 1, after))
+            self._changes_with(other, before, after, share) and not self._is_lost(other, name, slice(before + 1, after))
             for other in self.channels
             if other != name and other in self.usual
         )
 
-    def _changes_with(self, name: str, before: int, after: int) -> bool:
-        """Whether a channel or its slope changes much more at the edges of an event than nearby."""
+    def _size(self, name: str, before: int, after: int) -> float:
+        """How far a channel departs over an event from the samples beside it, in ranges. [1]"""
+        x, span = self.channels[name], self.usual[name].span if name in self.usual else 0.0
+        inside, ends = x[before + 1 : after], [x[k] for k in (before, after) if 0 <= k < x.size]
+        inside, beside = inside[np.isfinite(inside)], np.array(ends)[np.isfinite(ends)]
+        return float(np.abs(inside - median(beside)).max()) / span if inside.size and beside.size and span else 0.0
+
+    def _changes_with(self, name: str, before: int, after: int, share: float) -> bool:
+        """Whether a channel or its slope changes much more at the edges of an event than nearby, by a share of its range."""
         y, usual = self.channels[name], self.usual[name]
         first, last = max(before - REACH, 0), min(after + REACH, y.size - 1)
         edges = [y[first : last + 1]]
@@ -67,7 +79,7 @@ class Witnesses(msgspec.Struct, frozen=True):
             begin, end = y[first : before + REACH + 2], y[max(after - REACH - 1, 0) : last + 1]
             edges = [part for part, inside in ((begin, before >= 0), (end, after < y.size)) if inside]
         beside = y[max(first - AROUND, 0) : first + 1], y[last : last + AROUND + 1]
-        minimum = usual.minimum(MIN_SHARE, NOISE)
+        minimum = usual.minimum(max(MIN_SHARE, share), NOISE)
         return any(
             all(_largest_change(part, order) > max(minimum, limit) for part in edges)
             for order in (1, 2)
@@ -75,15 +87,30 @@ class Witnesses(msgspec.Struct, frozen=True):
         )
 
     def _is_lost(self, other: str, name: str, inside: slice) -> bool:
-        """Whether another channel holds no measurement over an event: far values, the code or the zero of this one."""
+        """Whether another channel holds no measurement over an event: far values, the code or the zero of this one, or a value
+        that it holds there alone.
+        """
         x, y = self.channels[name][inside], self.channels[other][inside]
         x, y = x[np.isfinite(x)], y[np.isfinite(y)]
         if not (x.size and y.size):
             return True
         usual, here, there = self.usual[other], median(x), median(y)
-        if usual.is_far(there) or here == there:
+        if usual.is_far(there) or here == there or self._is_held(other, inside):
             return True
         return bool(abs(here) < MIN_SHARE * self.usual[name].span and abs(there) < MIN_SHARE * usual.span)
+
+    def _is_held(self, name: str, inside: slice) -> bool:
+        """Whether a channel holds one value over an event of six samples or more, although it rarely does beside it.
+
+        At zero a stage gives nothing out: that is a measurement.
+        """
+        y = self.channels[name]
+        idle = float(np.max(np.abs(y[inside]))) < MIN_SHARE * self.usual[name].span
+        if idle or inside.stop - inside.start < MIN_CALM or np.ptp(y[inside]) != 0.0:
+            return False
+        beside = y[max(inside.start - AROUND, 0) : inside.start], y[inside.stop : inside.stop + AROUND]
+        steps = np.concatenate([np.diff(part) for part in beside])
+        return bool(np.count_nonzero(steps) > 0.5 * steps.size)
 
 
 def _largest_change(x: Signal, order: int) -> float:
