@@ -191,7 +191,7 @@ def test_withheld_logs_are_reported_by_their_loads() -> None:
 @pytest.mark.parametrize(
     ("z", "expected"),
     [
-        (1.3, "No alternative explanation remains: these logs rule out line_drag, the next suspect."),
+        (1.3, "These logs rule out line_drag, the next suspect"),
         (22.4, "No alternative explanation remains."),
         (959.0, "They differ there by more than 100 standard deviations"),
     ],
@@ -210,6 +210,18 @@ def test_a_rival_that_no_run_distinguishes_from_the_cause_is_to_be_measured() ->
     assert experiment_words(changed(found, causes=(cause,), experiment=plan)).startswith(
         "None of the runs that were considered distinguishes copper_heating from line_drag"
     )
+
+
+@pytest.mark.parametrize("z", [1.3, 22.4])
+def test_a_rival_that_is_the_same_in_these_logs_is_named_beside_a_run_that_tests_another(z: float) -> None:
+    found = diagnosed("copper")
+    plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), z, load=4.5, length=9.5)
+    cause = msgspec.structs.replace(found.causes[0], look_alikes=(Alternative("diode_drop", 0.05, None),))
+    alone, beside = (
+        experiment_words(changed(found, causes=causes, experiment=plan)) for causes in (found.causes, (cause,))
+    )
+    assert ("No alternative" in alone, "No alternative" in beside) == (True, False)
+    assert "copper_heating from diode_drop" in beside
 
 
 def test_what_no_effect_of_the_catalogue_is_and_looks_like_a_cause_is_reported() -> None:

@@ -221,10 +221,11 @@ def _causes(found: DiagnosisResult) -> list[str]:
     for cause in found.causes:
         lines += entry("", check_words(found, cause))
         for rival in cause.look_alikes:
-            likely, differs = probability_words(rival.probability), differs_words(rival.differs)
-            lines += entry(
-                "", f"or {rival.effect} for {cause.effect} (probability {likely}); the two differ most in {differs}."
-            )
+            apart = f"the two differ most in {differs_words(rival.differs)}"
+            if rival.differs is None:
+                apart = "nothing that these logs measure distinguishes the two"
+            likely = probability_words(rival.probability)
+            lines += entry("", f"or {rival.effect} for {cause.effect} (probability {likely}); {apart}.")
     hidden = words.fitted_words(found) if isinstance(found, LineDiagnosis) else ", ".join(found.unnamed)
     return [*lines, *entry("", f"not named, though fitted: {hidden}" if hidden else "")]
 
