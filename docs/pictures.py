@@ -98,13 +98,14 @@ def _text(x: float, y: float, text: str, colour: str, *, bold: bool = False) -> 
 def terminal_source() -> Source:
     """What `winchcascade audit` prints in a terminal of 84 columns, with its colours."""
     from winchcascade.core.plain_text import lines
-    from winchcascade.report.audit_text import audit_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.audits import audit_report
     from winchcascade.report.screen import PIPE, Screen, painted, use_screen
     from winchcascade.tables.audit import audit_by_load
 
     use_screen(Screen(84, colour=True))
     try:
-        printed = painted(audit_text(audit_by_load(TABLE)), lines)
+        printed = painted(terminal_text(audit_report(audit_by_load(TABLE))), lines)
     finally:
         use_screen(PIPE)
     return [f"$ winchcascade audit {TABLE}", *printed.rstrip("\n").split("\n")]

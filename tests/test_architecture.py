@@ -40,7 +40,7 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 
 PATTERNS = {
     "interaction": "symbols in labels of Matplotlib",
-    "check_report": "characters that XML forbids",
+    "check_record": "characters that XML forbids",
     "svg_drawing": "SVG and mathematics of Matplotlib",
     "figure_files": "SVG of Matplotlib",
     "exports": "names of logs, for names of files; symbols and special characters of LaTeX and Markdown",

@@ -27,9 +27,9 @@ from winchcascade.core.jobs import Workers
 from winchcascade.core.scratch import scratch_file
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.content import Note, Report, Section
 from winchcascade.report.publish import publish
 from winchcascade.report.records import reduction_json
+from winchcascade.report.sheet import Note, Report, Section
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 NOTE = (Section("note", "Note", (Note("Nothing."),)),)

@@ -20,8 +20,8 @@ from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.campaign_record import campaign_from, campaign_text
-from winchcascade.report.content import Table
 from winchcascade.report.records import reduction_record
+from winchcascade.report.sheet import Table
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 HURT = "r27ohm.csv"

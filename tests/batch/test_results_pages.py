@@ -10,8 +10,8 @@ from winchcascade.batch.results import load_results
 from winchcascade.batch.results_pages import list_diagnosis
 from winchcascade.batch.run_batch import Batch, Products, run_batch
 from winchcascade.core.store import KeptFiles, altered, marked
-from winchcascade.report.content import Note, Report, Section
 from winchcascade.report.publish import publish
+from winchcascade.report.sheet import Note, Report, Section
 
 
 class _Record(msgspec.Struct):

@@ -20,8 +20,8 @@ from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.evidence import price
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.report.diagnosis_text import as_json
 from winchcascade.report.gap_words import about_text, where_sentence
+from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
 
 PLANTED = {

@@ -10,7 +10,7 @@ from winchcascade.diagnosis.contributions import without
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.report.cause_words import minor_words
-from winchcascade.report.diagnosis_text import as_json
+from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 

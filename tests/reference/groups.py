@@ -499,12 +499,8 @@ def blind(place: Workplace) -> Recorded:
     text = place.run("blind", "diagnose", "trial", "--jobs", "1") + place.run("blind", "diagnose", "trial")
     text += place.files("trial/predictions")
     yield "diagnose", text + place.show(*sorted(Path("trial/diagnoses").iterdir()), digits=FITTED)
-    with place.drawn():
-        text = place.run("blind", "score", "trial", "--json", "s.json", "--html", "s.html", "--pdf", "s.pdf")
-    yield "score", text + place.run("blind", "score", "trial") + place.show("s.json", digits=FITTED)
-    yield "score-page", place.show("s.html")
-    yield "score-pdf", place.show("s.pdf")
-    yield "score-figures", "".join(place.figures)
+    text = place.run("blind", "score", "trial", "--json", "s.json") + place.run("blind", "score", "trial")
+    yield "score", text + place.show("s.json", digits=FITTED)
     Path("trial").rename("dealt")
     for version in sorted(KEPT.iterdir()):
         unpack(version / "trial.tar.xz")

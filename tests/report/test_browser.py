@@ -15,8 +15,8 @@ from winchcascade.batch.demo import DIAGNOSIS_FILES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.cli.app import command_line
-from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.publish import publish
+from winchcascade.report.results.diagnosis import diagnosis_report
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -78,7 +78,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     made |= {name: batch.folder / f"{name}.html" for name in ("campaign", "index")}
     for name in ("rolloff", "outsider"):
         made[name] = folder / f"{name}.html"
-        publish(make_diagnosis_report(diagnosed(name)), html=made[name])
+        publish(diagnosis_report(diagnosed(name)), html=made[name])
     for name, arguments in COMMANDS.items():
         made[name] = folder / f"{name}.html"
         words = [str(root / word) if word.startswith("campaign") else word for word in arguments]
@@ -308,23 +308,20 @@ def test_a_legend_switches_its_series_off_and_on(browser: Any, pages: dict[str, 
     assert "Pline" in read.replace("\n", "")
 
 
-def test_another_cycle_of_a_diagnosis_has_its_own_axes_and_values(browser: Any, pages: dict[str, Path]) -> None:
+def test_time_histories_of_a_folded_section_get_the_width_of_the_page_and_read_out(
+    browser: Any, pages: dict[str, Path]
+) -> None:
     tab, said, _ = opened(browser, pages["rolloff"], "desktop")
-    seen = []
-    for index in (0, tab.locator("#span option").count() - 1):
-        tab.select_option("#span", index=index)
-        place = Place(tab, "histories")
-        tab.mouse.move(*place.at(0.4, 0.6))
-        seen.append((place.ticks[1], read_out(tab), tab.locator("#figure-histories .controls .hint").last.inner_text()))
-        place.drag((0.2, 0.3), (0.5, 0.9))
-        assert max(place.ticks[0]) < 20.0
-        tab.mouse.dblclick(*place.at(0.4, 0.6))
+    tab.locator("#time-histories summary").click()
+    plots = tab.locator("#time-histories .uplot")
+    widths = [plots.nth(k).bounding_box()["width"] for k in range(plots.count())]
+    room = tab.locator("#time-histories .histories").bounding_box()["width"]
+    tab.locator("#time-histories .u-over").first.hover()
+    read = tab.locator("#time-histories .u-value").all_text_contents()
     tab.context.close()
     assert said == []
-    assert seen[0][0] != seen[1][0]
-    assert seen[0][1] != seen[1][1]
-    assert all(text.count(" | ") >= 2 for _, text, _ in seen)
-    assert all("Values under the cursor" in note for _, _, note in seen)
+    assert widths == pytest.approx([room] * 5, abs=1.0)
+    assert len([value for value in read if value not in ("", "--")]) == 20
 
 
 def test_links_lead_from_a_log_to_its_campaign_to_the_diagnosis_and_to_all_results(
@@ -370,7 +367,7 @@ def test_the_first_screen_of_a_diagnosis_holds_verdict_tiles_and_waterfall(
     browser: Any, pages: dict[str, Path]
 ) -> None:
     tab, _, _ = opened(browser, pages["rolloff"], "desktop")
-    ends = [tab.locator(part).bounding_box() for part in (".tiles", "#figure-lead .drawing")]
+    ends = [tab.locator(part).bounding_box() for part in (".tiles", "#figure-waterfall .drawing")]
     tiles = tab.locator(".tiles li").count()
     tab.context.close()
     assert tiles == 3

@@ -30,8 +30,8 @@ from winchcascade.report.campaign_record import (
     run_load_text,
     runs_by_load,
 )
-from winchcascade.report.content import Report, Table
 from winchcascade.report.publish import html_text, publish
+from winchcascade.report.sheet import Report, Table
 from winchcascade.report.style import house_style
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 import pytest
 from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
@@ -10,39 +11,33 @@ from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current, stator_current
+from winchcascade.report.cause_costs import load_costs, waterfall_figure
 from winchcascade.report.diagnosis_causes import (
     cause_rows,
-    effect_odds,
     numbers_figure,
-    odds_figure,
     profile_figure,
     profile_of,
-    set_odds,
     tolerance_of,
 )
 from winchcascade.report.diagnosis_figures import (
     BIN,
     OUT,
     blocks_before_braking,
-    by_load,
-    closure_bars,
     error_figure,
     error_panels,
     gap_map,
     history,
-    loaded,
     means_over_speed,
     most_telling,
     over_speed_figure,
-    rated_dc_current,
     representative,
     series,
     sides,
     stage_map,
-    stator_current,
 )
 from winchcascade.report.gap_words import signed
-from winchcascade.report.style import WIDTH, Format, figure_format, house_style
+from winchcascade.report.style import house_style
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.open_rig import load_rig
 
@@ -146,19 +141,6 @@ def test_the_maps_have_a_number_for_every_place(name: str) -> None:
     assert len(names) == len({(place.stage, place.phase) for place in found.stages})
 
 
-def test_the_bars_of_the_closure_end_at_before_and_after() -> None:
-    found = diagnosed("copper")
-    assert found.closure is not None
-    figure = closure_bars(found)
-    assert figure is not None
-    drawn = [np.asarray(line.get_xdata(), dtype=float) for line in figure.axes[0].lines]
-    ends = [x.tolist() for x in drawn if x.size == 2][:5]
-    for x, (after, before) in zip(found.closure.channels.values(), ends, strict=True):
-        assert before == pytest.approx(x.before / x.noise)
-        assert after == pytest.approx(x.after / x.noise)
-    assert closure_bars(diagnosed("nothing")) is None
-
-
 # ------------------------------------------------------------------------------------------------- time, speed, current
 @pytest.mark.parametrize("name", ALL)
 def test_every_figure_has_units_on_its_axes(name: str) -> None:
@@ -189,11 +171,9 @@ def test_the_history_draws_logged_minus_simulated() -> None:
     assert np.allclose(after.get_ydata(), one.logged - one.after, equal_nan=True)
 
 
-@pytest.mark.parametrize("width", [WIDTH, 190.0 / 25.4])
-def test_the_labels_of_the_history_stay_on_the_figure(width: float) -> None:
+def test_the_labels_of_the_history_stay_on_the_figure() -> None:
     found = diagnosed("copper")
-    with house_style(), figure_format(Format(width)):
-        figure = history(found, sides(found), 1, "log")
+    figure = history(found, sides(found), 1, "log")
     assert figure is not None
     figure.draw_without_rendering()
     assert all(ax.yaxis.label.get_window_extent().x0 > 0.0 for ax in figure.axes)
@@ -255,29 +235,26 @@ def test_the_roll_off_never_rises_lies_in_its_band_and_is_the_one_reported() -> 
     assert profile_figure(diagnosed("copper")) is None
 
 
-# ------------------------------------------------------------------------------------------------------------ the odds
-def test_the_best_set_has_odds_of_one_and_no_other_more() -> None:
-    odds = set_odds(diagnosed("copper"))
-    assert odds[0] == ("Stator resistance", 0.0)
-    assert all(power <= 0.0 for _, power in odds)
+# ---------------------------------------------------------------------------------------------------------- the costs
+def test_runs_of_one_load_are_averaged() -> None:
+    found = diagnosed("copper")
+    twice = msgspec.structs.replace(found, contributions=(*found.contributions, *found.contributions))
+    for two, one in zip(load_costs(twice, "eta_pto"), load_costs(found, "eta_pto"), strict=True):
+        assert (two.load, two.as_given) == pytest.approx((one.load, one.as_given))
+        assert two.parts[0].value == pytest.approx(one.parts[0].value)
 
 
-def test_the_odds_name_effects_as_a_reader_does() -> None:
-    found = diagnosed("rolloff")
-    figure = odds_figure(found)
-    assert figure is not None
-    texts = [label.get_text().replace("\n", " ") for ax in figure.axes for label in ax.get_yticklabels()]
-    assert "Back-EMF roll-off" in texts
-    assert not [text for text in texts if "_" in text]
-
-
-@pytest.mark.parametrize("name", ["copper", "rolloff"])
-def test_every_cause_is_among_the_effects_whose_probability_is_drawn(name: str) -> None:
-    found = diagnosed(name)
-    shown = dict(effect_odds(found))
-    for cause in found.causes:
-        assert shown[cause.effect] == cause.probability
-    assert odds_figure(found) is not None
+def test_the_waterfall_shows_three_loads_at_most_with_their_intervals() -> None:
+    found = diagnosed("copper")
+    more = [msgspec.structs.replace(c, load=(c.load or 0.0) + 100.0 * k) for k in range(3) for c in found.contributions]
+    for one, loads in ((found, 2), (msgspec.structs.replace(found, contributions=tuple(more)), 3)):
+        figure = waterfall_figure(one)
+        assert figure is not None
+        shown = [ax for ax in figure.axes if ax.get_visible()]
+        assert len(shown) == loads
+        for ax in shown:
+            low, high = ax.get_xlim()
+            assert all(low <= x <= high for line in ax.lines for x in np.asarray(line.get_xdata()).tolist())
 
 
 def test_a_larger_effect_would_be_named_and_a_smaller_one_would_not() -> None:

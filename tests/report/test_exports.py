@@ -16,7 +16,11 @@ import pytest
 from pypdf import PdfReader
 
 from winchcascade.core.errors import OutputError
-from winchcascade.report.content import (
+from winchcascade.report.digits import NumberText, interval_text, number
+from winchcascade.report.exports import LIST, csv_text, latex, latex_text, markdown_text, stem_of, write_report_files
+from winchcascade.report.figure_files import figure_files
+from winchcascade.report.report_files import ReportFiles
+from winchcascade.report.sheet import (
     Limit,
     Report,
     Table,
@@ -28,10 +32,6 @@ from winchcascade.report.content import (
     section,
     text_column,
 )
-from winchcascade.report.digits import NumberText, interval_text, number
-from winchcascade.report.exports import LIST, csv_text, latex, latex_text, markdown_text, stem_of, write_report_files
-from winchcascade.report.figure_files import figure_files
-from winchcascade.report.report_files import ReportFiles
 from winchcascade.report.style import house_style, label_panel, legend_above, line_entry, panel_figure, wide_figure
 
 

@@ -60,7 +60,8 @@ def drawn(result: Result) -> Iterator[tuple[str, "Figure"]]:
     reduction, found = result
     powers = figures.powers_of(reduction)
     every = {
-        "flow": figures.energy_flow(reduction),
+        "flow": figures.window_flow(reduction),
+        "cycle flow": figures.cycle_flow(reduction),
         "histories": figures.time_histories(reduction, powers),
         "streams": figures.power_streams(reduction, powers),
         "overlaid": figures.overlaid(reduction, powers, None, None),
@@ -217,7 +218,7 @@ def test_windows_of_all_cycles_are_marked_incomplete_ones_dotted(results: dict[s
 def test_the_energy_flow_names_energies_losses_and_efficiencies(clean: Result) -> None:
     reduction, _ = clean
     mean = Metrics(energy_line=8000.0, energy_mech=6000.0, energy_gen=4500.0, eta_trans=0.75, eta_gen=0.75, eta_pto=0.5)
-    figure = figures.energy_flow(msgspec.structs.replace(reduction, mean=mean))
+    figure = figures.window_flow(msgspec.structs.replace(reduction, mean=mean))
     assert figure is not None
     said = " ".join(text.get_text() for text in figure.axes[0].texts)
     for words in (
@@ -237,7 +238,7 @@ def test_the_energy_flow_of_a_whole_cycle_names_what_haul_in_returns(clean: Resu
     mean = Metrics(
         energy_payout=8000.0, energy_returned=2000.0, energy_net=6000.0, energy_gen_cycle=4500.0, eta_net=0.75
     )
-    figure = figures.energy_flow(msgspec.structs.replace(reduction, mean=mean))
+    figure = figures.cycle_flow(msgspec.structs.replace(reduction, mean=mean))
     assert figure is not None
     said = " ".join(text.get_text() for text in figure.axes[0].texts)
     for words in ("8000 J", "6000 J", "returned in haul-in: 2000 J, 25.0 %", "lost: 1500 J, 18.8 %", "= 0.750"):
@@ -256,7 +257,7 @@ def test_the_energy_flow_of_a_whole_cycle_names_what_haul_in_returns(clean: Resu
     ids=["nothing", "one stage", "a gain", "nothing delivered", "negative"],
 )
 def test_energies_that_do_not_fall_have_no_flow_diagram(clean: Result, mean: Metrics) -> None:
-    assert figures.energy_flow(msgspec.structs.replace(clean[0], mean=mean)) is None
+    assert figures.window_flow(msgspec.structs.replace(clean[0], mean=mean)) is None
 
 
 def test_overlaid_cycles_begin_a_second_before_their_onset_and_name_best_and_worst(clean: Result) -> None:
@@ -393,7 +394,7 @@ def test_what_shades_mean_stands_beside_the_title_not_on_it(results: dict[str, R
 
 
 def test_the_flow_shows_energies_as_the_tables_do(clean: Result) -> None:
-    figure = figures.energy_flow(clean[0], {"energy_line": "7110"})
+    figure = figures.window_flow(clean[0], {"energy_line": "7110"})
     assert figure is not None
     texts = " ".join(text.get_text() for text in figure.axes[0].texts)
     assert "= 7110 J" in texts

@@ -13,9 +13,9 @@ from diagnosed import diagnosed
 from winchcascade import Reduction, read_run, reduce
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import KGF
-from winchcascade.report.diagnosis_text import as_json
 from winchcascade.report.frames import campaign_frame, write_parquet
 from winchcascade.report.records import reduction_json, reduction_record
+from winchcascade.report.results.diagnosis_record import as_json
 
 
 @pytest.fixture(name="reduction", scope="module")

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import msgspec
@@ -22,9 +23,8 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.campaign_record import campaign_from
-from winchcascade.report.content import Note, Picture, Report, Section, Table
-from winchcascade.report.document import make_report
-from winchcascade.report.model_account import GROUPS, ModelComparison, Regression, account_of, compare
+from winchcascade.report.content import Note, Picture, Section, Table
+from winchcascade.report.model_account import GROUPS, Account, ModelComparison, Regression, account_of, compare
 from winchcascade.report.model_figures import back_emf_figure, budget_bars, damper_sweep
 from winchcascade.report.model_section import (
     GENERATOR,
@@ -36,12 +36,11 @@ from winchcascade.report.model_section import (
     modelled,
     run_section,
 )
-from winchcascade.report.style import COLOURS, house_style
+from winchcascade.report.results.drawn_reduction import drawn_report
+from winchcascade.report.style import house_style
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.open_rig import load_rig
-
-MINUS = "\u2212"
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +60,7 @@ def style() -> Iterator[None]:
         yield
 
 
-def table(section: Section, name: str) -> Table:
+def table(section: Section, name: str) -> Table[Any]:
     (one,) = (b for b in section.blocks if isinstance(b, Table) and b.id == name)
     return one
 
@@ -70,41 +69,25 @@ def captions(section: Section) -> dict[str, str]:
     return {b.id: b.caption for b in section.blocks if isinstance(b, Picture)}
 
 
-def value(cell: str) -> float:
-    return float(cell.replace(MINUS, "-"))
-
-
 # ------------------------------------------------------------------------------------------------- the report of one log
 def test_a_loaded_log_has_tether_generator_losses_and_budget(sections: dict[str, Section]) -> None:
     assert list(captions(sections["18 ohm"])) == ["model-tether", "model-generator", "model-losses", "model-budget"]
-    assert sections["18 ohm"].heading == "Measured and simulated"
+    assert sections["18 ohm"].folded
 
 
-def test_an_open_circuit_has_damper_and_back_emf_instead(sections: dict[str, Section]) -> None:
+def test_an_open_circuit_has_damper_and_back_emf_instead(
+    found: dict[str, Modelled], sections: dict[str, Section]
+) -> None:
     names = captions(sections["open circuit"])
     assert list(names) == ["model-tether", "model-damper", "model-emf", "model-budget"]
-    assert "torque, Idc and what follows from them mean nothing there and are left out" in names["model-tether"]
-    assert "at 0, 0.5, 1, 1.5 and 2 times the 0.00075 N·m·s/rad" in names["model-damper"]
-    assert re.search(r"slope of 0\.06\d{3} V/rpm, 95 %: 0\.06\d{3} to 0\.06\d{3}, R² = 0\.9\d{3}", names["model-emf"])
-    assert "the DC link feeds its bleed alone" in names["model-budget"]
-
-
-@pytest.mark.parametrize("name", LOGS)
-def test_every_caption_shows_with_what_was_simulated(sections: dict[str, Section], name: str) -> None:
-    for figure, caption in captions(sections[name]).items():
-        if figure != "model-emf":  # nothing in it is simulated
-            assert "rig hsu2026 along the logged line motion, as in its rig file" in caption, figure
-        assert re.search(r"[Ss]imulat", caption) or figure == "model-emf"
-        assert "measured" in caption or (name, figure) == ("open circuit", "model-budget")
+    fit = found["open circuit"].account.regression
+    assert fit is not None
+    assert all(f"{x:.5f}" in names["model-emf"] for x in (fit.slope, fit.low, fit.high))
 
 
 def test_the_differences_in_the_table_are_those_of_the_channels(
     found: dict[str, Modelled], sections: dict[str, Section]
 ) -> None:
-    shown = table(sections["18 ohm"], "differences")
-    assert shown.caption.startswith(f"Measured {MINUS} simulated over the payouts")
-    (row,) = shown.rows
-    assert row[0] == "3"
     comparison = found["18 ohm"].comparison
     assert comparison is not None
     log, model = comparison.run.channels, comparison.simulation.run.channels
@@ -114,27 +97,24 @@ def test_the_differences_in_the_table_are_those_of_the_channels(
             for c in comparison.cycles
         ]
     )
-    units = {"τ": ("torque", "N·m", 1.0), "Vdc": ("vdc", "V", 1.0), "Idc": ("idc", "A", 1.0),
-             "p": ("pressure", "kg/cm²", KGCM2), "F": ("force", "N", 1.0)}  # fmt: skip
-    assert len(row) == 1 + 2 * len(units)
-    for head, unit, cell in zip(shown.head[1:], shown.units[1:], row[1:], strict=True):
-        symbol, what = head.split()
-        channel, named, factor = units[symbol]
+    channels = {"torque": ("N·m", 1.0), "vdc": ("V", 1.0), "idc": ("A", 1.0), "pressure": ("kg/cm²", KGCM2),
+                "force": ("N", 1.0)}  # fmt: skip
+    cells = table(sections["18 ohm"], "differences").cells
+    assert len(cells) == len(channels)
+    for (_, unit, bias, rms), (channel, (named, factor)) in zip(cells, channels.items(), strict=True):
         apart = (log[channel] - model[channel])[rows] / factor
-        expected = np.mean(apart) if what == "bias" else np.sqrt(np.mean(apart**2))
         assert unit == named
-        assert value(cell) == pytest.approx(expected, abs=0.5 * 10.0 ** -len(cell.partition(".")[2]) + 1e-12)
+        assert bias == pytest.approx(np.mean(apart))
+        assert rms == pytest.approx(np.sqrt(np.mean(apart**2)))
 
 
 def test_the_budget_table_sums_to_the_energy_of_the_line(sections: dict[str, Section]) -> None:
     for section in sections.values():
         shown = table(section, "loss-budget")
-        *parts, whole = shown.rows
-        assert shown.units == ("", "J", "%")
-        assert whole[0] == "from the line"
-        assert whole[2] == "100.00"
-        assert sum(value(row[1]) for row in parts) == pytest.approx(value(whole[1]), abs=0.5 * len(parts))
-        assert sum(value(row[2]) for row in parts) == pytest.approx(100.0, abs=0.005 * len(parts))
+        *parts, whole = shown.cells
+        for k in (1, 2):
+            assert sum(float(str(row[k])) for row in parts) == pytest.approx(float(str(whole[k])), rel=1e-3)
+        assert whole[2] == pytest.approx(100.0)
         names = [row[0] for row in parts]
         wanted = ["stored gas", "screw", "line losses", "inertia", "mesh", "damper", "copper", "diodes", "DC link"]
         assert [name for name in names if name in wanted] == wanted
@@ -145,15 +125,15 @@ def test_a_simulated_log_is_nowhere_called_measured() -> None:
     reduction = msgspec.structs.replace(reduction, run=msgspec.structs.replace(reduction.run, origin=SIMULATED))
     with house_style():
         section = run_section(modelled(reduction))
-    assert section.heading == "Log and simulation"
-    assert not re.search("measured", msgspec.json.encode(section, enc_hook=str).decode(), re.IGNORECASE)
+    texts = [section.heading, *captions(section).values(), *(b.text for b in section.blocks if isinstance(b, Note))]
+    assert not re.search("measured", " ".join(texts), re.IGNORECASE)
 
 
 def test_a_rig_without_a_model_has_the_reason_instead_of_figures() -> None:
     reduction = msgspec.structs.replace(reduced("18 ohm"), rig=load_rig("kitepower"))
     (note,) = run_section(modelled(reduction)).blocks
     assert isinstance(note, Note)
-    assert note.text.startswith("Left out: the rig file of kitepower lacks what a model needs")
+    assert note.text.startswith("the rig file of kitepower lacks what a model needs")
 
 
 @pytest.mark.parametrize("missing", ["torque", "pressure", "vdc", "displacement"])
@@ -164,14 +144,14 @@ def test_what_a_log_lacks_is_neither_drawn_nor_reported(missing: str) -> None:
     reduction = msgspec.structs.replace(reduction, run=run)
     with house_style():
         section = run_section(modelled(reduction))
-    names, shown = captions(section), table(section, "differences")
+    names, shown = captions(section), [str(row[0]) for row in table(section, "differences").cells]
     if missing == "torque":
         assert "model-losses" not in names
         assert "torque of the PTO shaft" not in names["model-generator"].lower()
-        assert not [head for head in shown.head if head.startswith("τ")]
+        assert "torque" not in shown
     elif missing in ("pressure", "displacement"):
         assert "pressure" not in names["model-tether"].lower()
-        assert any(head.startswith("p ") for head in shown.head) == (missing == "displacement")
+        assert ("pressure" in shown) == (missing == "displacement")
     else:
         assert "power at the dc link" not in names["model-tether"].lower()
 
@@ -184,14 +164,12 @@ def test_a_model_with_an_effect_says_so_in_every_caption() -> None:
     with house_style():
         section = run_section(Modelled(comparison, account_of(comparison)))
     assert all("with gear_mesh_loss" in caption for caption in captions(section).values())
-    assert not any("as in its rig file" in caption for caption in captions(section).values())
 
 
 def test_the_section_stands_in_the_report_of_a_log() -> None:
     reduction = reduced("18 ohm")
-    with undrawn():
-        report = make_report(reduction, uncertainty(reduction))
-    assert [s.heading for s in report.sections if s.id == "model"] == ["Measured and simulated"]
+    report = drawn_report(reduction, uncertainty(reduction))
+    assert [s.folded for s in report.sections if s.id == "model"] == [True]
 
 
 # ----------------------------------------------------------------------------------------------------------- the figures
@@ -287,15 +265,6 @@ def test_the_back_emf_is_drawn_with_its_slope_and_that_of_the_rig_file(style: No
     assert text.get_text() == "0.06200 V/rpm\n95 %: 0.06190 to 0.06210\nR² = 0.9980"
 
 
-def test_only_named_colours_are_drawn(sections: dict[str, Section]) -> None:
-    for section in sections.values():
-        for block in section.blocks:
-            if isinstance(block, Picture):
-                used = set(re.findall(r"(?:fill|stroke|stop-color|color)(?:: |=\")(#[0-9a-fA-F]{3,8})\b", block.svg))
-                assert used
-                assert used <= set(COLOURS.values()), block.id
-
-
 # ------------------------------------------------------------------------------------------------ the report of a campaign
 @pytest.fixture(scope="module")
 def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -314,40 +283,50 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def campaign(batch: Path) -> Section:
-    report: Report = make_campaign_report(campaign_from(json.loads((batch / "campaign.json").read_bytes())), batch)
-    (section,) = (s for s in report.sections if s.id == "model")
+    loads = {
+        "open_circuit.csv": "open circuit",
+        "r18ohm.csv": "18 ohm",
+        "r4p5ohm.csv": "4.5 ohm",
+        "r45ohm.csv": "r45ohm.csv",
+    }
+    accounts = {name: json.loads((batch / "runs" / f"{name}.json").read_bytes())["model"] for name in loads}
+    logs = [Named(name, load, msgspec.convert(accounts[name], Account)) for name, load in loads.items()]
+    with house_style():
+        section = campaign_section(logs, "measured")
+    assert section is not None
     return section
 
 
-def test_a_campaign_shows_all_loads_in_each_figure(campaign: Section) -> None:
+def test_a_campaign_shows_all_loads_in_each_figure(batch: Path, campaign: Section) -> None:
     assert list(captions(campaign)) == [
         "model-tether", "model-torque", "model-generator", "model-losses", "model-damper", "model-emf", "model-budget",
     ]  # fmt: skip
-    assert campaign.heading == "Measured and simulated"
-    svg = {b.id: b.svg for b in campaign.blocks if isinstance(b, Picture)}
-    for name in ("open circuit", "18 Ω", "4.5 Ω"):
-        assert f"<!-- {name} -->" in svg["model-tether"]
-        assert (f"<!-- {name} -->" in svg["model-torque"]) == (name != "open circuit")
+    drawn = {b.id: b.figure for b in campaign.blocks if isinstance(b, Picture)}
+    legend = [text.get_text() for one in drawn["model-torque"].legends for text in one.get_texts()]
+    assert {"18 ohm", "4.5 ohm"} <= set(legend)
+    assert "open circuit" not in legend
+    report = make_campaign_report(campaign_from(json.loads((batch / "campaign.json").read_bytes())), batch)
+    (model,) = (one for one in report.sections if one.id == "model")
+    assert len(model.blocks) == len(campaign.blocks)
 
 
 def test_a_campaign_shows_which_logs_were_not_simulated_and_why(campaign: Section) -> None:
     first = campaign.blocks[0]
     assert isinstance(first, Note)
-    assert first.text.startswith("Not simulated: r45ohm.csv: the load of the log is not known")
+    assert first.text.startswith("r45ohm.csv: the load of the log is not known")
 
 
 def test_the_tables_of_a_campaign_hold_the_numbers_of_its_logs(campaign: Section) -> None:
     shown = table(campaign, "differences")
-    rows = {row[0]: row for row in shown.rows}
+    at = [column.name for column in shown.columns].index("τ bias")
+    rows = {row[0]: row for row in shown.cells}
     assert list(rows) == ["open_circuit.csv", "r18ohm.csv", "r4p5ohm.csv"]
-    assert rows["open_circuit.csv"][shown.head.index("τ bias")] == "–"
+    assert {row[0]: row[at] for row in shown.texts}["open_circuit.csv"] == "-"
     c = compared(reduced("18 ohm"))
     apart = (c.run.channels["torque"] - c.simulation.run.channels["torque"])[c.payout]
-    assert value(rows["r18ohm.csv"][shown.head.index("τ bias")]) == pytest.approx(np.mean(apart), abs=0.006)
-    budget = table(campaign, "loss-budget")
-    for row in budget.rows:
-        half = 0.06 if "." in row[1] else 0.6
-        assert sum(value(cell) for cell in row[2:]) == pytest.approx(value(row[1]), abs=half * len(row))
+    assert rows["r18ohm.csv"][at] == pytest.approx(np.mean(apart), abs=0.001)
+    for row in table(campaign, "loss-budget").cells:
+        assert sum(float(str(cell)) for cell in row[2:]) == pytest.approx(float(str(row[1])), rel=2e-3)
 
 
 def test_a_result_keeps_its_curves_and_little_more(batch: Path) -> None:
@@ -364,7 +343,7 @@ def test_a_campaign_that_names_itself_rebuilt_is_not_called_measured(found: dict
         section = campaign_section(logs, "log")
     assert section is not None
     assert section.heading == "Log and simulation"
-    assert not re.search("measured", msgspec.json.encode(section, enc_hook=str).decode(), re.IGNORECASE)
+    assert not re.search("measured", " ".join(captions(section).values()), re.IGNORECASE)
 
 
 def test_results_without_simulations_make_no_section(batch: Path, tmp_path: Path) -> None:
@@ -380,7 +359,7 @@ def test_logs_of_a_rig_without_a_model_leave_one_sentence(found: dict[str, Model
     assert section is not None
     (note,) = section.blocks
     assert isinstance(note, Note)
-    assert note.text.startswith("Left out: the rig file of kitepower lacks")
+    assert note.text.startswith("a, b: the rig file of kitepower lacks")
 
 
 # ------------------------------------------------------------------------------------------ what is not to be simulated

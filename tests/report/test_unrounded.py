@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
-from winchcascade.report.content import (
+from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
+from winchcascade.report.exports import csv_text
+from winchcascade.report.publish import cleaned
+from winchcascade.report.sheet import (
     Limit,
     Report,
     Table,
@@ -16,9 +19,6 @@ from winchcascade.report.content import (
     section,
     text_column,
 )
-from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
-from winchcascade.report.exports import csv_text
-from winchcascade.report.publish import cleaned
 
 
 def test_a_table_keeps_the_values_behind_its_texts() -> None:

@@ -18,7 +18,7 @@ def physics() -> str:
     """The part of the output that the manual shows."""
     printed = STORED.read_text(encoding="utf-8").split("--- ")[0]
     assert printed.startswith("$ winchcascade audit hsu2026-table2 --physics ")
-    return printed[printed.index("physics: what rig") :]
+    return printed[printed.index("What the rig can attain") :]
 
 
 def test_the_manual_shows_what_the_command_prints() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.reduction.loss_map import make_loss_map
 from winchcascade.reduction.loss_points import LossPoints, joined, loss_points, stages_of_loss
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.loss_map_text import check_ending, loss_map_lines, write_loss_map
+from winchcascade.report.loss_map_file import check_ending, write_loss_map
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan, Work
@@ -72,13 +73,21 @@ def write_campaign_loss_map(
         raise LogError(next(iter(faults.values()), f"{plan.title}: no log was reduced, so there is no loss map."))
     found = make_loss_map(joined([parts[name] for name in work if name in parts]), plan.work[0].settings.rig)
     write_loss_map(found, path, plan.title, force=force)
-    lines = ["", *loss_map_lines(found), *(f"left out: {faults[name]}" for name in work if name in faults)]
-    if products.reports:
-        from winchcascade.report.loss_map_section import campaign_loss_map_report, publish_campaign_loss_map
-        from winchcascade.report.results_index import INDEX, links_to
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.loss_surface import campaign_loss_map_report, loss_map_pictures
 
-        origins = [item.settings.origin for item in work.values()]
-        report = campaign_loss_map_report(found, plan.title, origins, products.command)
-        report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
-        lines += [f"loss map: {file}" for file in publish_campaign_loss_map(report, batch.folder, products.reports)]
-    return "\n".join([*lines, f"loss map: {path}"]) + "\n"
+    origins = [item.settings.origin for item in work.values()]
+    left_out = [faults[name] for name in work if name in faults]
+    stated = partial(campaign_loss_map_report, found, plan.title, origins, left_out=left_out, command=products.command)
+    files = [path]
+    if products.reports:
+        from winchcascade.report.publish import publish
+        from winchcascade.report.results_index import INDEX, stated_links
+        from winchcascade.report.style import house_style
+
+        pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
+        with house_style():
+            report = stated(loss_map_pictures(found), stated_links(["campaign.html", INDEX]))
+        publish(report, html=pages.get("html"), pdf=pages.get("pdf"))
+        files += pages.values()
+    return f"\n{terminal_text(stated(), files)}"

@@ -15,8 +15,8 @@ from winchcascade.core.cascade import Cascade
 from winchcascade.core.plain_text import cell_text
 from winchcascade.core.version import __version__
 from winchcascade.reduction.run_record import FindingRecord, RunRecord
-from winchcascade.report.content import made_at
 from winchcascade.report.frames import RUN_ENDS, Row, arrow_table, table_rows, table_schema
+from winchcascade.report.sheet import made_at
 
 TABLES = ("runs", "cycles", "bins", "findings")
 """Tables of a dataset, in the order of their sheets."""

@@ -108,18 +108,19 @@ def reduce_log(order: Order) -> Made:
     record = {k: part for k, part in asdict(whole).items() if part is not UNSET}
     files: dict[str, bytes] = {}
     if order.reports:
-        from winchcascade.report.document import make_report
         from winchcascade.report.model_section import modelled
-        from winchcascade.report.publish import html_text, pdf_bytes
-        from winchcascade.report.results_index import INDEX, links_to
+        from winchcascade.report.render.page import page_text
+        from winchcascade.report.render.pdf import pdf_bytes
+        from winchcascade.report.results.drawn_reduction import drawn_report
+        from winchcascade.report.results_index import INDEX, stated_links
 
         model = modelled(reduction)
         record["model"] = model.account  # the report of the campaign draws it
         with _DRAWING:
-            report = make_report(reduction, found, model=model, command=order.command)
-        report = replace(report, links=links_to(["campaign.html", *order.beside, INDEX], above=True))
-        files |= {"html": html_text(report).encode()} if "html" in order.reports else {}
-        files |= {"pdf": pdf_bytes(report)} if "pdf" in order.reports else {}
+            report = drawn_report(reduction, found, model=model, command=order.command)
+            report = replace(report, links=stated_links(["campaign.html", *order.beside, INDEX], above=True))
+            files |= {"html": page_text(report).encode()} if "html" in order.reports else {}
+            files |= {"pdf": pdf_bytes(report)} if "pdf" in order.reports else {}
     digests = {ending: digest_of(content) for ending, content in files.items()}
     made_by = {"key": work.key, "reports": list(order.reports), "files": digests}
     made_by |= {"beside": list(order.beside)} if order.beside else {}
@@ -388,7 +389,7 @@ def campaign_record(plan: Plan, batch: Batch, state: str, briefs: Mapping[str, B
 
 def _waves(results: Mapping[str, Path]) -> CampaignWavesRecord | UnsetType:
     """The waves of all logs together."""
-    from winchcascade.report.wave_section import campaign_waves, campaign_waves_record
+    from winchcascade.report.wave_record import campaign_waves, campaign_waves_record
 
     found = campaign_waves(read_results(results))
     return UNSET if found is None else campaign_waves_record(found)

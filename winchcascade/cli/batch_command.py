@@ -26,7 +26,7 @@ from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behi
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
-    from winchcascade.report.content import Report
+    from winchcascade.report.sheet import Report
 
 TargetsArgument = Annotated[
     list[str],
@@ -118,7 +118,7 @@ def demo_command(
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.campaign_record import campaign_text, fault_text
-    from winchcascade.report.diagnosis_text import diagnosis_lines
+    from winchcascade.report.results.diagnosis_lines import diagnosis_lines
     from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()

@@ -8,19 +8,10 @@ from typing import Annotated
 import typer
 
 from winchcascade.cli.app import CommandList
-from winchcascade.cli.options import (
-    NO_REPORT,
-    ForceOption,
-    JobsOption,
-    JsonOption,
-    SchedulerOption,
-    report_options,
-    valued_option,
-)
-from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, report_maker_of, show, write_reports
+from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, SchedulerOption, valued_option
+from winchcascade.cli.outputs import Printed, check_outputs, deliver, show
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import Workers, one_thread_each, processes
-from winchcascade.report.report_files import ReportFiles
 
 blind_command = typer.Typer(
     cls=CommandList,
@@ -57,12 +48,13 @@ def blind_deal_command(
 ) -> None:
     """Generate campaigns with injected effects, and seal the answers. The exit code is 1 if a case failed."""
     from winchcascade.blind.trial import deal
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.trials import fault_lines, progress_report
     from winchcascade.report.screen import Progress
-    from winchcascade.report.trial_text import dealt_text, faults_text
 
     with Progress(f"dealing {cases} cases") as watch:
         done = deal(out, cases, seed, workers=Workers(jobs or processes(), scheduler), force=force, watch=watch)
-    show(dealt_text(done, out), failures=faults_text(done))
+    show(terminal_text(progress_report(done, "dealt"), [out]), failures=fault_lines(done))
     raise typer.Exit(1 if done.faults else 0)
 
 
@@ -77,34 +69,27 @@ def blind_diagnose_command(
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_campaign
     from winchcascade.blind.trial import DiagnosisMethod, diagnose
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.trials import fault_lines, progress_report
     from winchcascade.report.screen import Progress
-    from winchcascade.report.trial_text import diagnosed_text, faults_text
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     method, workers = DiagnosisMethod(diagnose_campaign, EFFECTS), Workers(jobs or processes(), scheduler)
     with Progress(f"diagnosing {trial.name}") as watch:
         done = diagnose(trial, method, workers=workers, force=force, watch=watch)
-    show(diagnosed_text(done, trial), failures=faults_text(done))
+    files = [trial / "diagnoses", trial / "predictions"]
+    show(terminal_text(progress_report(done, "diagnosed"), files), failures=fault_lines(done))
     raise typer.Exit(1 if done.faults else 0)
 
 
 @blind_command.command("score")
-@report_options("html", "pdf")
-def blind_score_command(
-    trial: TrialArgument,
-    json: JsonOption = None,
-    report: ReportFiles = NO_REPORT,
-    force: ForceOption = False,
-) -> None:
+def blind_score_command(trial: TrialArgument, json: JsonOption = None, force: ForceOption = False) -> None:
     """Open the answers of a trial, and count correct and wrong diagnoses. Changed answers are rejected."""
     from winchcascade.blind.score import score, score_record
-    from winchcascade.report.trial_text import trial_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.trials import trial_report
 
-    inputs = [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")]
-    outputs: Results = {"--json": json, **report.by_option}
-    check_outputs(outputs, inputs, force=force)
+    check_outputs({"--json": json}, [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")], force=force)
     found = score(trial)
-    write_reports(report_maker_of(found), report, "trial", force=force)
-    deliver(
-        json, lambda: json_bytes(score_record(found)), Printed(lambda: trial_text(found, trial), outputs), force=force
-    )
+    printed = Printed(lambda: terminal_text(trial_report(found), [json] if json else []))
+    deliver(json, lambda: json_bytes(score_record(found)), printed, force=force)

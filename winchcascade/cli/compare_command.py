@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +21,7 @@ from winchcascade.core.files import json_bytes
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
+    from winchcascade.comparison.gate import Gate
     from winchcascade.report.content import Report
 
 SameSensorsOption = Annotated[
@@ -58,7 +60,8 @@ def compare_command(
     from winchcascade.batch.results import input_files
     from winchcascade.comparison.gate import check_limit, drop_gate
     from winchcascade.core.jobs import processes
-    from winchcascade.report.comparison_text import comparison_record, comparison_text, failed_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.comparison_record import comparison_record
 
     if max_drop is not None:
         check_limit(max_drop)
@@ -67,20 +70,27 @@ def compare_command(
     found = compare(a, b, same_sensors=same_sensors, jobs=jobs or processes())
     gate = None if max_drop is None else drop_gate(found, max_drop)
 
-    def make() -> Report:
-        from winchcascade.report.comparison_report import make_comparison_report
+    @cache
+    def stated() -> Report:
+        from winchcascade.report.results.comparison import comparison_report
 
-        return make_comparison_report(found, gate, command=given_command())
+        return comparison_report(found, gate, command=given_command())
 
-    write_reports(make, report, "comparison", of=f"{a} and {b}", force=force)
-    deliver(
-        json,
-        lambda: json_bytes(comparison_record(found, gate)),
-        Printed(
-            lambda: comparison_text(found, gate),
-            outputs,
-            failures=lambda: "" if gate is None else failed_text(gate),
-        ),
-        force=force,
-    )
+    write_reports(stated, report, "comparison", force=force)
+    files = list(dict.fromkeys(path for path in outputs.values() if path))
+    failures = partial(_failed, gate) if gate and not gate.ok else str
+    printed = Printed(lambda: terminal_text(stated(), files), failures=failures)
+    deliver(json, lambda: json_bytes(comparison_record(found, gate)), printed, force=force)
     raise typer.Exit(0 if gate is None or gate.ok else 1)
+
+
+def _failed(gate: Gate) -> str:
+    """The drops that are larger than the limit alone."""
+    from msgspec.structs import replace
+
+    from winchcascade.report.content import Report, section
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.comparison import drops_table, gate_words
+
+    drops = section("limit", "Limit of a drop", drops_table(replace(gate, drops=gate.failed)))
+    return terminal_text(Report("Comparison", gate_words(gate), sections=[drops]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,7 +20,7 @@ from winchcascade.cli.options import (
     report_options,
     valued_option,
 )
-from winchcascade.cli.outputs import Printed, check_outputs, deliver, report_maker_of, write_reports
+from winchcascade.cli.outputs import Printed, check_outputs, deliver, given_command, write_reports
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked, json_bytes
@@ -104,9 +103,9 @@ def diagnose_command(
     from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
     from winchcascade.batch.demo import DIAGNOSIS_FILES
     from winchcascade.batch.results_pages import list_diagnosis
-    from winchcascade.report.diagnosis_text import as_json as diagnosis_record
-    from winchcascade.report.diagnosis_text import diagnosis_text
     from winchcascade.report.model_export import check_export, write_export
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.screen import status_line
     from winchcascade.rig.effects.catalogue import suspected
 
@@ -124,12 +123,12 @@ def diagnose_command(
         corrected = write is None or write_corrected_rig(found, write, force=force)
         if export is not None:
             write_export(found, export, force=force)
+        stated = _linked_report(found, report.html)
         if report.wanted:
             on_progress("writing reports")
-            make = partial(_linked_report, found, report.html)
-            write_reports(make, report, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
+            write_reports(lambda: stated, report, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
     files = _files(results, predictions, written=bool(written), corrected=corrected)
-    printed = Printed(lambda: diagnosis_text(found, files))
+    printed = Printed(lambda: terminal_text(stated, files))
     deliver(json, lambda: json_bytes(diagnosis_record(found)), printed, force=force)
     made = [path for path in (report.html, report.pdf, Path(json or "-")) if path is not None]
     for folder in {path.parent for path in made if path.name in DIAGNOSIS_FILES}:
@@ -146,11 +145,12 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
 
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
     """The report, with links to the pages of a batch beside it."""
-    from winchcascade.report.results_index import INDEX, links_to
+    from winchcascade.report.results.diagnosis import diagnosis_report
+    from winchcascade.report.results_index import INDEX, stated_links
 
     folder = Path() if html is None else html.parent
     pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
-    return replace(report_maker_of(found)(), links=links_to(pages))
+    return replace(diagnosis_report(found, command=given_command()), links=stated_links(pages))
 
 
 def _files(

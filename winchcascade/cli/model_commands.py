@@ -34,7 +34,6 @@ from winchcascade.cli.outputs import (
     report_maker_of,
     show,
     write_reports,
-    written,
 )
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
@@ -43,7 +42,6 @@ from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
-    from winchcascade.report.content import Report
     from winchcascade.rig.parts import Model
 
 MotionArgument = Annotated[
@@ -95,7 +93,6 @@ def simulate_command(
     The printed energies are those of the whole motion, up to the instant at which the energy of the line is largest. The
     simulated log keeps the load. Errors of sensors that a corrected rig file states are left out, unless --sensors is given.
     """
-    from winchcascade.report.terminal import simulation_text
     from winchcascade.rig.baseline import sensor_errors
     from winchcascade.rig.simulate import simulate, write_log
 
@@ -115,22 +112,21 @@ def simulate_command(
     simulation = simulate(run, _model(settings.rig, effects or [], sensors=sensors))
     write_log(simulation, out, force=force)
 
-    def make() -> Report:
-        from winchcascade.report.simulation_report import simulation_report
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.simulation import simulation_report
 
-        words, command = ", ".join(effects or []), given_command()
-        return simulation_report(
-            simulation,
-            rig=settings.rig,
-            window=settings.window,
-            source=str(source),
-            effects=words,
-            left_out=left_out,
-            command=command,
-        )
-
-    write_reports(make, report, f"{out.stem}_simulation", force=force)
-    show(simulation_text(simulation, left_out) + written(results))
+    words, command = ", ".join(effects or []), given_command()
+    stated = simulation_report(
+        simulation,
+        rig=settings.rig,
+        window=settings.window,
+        source=str(source),
+        effects=words,
+        left_out=left_out,
+        command=command,
+    )
+    write_reports(lambda: stated, report, f"{out.stem}_simulation", force=force)
+    show(terminal_text(stated, [path for path in results.values() if path]))
 
 
 def _model(rig: Rig, effects: Sequence[str], *, sensors: bool) -> Model:
@@ -177,7 +173,9 @@ def calibrate_command(
     one_thread_each()
     from winchcascade.diagnosis.calibrate import calibrate
     from winchcascade.diagnosis.rig_text import calibrated_text
-    from winchcascade.report.calibration_sheet import calibration_record, calibration_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.calibration import calibration_report
+    from winchcascade.report.results.calibration_record import calibration_record
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
@@ -188,8 +186,9 @@ def calibrate_command(
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
     write_reports(report_maker_of(calibration), report, f"{Path(run.name).stem}_calibration", force=force)
-    files = {option: path for option, path in results.items() if option != "--write"}
-    printed = Printed(lambda: calibration_text(calibration, write), files)
+    printed = Printed(
+        lambda: terminal_text(calibration_report(calibration), [path for path in results.values() if path])
+    )
     deliver(json, lambda: json_bytes(calibration_record(calibration)), printed, force=force)
 
 
@@ -199,9 +198,10 @@ def effects_command(
     ] = None,
 ) -> None:
     """List the effects that the model of a rig leaves out, or describe one of them in full."""
-    from winchcascade.report.effects_text import effects_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.effects import effects_report
 
-    show(effects_text(name))
+    show(terminal_text(effects_report(name)))
 
 
 def rig_command(

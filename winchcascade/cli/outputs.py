@@ -19,8 +19,9 @@ from winchcascade.report.screen import QUIET, painted
 from winchcascade.report.text_table import file_lines
 
 if TYPE_CHECKING:
-    from winchcascade.report.content import Report
+    from winchcascade.report.content import Report as Stated
     from winchcascade.report.report_files import ReportFiles
+    from winchcascade.report.sheet import Report
 
 Results = Mapping[str, str | Path | None]
 """Files and folders that a command writes, by the option that names each."""
@@ -69,7 +70,9 @@ def deliver(json: str | None, content: Callable[[], bytes], printed: Printed, *,
         show(shown[:end] + files + shown[end:])
 
 
-def write_reports(make: Callable[[], Report], files: ReportFiles, name: str, *, of: str = "", force: bool) -> None:
+def write_reports(
+    make: Callable[[], Report | Stated], files: ReportFiles, name: str, *, of: str = "", force: bool
+) -> None:
     """Write a report as page and PDF, and its figures and tables, as far as they are wanted.
 
     Parameters
@@ -83,7 +86,7 @@ def write_reports(make: Callable[[], Report], files: ReportFiles, name: str, *, 
         write_report_files(make, files, name, of=of, force=force)
 
 
-def report_maker_of(result: object) -> Callable[[], Report]:
+def report_maker_of(result: object) -> Callable[[], Report | Stated]:
     """What makes the report of a result of a command, with the command."""
     from winchcascade.report.report_files import report_of
 

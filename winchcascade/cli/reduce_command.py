@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,6 +56,7 @@ def reduce_command(
 
     If a campaign.toml in the folder of the log lists it, that file gives what the options leave open.
     """
+    from winchcascade.reduction.montecarlo import uncertainty
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
 
     _reject_folder(log)
@@ -63,7 +66,7 @@ def reduce_command(
     results: Results = {"--json": json, **report.by_option, "--parquet": parquet, "--loss-map": loss_map}
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
     if loss_map is not None:
-        from winchcascade.report.loss_map_text import check_ending
+        from winchcascade.report.loss_map_file import check_ending
 
         check_ending(loss_map)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
@@ -74,33 +77,34 @@ def reduce_command(
         from winchcascade.report.frames import write_parquet
 
         write_parquet(reduction, parquet, force=force)
-    found = None
-    if json is not None or report.wanted:
-        from winchcascade.reduction.montecarlo import uncertainty
+    found = uncertainty(reduction)
+    if report.wanted:
+        from winchcascade.report.results.drawn_reduction import drawn_report
 
-        found = uncertainty(reduction)
-    if found is not None and report.wanted:
-        from winchcascade.report.document import report_maker
-
-        make = report_maker(reduction, found, mapped, command=given_command())
+        make = partial(drawn_report, reduction, found, mapped, command=given_command())
         write_reports(make, report, Path(reduction.run.name).stem, force=force)
-    deliver(json, lambda: _record(reduction, found), Printed(lambda: _text(reduction, mapped), results), force=force)
+    files = [path for path in results.values() if path]
+    deliver(
+        json, lambda: _record(reduction, found), Printed(lambda: _text(reduction, found, mapped, files)), force=force
+    )
 
 
-def _record(reduction: Reduction, found: Uncertainty | None) -> bytes:
+def _record(reduction: Reduction, found: Uncertainty) -> bytes:
     from winchcascade.report.records import reduction_json
 
     return reduction_json(reduction, found)
 
 
-def _text(reduction: Reduction, mapped: LossMap | None) -> str:
-    from winchcascade.report.terminal import reduction_text
+def _text(reduction: Reduction, found: Uncertainty, mapped: LossMap | None, files: Sequence[Path | str]) -> str:
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.reduction import reduction_report
 
-    if mapped is None:
-        return reduction_text(reduction)
-    from winchcascade.report.loss_map_text import loss_map_lines
+    more = {}
+    if mapped is not None:
+        from winchcascade.report.results.loss_surface import loss_map_section
 
-    return "\n".join([reduction_text(reduction), *loss_map_lines(mapped)]) + "\n"
+        more["loss-map"] = loss_map_section(mapped)
+    return terminal_text(reduction_report(reduction, found, more=more), files)
 
 
 def _reject_folder(log: Path) -> None:
@@ -117,7 +121,7 @@ def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap
     """Make the loss map of a log and write it."""
     from winchcascade.reduction.loss_map import make_loss_map
     from winchcascade.reduction.loss_points import loss_points
-    from winchcascade.report.loss_map_text import write_loss_map
+    from winchcascade.report.loss_map_file import write_loss_map
 
     found = make_loss_map(loss_points(reduction), reduction.rig)
     write_loss_map(found, path, reduction.run.name, force=force)

@@ -88,7 +88,9 @@ def check_command(
     """
     from winchcascade.batch.results import check_results, input_files, load_results
     from winchcascade.core.jobs import processes
-    from winchcascade.report.check_report import check_record, check_text, github_annotations, junit_xml, missed_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
+    from winchcascade.report.results.checks import check_report, failed_check
     from winchcascade.tables.check import SAME_LOGS, Factors
     from winchcascade.tables.point_table import PointTable, open_table
 
@@ -112,12 +114,11 @@ def check_command(
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
     write_reports(report_maker_of(outcome), report, f"{table.name}_check", force=force)
-    deliver(
-        json,
-        lambda: json_bytes(check_record(outcome)),
-        Printed(lambda: check_text(outcome), outputs, failures=lambda: missed_text(outcome), verdict=True),
-        force=force,
+    printed = Printed(
+        lambda: terminal_text(check_report(outcome), [path for path in outputs.values() if path]),
+        failures=lambda: "" if outcome.ok else terminal_text(failed_check(outcome)),
     )
+    deliver(json, lambda: json_bytes(check_record(outcome)), printed, force=force)
     if github:
         show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
     raise typer.Exit(0 if outcome.ok else 1)
@@ -164,16 +165,11 @@ def audit_command(
     difference.
     """
     from winchcascade.core.published_table import PublishedTable
-    from winchcascade.report.audit_text import (
-        audit_record,
-        audit_text,
-        broken_laws_text,
-        contradictions_text,
-        point_audit_record,
-        point_audit_text,
-    )
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.audit_record import audit_record
+    from winchcascade.report.results.audits import audit_report, failed_audit
     from winchcascade.report.screen import Progress
-    from winchcascade.tables.audit import Audit, audit
+    from winchcascade.tables.audit import audit
     from winchcascade.tables.point_table import open_table
 
     if rig is not None and not physics:
@@ -186,11 +182,10 @@ def audit_command(
             found = audit(opened, physics=True, rig=rig, watch=watch)
     else:
         found = audit(opened, physics=physics)
-    if isinstance(found, Audit):
-        record, text, failures = audit_record(found), audit_text(found), contradictions_text(found)
-    else:
-        record, text, failures = point_audit_record(found), point_audit_text(found), broken_laws_text(found)
     write_reports(report_maker_of(found), report, f"{opened.name}_audit", force=force)
-    printed = Printed(lambda: text, outputs, failures=lambda: failures, verdict=True)
-    deliver(json, lambda: json_bytes(record), printed, force=force)
+    printed = Printed(
+        lambda: terminal_text(audit_report(found), [path for path in outputs.values() if path]),
+        failures=lambda: "" if found.ok else terminal_text(failed_audit(found)),
+    )
+    deliver(json, lambda: json_bytes(audit_record(found)), printed, force=force)
     raise typer.Exit(0 if found.ok else 1)

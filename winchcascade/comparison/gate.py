@@ -20,8 +20,8 @@ Verdict = Literal[
 """Whether a drop is beyond the limit, and whether its interval contains drops of the other side of the limit."""
 
 
-class Drop(msgspec.Struct, frozen=True):
-    """Drop A - B of an efficiency of matched runs, with its 95 % interval."""
+class Drop(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "value": "drop", "interval": "interval_95"}):
+    """Drop A - B of an efficiency of matched runs, with its 95 % interval; names in JSON are those of its record."""
 
     label: str
     load: float | None

@@ -16,7 +16,7 @@ from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_
 from winchcascade.core.cascade import field_of
 from winchcascade.reduction.run_record import FindingRecord
 from winchcascade.report import campaign_figures as figures
-from winchcascade.report import content
+from winchcascade.report import sheet as content
 from winchcascade.report.best_load import Best, LoadRanking, rank_loads
 from winchcascade.report.campaign_record import (
     CampaignRecord,
@@ -31,13 +31,14 @@ from winchcascade.report.campaign_record import (
     unlike_motion,
     window_text,
 )
-from winchcascade.report.content import TableColumn
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
+from winchcascade.report.results.waves import campaign_waves_section
+from winchcascade.report.sheet import TableColumn
 from winchcascade.report.style import house_style
-from winchcascade.report.wave_section import CampaignWaves, campaign_waves, campaign_waves_section
+from winchcascade.report.wave_record import CampaignWaves, campaign_waves
 from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, symbols_section, unit_of
 
 LISTED = 800
@@ -98,7 +99,7 @@ def campaign_report(
                 "results", "Energies and efficiencies",
                 _over_load(loaded), energies, logs_efficiencies_table(runs), logs_net_table(runs),
             ),
-            *([] if waves is None else [campaign_waves_section(waves)]),
+            *([] if waves is None else [content.of_stated(campaign_waves_section(waves))]),
             content.section(
                 "speed", "Over generator speed",
                 content.picture(
@@ -179,7 +180,7 @@ def _model(runs: Sequence[LogSummary], out: Path) -> list[content.Section]:
             account = None
         found += [] if account is None else [Named(run.name, load, account)]
     made = campaign_section(found, joint_origin([run.origin for run in runs]).word)
-    return [] if made is None else [made]
+    return [] if made is None else [content.of_stated(made)]
 
 
 def _name(run: LogSummary) -> str:

@@ -19,10 +19,12 @@ from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.run import Units
 from winchcascade.reduction.run_record import CampaignWavesRecord, FindingRecord, Interval95, Numbers, RunRecord
-from winchcascade.report.content import Limit, TableColumn
+from winchcascade.report.content import Note, Report
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.screen import toned
+from winchcascade.report.sheet import Limit, TableColumn
 from winchcascade.report.text_table import at_most, data_lines, headed, joined, listing, metric_steps, wrapped
+from winchcascade.report.wave_record import waves_from_record
 from winchcascade.report.wording import load_words
 
 if TYPE_CHECKING:
@@ -261,9 +263,15 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
         *([*headed(wrapped(f"note: {motion_words(*unlike, 'ohm')}."), "note", "warning"), ""] if unlike else []),
     ]
     if campaign.waves is not UNSET:
-        from winchcascade.report.wave_section import campaign_waves_lines
+        from winchcascade.report.render.terminal import terminal_text
+        from winchcascade.report.results.waves import wave_section
 
-        lines += [*campaign_waves_lines(campaign.waves), ""]
+        waves = wave_section(waves_from_record(campaign.waves))
+        left_out = [Note(text, "Left out") for text in campaign.waves.left_out]
+        lines += [
+            *terminal_text(Report("Waves", "Waves of all logs", points=left_out, sections=[waves])).splitlines(),
+            "",
+        ]
     lines += [*altered_lines(altered), *_fault_lines(campaign, out)]
     named = [
         ("index", out / "index.html"),

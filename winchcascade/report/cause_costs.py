@@ -1,29 +1,24 @@
-"""What each cause costs in efficiency, load by load: numbers, sentences, a waterfall figure, and tables."""
+"""What each cause costs in efficiency, load by load, and the waterfall of it."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import msgspec
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
-from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, loaded_part
+from winchcascade.diagnosis.contributions import leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
-from winchcascade.report import content
-from winchcascade.report.cause_words import named
-from winchcascade.report.content import number_column, text_column
 from winchcascade.report.diagnosis_words import word_of
-from winchcascade.report.digits import NumberText, number
+from winchcascade.report.digits import number
 from winchcascade.report.gap_words import has_own_simulation
-from winchcascade.report.text_table import aligned_lines, table_lines
-from winchcascade.report.wording import SYMBOL, load_words, tex
-
-if TYPE_CHECKING:  # the text of a diagnosis needs no figure
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from winchcascade.report.style import COLOURS, Margins, panel_figure
+from winchcascade.report.wording import load_words, tex
 
 T = TypeVar("T", Contribution, ContributionPart)
 
@@ -62,51 +57,20 @@ def _mean(alike: Sequence[T], *fields: str) -> T:
 
 def part_name(found: ModelDiagnosis, part: ContributionPart) -> str:
     """Plain name of a part."""
-    return NAMES[part.kind] if part.effect is None else found.suspects[part.effect].label
+    if part.effect is None or part.effect == OTHER:
+        return NAMES.get(part.kind, OTHER)
+    return found.suspects[part.effect].label
 
 
-def points_words(value: float, decimals: int = 2) -> str:
+def points_words(value: float) -> str:
     """A part in points of efficiency, with its sign."""
-    text = number(value, decimals)
-    return NumberText(f"+{text}", value) if value > 0.0 and float(text) else text
-
-
-# ------------------------------------------------------------------------------------------------------------- sentences
-def cost_words(found: ModelDiagnosis) -> str:
-    """What the causes cost at the load at which model and run differ most."""
-    metric = leading_metric(found.contributions)
-    table = load_costs(found, metric)
-    if not found.causes or not table:
-        return ""
-    worst = max(table, key=lambda costs: abs(costs.measured - costs.as_given))
-    parts = ", ".join(f"{part_name(found, part)} {points_words(part.value, 1)}" for part in worst.parts)
-    text = (
-        f"At {load_words(worst.load)} {SYMBOL[worst.metric]} is {number(worst.measured, 1)} % ({word_of(found)}) and "
-        f"{number(worst.as_given, 1)} % by {given_words(found)}. The difference in points: {parts}."
-    )
-    return f"{text} {no_energy_words(found)}".rstrip()
-
-
-def cost_title(found: ModelDiagnosis) -> str:
-    """What the table of the terminal shows."""
-    metric = leading_metric(found.contributions)
-    value = "as measured" if word_of(found) == "measured" else "of the log"
-    return f"{metric} by {given_words(found)} and {value} in %, the difference in points"
-
-
-def given_words(found: ModelDiagnosis) -> str:
-    """What the parts begin from."""
-    return "your simulation" if has_own_simulation(found) else "the model of the rig file"
+    text = number(value, 1)
+    return f"+{text}" if value > 0.0 and float(text) else text
 
 
 def given_head(found: ModelDiagnosis) -> str:
     """What the parts begin from, as a head of a column."""
     return "your simulation" if has_own_simulation(found) else "nominal"
-
-
-def goal_words(found: ModelDiagnosis) -> str:
-    """What the parts lead to: the measured value, or that of a log of which it is not stated whether it is measured."""
-    return "the measured value" if word_of(found) == "measured" else "the value of the log"
 
 
 def no_energy_words(found: ModelDiagnosis) -> str:
@@ -119,178 +83,55 @@ def no_energy_words(found: ModelDiagnosis) -> str:
     )
 
 
-# -------------------------------------------------------------------------------------------------------------- terminal
-HEAD = 10
-"""Width to which the head of a column is broken. [characters]"""
-
-
-def cost_lines(found: ModelDiagnosis, width: int) -> list[str]:
-    """The split of the leading efficiency by load as plain text; the smallest causes are summed where it gets too wide.
-
-    Parameters
-    ----------
-    width : of a line at most [characters]
-    """
-    table = load_costs(found, leading_metric(found.contributions))
-    if not table:
-        return []
-    for shown in range(len(found.causes), -1, -1):
-        heads, rows = _cost_rows(found, table, shown)
-        lines = aligned_lines(rows)
-        if max(map(len, lines)) <= width:
-            return lines
-    return table_lines(rows, heads=heads, omit=("tolerances", "model form"))
-
-
-def _cost_rows(
-    found: ModelDiagnosis, table: Sequence[Contribution], shown: int
-) -> tuple[list[str], list[Sequence[str]]]:
-    """Heads, and rows of loads below broken heads, with columns for some of the causes."""
-    count = len(found.causes)
-    heads = [found.suspects[cause.effect].label for cause in found.causes[:shown]]
-    heads += ["other causes"] if shown < count else []
-    heads = ["load", given_head(found), *heads, *(NAMES[part.kind] for part in table[0].parts[count:]), word_of(found)]
-    rows = []
-    for costs in table:
-        values = [part.value for part in costs.parts]
-        own = [*values[:shown], *([sum(values[shown:count])] if shown < count else []), *values[count:]]
-        rows.append(
-            [
-                load_words(costs.load, "ohm"),
-                number(costs.as_given, 2),
-                *map(points_words, own),
-                number(costs.measured, 2),
-            ]
-        )
-    broken = [textwrap.wrap(head, HEAD, break_long_words=False, break_on_hyphens=False) for head in heads]
-    depth = max(map(len, broken))
-    above = [["" if k < depth - len(head) else head[k - depth + len(head)] for head in broken] for k in range(depth)]
-    return heads, [*above, *rows]
-
-
-def cost_section(found: ModelDiagnosis) -> content.Section:
-    """The waterfalls of all loads, unless the head of the report shows them, and a table of each efficiency; without blocks
-    where no run has an efficiency.
-    """
-    return content.section(
-        "costs", "What each cause costs",
-        content.picture(
-            waterfall_figure(found) if len(waterfall_costs(found)) > COLUMNS else None, "waterfall",
-            _waterfall_words(found),
-            "Bars from one level to the next; the values are in the table.",
-        ),
-        *cost_tables(found),
-    )  # fmt: skip
-
-
-def cost_tables(found: ModelDiagnosis) -> list[content.Table | None]:
-    """The split of every efficiency by load."""
-    tables = ((metric, load_costs(found, metric)) for metric in EFFICIENCIES)
-    return [_cost_table_of(found, metric, table) for metric, table in tables if table]
-
-
-def _cost_table_of(found: ModelDiagnosis, metric: str, table: Sequence[Contribution]) -> content.Table | None:
-    rows = [
-        (
-            part_name(found, part) if part.effect is None else named(found, part.effect),
-            "" if part.effect is None else part.kind,
-            *(_beside(costs.parts[k]) for costs in table),
-        )
-        for k, part in enumerate(table[0].parts)
-    ]
-    ends = [
-        (name, "", *(number(getattr(costs, of), 2) for costs in table))
-        for name, of in ((f"{given_head(found)} [%]", "as_given"), (f"{word_of(found)} [%]", "measured"))
-    ]
-    return content.formatted_table(
-        f"costs-{metric.replace('_', '-')}",
-        f"{SYMBOL[metric]}: from {given_words(found)} to {goal_words(found)}, in points of efficiency (±: 95 %).",
-        (
-            text_column("Part"),
-            text_column("Kind"),
-            *(number_column(load_words(costs.load)) for costs in table),
-        ),
-        [ends[0], *rows, ends[1]],
-        f"{no_energy_words(found)} {ABOUT}".strip(),
-    )
-
-
-ABOUT = (
-    "A cause contributes what it adds to a simulation, averaged over all orders in which the causes may be added. Tolerances: "
-    "numbers and sensors of the rig as the fit moved them within their tolerances. The parts add up to the difference."
-)
-
-
-def _beside(part: ContributionPart) -> str:
-    """A part with half its interval."""
-    return NumberText(
-        f"{points_words(part.value)} ± {number(0.5 * (part.high - part.low), 2)}", part.value, part.low, part.high
-    )
-
-
 COLUMNS = 3
 """Panels of the waterfall figure side by side."""
-
-MAX_LOADS = 9
-"""Loads in the waterfall figure at most; all are in the table."""
 
 BAR = 0.165
 """Height of a bar with its margin. [in]"""
 
 
-def _waterfall_words(found: ModelDiagnosis) -> str:
-    metric = leading_metric(found.contributions)
-    return (
-        f"{'' if metric is None else SYMBOL[metric]} from {given_words(found)} to {goal_words(found)}, cause by cause, at each "
-        "load. Orange: a cause that costs efficiency; blue: one that adds some; purple: a sensor, which costs no energy; "
-        "yellow: a wrong entry; grey: tolerances and residual. Black lines: 95 %."
-    )
-
-
-LEAD = 2.35
-"""Height of the waterfalls at the head of a report at most: verdict, tiles and they share the first screen. [in]"""
-
-
-def lead_picture(found: ModelDiagnosis) -> content.Picture | None:
-    """The waterfalls of up to three loads, from the largest to the smallest, in one row for the head of a report."""
-    table = waterfall_costs(found)
-    bar = min(BAR, (LEAD - 0.75) / (len(table[0].parts) + 2)) if table else BAR
-    chosen = sorted({0, len(table) // 2, len(table) - 1}) if len(table) > COLUMNS else range(len(table))
-    return content.picture(
-        _waterfalls(found, [table[k] for k in chosen], bar), "lead",
-        _waterfall_words(found)
-        + (" All loads are in the section on what each cause costs." if len(table) > COLUMNS else "")
-        if table
-        else "",
-        "Bars from one level to the next; the values are in the tables of what each cause costs.",
-    )  # fmt: skip
-
-
 def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
-    """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, a panel for each load."""
-    return _waterfalls(found, waterfall_costs(found), BAR)
-
-
-def _waterfalls(found: ModelDiagnosis, table: Sequence[Contribution], bar: float) -> Figure | None:
-    from winchcascade.report.style import Margins, panel_figure
-
-    if not table:
+    """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, at three loads at most."""
+    every = waterfall_costs(found)
+    if not every:
         return None
-    bars, lines = len(table[0].parts) + 2, -(-len(table) // COLUMNS)
-    height = lines * (bars * bar + 0.5) + 0.25
-    gaps = {"wspace": 0.08, "hspace": 0.5 / (bars * bar)}
-    figure, panels = panel_figure(height, lines, COLUMNS, margins=Margins(left=0.2, head=0.24), gaps=gaps, share="y")
+    table = [every[k] for k in sorted({0, len(every) // 2, len(every) - 1})] if len(every) > COLUMNS else every
+    height = BAR * (len(table[0].parts) + 2) + 0.75
+    margins, gaps = Margins(left=0.2, head=0.24), {"wspace": 0.08}
+    figure, panels = panel_figure(height, 1, COLUMNS, margins=margins, gaps=gaps, share="y")
     draw_waterfalls(panels, found, table)
-    for k, ax in enumerate(panels):
-        ax.set_visible(k < len(table))
-        if k + COLUMNS < len(table):
-            ax.set_xlabel("")
+    for ax in panels[len(table) :]:
+        ax.set_visible(False)
     return figure
 
 
+SHOWN = 4
+"""Causes with a bar of their own, those that cost most; the others are added up."""
+
+OTHER = "other causes"
+
+
 def waterfall_costs(found: ModelDiagnosis) -> list[Contribution]:
-    """The split of the leading efficiency at the loads that are drawn."""
-    return load_costs(found, leading_metric(found.contributions))[:MAX_LOADS]
+    """The split of the leading efficiency at each load, with the smallest causes as one part. [%, points]"""
+    table = load_costs(found, leading_metric(found.contributions))
+    count = len(found.causes)
+    if not table or count <= SHOWN + 1:
+        return table
+    largest = sorted(range(count), key=lambda k: -max(abs(costs.parts[k].value) for costs in table))
+    kept, rest = sorted(largest[:SHOWN]), largest[SHOWN:]
+    return [
+        msgspec.structs.replace(
+            costs,
+            parts=(*(costs.parts[k] for k in kept), _sum([costs.parts[k] for k in rest]), *costs.parts[count:]),
+        )
+        for costs in table
+    ]
+
+
+def _sum(parts: Sequence[ContributionPart]) -> ContributionPart:
+    """Some causes as one part."""
+    low, value, high = (sum(getattr(part, name) for part in parts) for name in ("low", "value", "high"))
+    return ContributionPart(OTHER, "physical", value, low, high)
 
 
 def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution]) -> None:
@@ -309,9 +150,10 @@ def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequen
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:
-    """Smallest and largest efficiency that a waterfall passes. [%]"""
-    levels = [costs.measured, *accumulate((part.value for part in costs.parts), initial=costs.as_given)]
-    return min(levels), max(levels)
+    """Smallest and largest efficiency that a waterfall passes, with the ends of its intervals. [%]"""
+    levels = [*accumulate((part.value for part in costs.parts), initial=costs.as_given)]
+    ends = [level + end for level, part in zip(levels, costs.parts, strict=False) for end in (part.low, part.high)]
+    return min(costs.measured, *levels, *ends), max(costs.measured, *levels, *ends)
 
 
 def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
@@ -321,10 +163,6 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
     ----------
     span : of the widest waterfall [points]
     """
-    from matplotlib.ticker import MaxNLocator
-
-    from winchcascade.report.style import COLOURS
-
     low, high = _extent(costs)
     middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
     left = middle - half
@@ -340,7 +178,7 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
             [level - part.value + part.low, level - part.value + part.high], [place] * 2, color=COLOURS["ink"], lw=0.8
         )
         right = max(level - min(part.value, 0.0), level - part.value + part.high)
-        ax.text(right, place, f" {points_words(part.value, 1)}", va="center", ha="left", fontsize=6.8)
+        ax.text(right, place, f" {points_words(part.value)}", va="center", ha="left", fontsize=6.8)
     ax.plot([level, level], [end - 1.33, end + 0.33], color=COLOURS["soft"], lw=0.5)
     ax.set_xlim(left, middle + 1.15 * half)
     ax.xaxis.set_major_locator(MaxNLocator(4, integer=True))

@@ -14,7 +14,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_stability import cycle_names
 from winchcascade.diagnosis.stability import MIN_RUNS
 from winchcascade.report.digits import significant, upper
-from winchcascade.report.gap_words import NAMES, display_of, number_words, phase_words, probability_words
+from winchcascade.report.gap_words import NAMES, display_of, number_words, phase_words
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display, WrongEntry
 
@@ -28,17 +28,6 @@ LINE_NUMBERS = {
 }
 """Display of the number of each suspect without a model, in units of the line."""
 
-LINE_MEANINGS = {
-    "drum_inertia": "What turns with the line (drum, gear, machine, tether on the drum) takes power to speed up and gives it "
-    "back.",
-    "line_friction": "A constant friction between line and shaft, against the motion.",
-    "line_drag": "A drag between line and shaft in proportion to the speed.",
-    "load_proportional_loss": "A share of the tension is lost between line and shaft, as over sheaves.",
-    "force_gain": "The force cell reads too much or too little, by the same share everywhere.",
-    "force_zero": "The force cell reads too much or too little, by the same force everywhere.",
-}
-"""What each suspect is on a winch of which only line and shaft are known."""
-
 
 def cycles_of(found: LineDiagnosis) -> int:
     """Number of the cycles of all parts."""
@@ -49,17 +38,6 @@ def part_words(part: CyclePart) -> str:
     """The cycles of a part and its log."""
     first, last = int(part.cycle.min()), int(part.cycle.max())
     return f"{f'cycle {first}' if first == last else f'cycles {first} to {last}'} of {part.run.name}"
-
-
-def flipped_words(found: LineDiagnosis) -> str:
-    """Channels that were logged with the opposite sign, which ingest corrected."""
-    flipped = {
-        f"{run.name}: {finding.message}; {finding.action}": None
-        for run in found.runs
-        for finding in run.findings
-        if finding.kind == "sign_flipped"
-    }
-    return "; ".join(flipped) + "." if flipped else ""
 
 
 def small_words(found: LineDiagnosis) -> str:
@@ -85,61 +63,60 @@ def samples_of(found: LineDiagnosis) -> int:
     return 2 * beside(found.lines.parts[0].run, found.lines.span) + 1
 
 
+PLURAL = {"payout": "payouts", "hold": "holds", "haul_in": "haul-ins"}
+"""Phases of several cycles."""
+
+
+class PhaseEnergy(NamedTuple):
+    """Energy of all judged cycles in a phase [J], and by which share predictions deviate from it, and in the worst cycle."""
+
+    phases: str
+    measured: float
+    before: float
+    after: float
+    worst: float
+
+
+def energy_rows(found: LineDiagnosis) -> list[PhaseEnergy]:
+    """Energies of payouts and haul-ins."""
+    rows = []
+    for phase in ("payout", "haul_in"):
+        own = [one for one in found.energies if one.phase == phase and one.measured]
+        measured = sum(one.measured for one in own)
+        if measured:
+            before, after = (sum(getattr(e, name) for e in own) / measured - 1.0 for name in ("before", "after"))
+            worst = max((e.after / e.measured - 1.0 for e in own), key=abs)
+            rows.append(PhaseEnergy(PLURAL[phase], measured, before, after, worst))
+    return rows
+
+
+def fitted_words(found: LineDiagnosis) -> str:
+    """Effects that were fitted but are not named, with their numbers."""
+    texts = []
+    for one in found.fitted_effects:
+        if not one.named:
+            value = next(iter(one.parameters.values()))
+            text, interval = number_words(LINE_NUMBERS[one.effect], value, 3)
+            where = "" if one.chosen else ", not needed beside the others but not ruled out"
+            texts.append(f"{one.effect} {text} (95 %: {interval}{where})")
+    return "; ".join(texts)
+
+
+def again_words(found: LineDiagnosis) -> str:
+    """Whether the withheld cycles alone give the same numbers; empty without any."""
+    if not found.causes or not found.again:
+        return ""
+    pairs = {cause.effect: (found.again[cause.effect], *cause.parameters.values()) for cause in found.causes}
+    apart = [effect for effect, (alone, fitted) in pairs.items() if alone.low > fitted.high or alone.high < fitted.low]
+    shown = ((LINE_NUMBERS[effect], alone) for effect, (alone, _) in pairs.items())
+    numbers = "; ".join("{} {} ({})".format(how.what, *number_words(how, alone, 3)) for how, alone in shown)
+    steady = f"Those of {' and '.join(apart)} do not overlap" if apart else "They overlap"
+    return f"Fitted to the withheld cycles alone: {numbers}. {steady} with the intervals of the fit."
+
+
 def set_words(names: Sequence[str]) -> str:
     """A set of suspects."""
     return " + ".join(names) if names else "none: line tension times speed"
-
-
-class CauseNumber(NamedTuple):
-    """A number of a cause as the tables show it: what it is, its value with its unit, its 95 % interval with and without it.
-
-    The texts about the cause itself are empty for all but its first number.
-    """
-
-    effect: str
-    label: str
-    stage: str
-    what: str
-    value: str
-    interval: str
-    beside: str
-    probability: str
-    alternatives: str
-
-    @property
-    def named(self) -> str:
-        """Plain name of the effect with its identifier beside it."""
-        return f"{self.label} ({self.effect})" if self.effect else ""
-
-
-def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False) -> list[CauseNumber]:
-    """Every number of a cause.
-
-    Parameters
-    ----------
-    again : the numbers of a winch without a model as the withheld cycles alone give them
-    """
-    numbers = []
-    for k, (name, value) in enumerate(cause.parameters.items()):
-        line = isinstance(found, LineDiagnosis)
-        value = found.again[cause.effect] if again and isinstance(found, LineDiagnosis) else value
-        how = LINE_NUMBERS[cause.effect] if line else display_of(cause.effect, name, value.unit)
-        text, interval = number_words(how, value, 3 if line else 5)
-        interval = "at the end of what is plausible" if line and value.high <= value.low else interval
-        numbers.append(
-            CauseNumber(
-                effect="" if k else cause.effect,
-                label="" if k else found.suspects[cause.effect].label,
-                stage="" if k else cause.stage,
-                what=how.what,
-                value=text,
-                interval=interval + range_words(value),
-                beside=interval.removesuffix(how.unit).rstrip() + range_words(value),
-                probability="" if k else probability_words(cause.probability),
-                alternatives="" if k else alternatives_words(cause, ", ") or "none",
-            )
-        )
-    return numbers
 
 
 def minor_words(found: DiagnosisResult) -> str:
@@ -162,26 +139,8 @@ def minor_words(found: DiagnosisResult) -> str:
 
 def range_words(value: Reported) -> str:
     """Where a number lies at the end of its range or beyond what is plausible."""
-    if value.at_limit:
-        return f"; one-sided, at the {'upper' if value.at_limit == 'high' else 'lower'} limit of its range"
-    return "; beyond its plausible range" if value.beyond_range else ""
-
-
-def cause_words(found: DiagnosisResult, cause: NamedCause, *, again: bool = False) -> str:
-    """Every number of a cause, with its interval; `again` as for `numbers_of`."""
-    return "; ".join(
-        f"{n.what} {n.value} ({'' if again else '95 %: '}{n.interval})" for n in numbers_of(found, cause, again=again)
-    )
-
-
-def named(found: DiagnosisResult, effect: str) -> str:
-    """Plain name of a suspect with its identifier beside it."""
-    return f"{found.suspects[effect].label} ({effect})"
-
-
-def meaning_words(found: DiagnosisResult, effect: str) -> str:
-    """What a suspect is."""
-    return LINE_MEANINGS[effect] if isinstance(found, LineDiagnosis) else found.suspects[effect].summary
+    ends = {"high": "one-sided, at its upper end", "low": "one-sided, at its lower end"}
+    return ends.get(value.at_limit or "", "beyond what is plausible" if value.beyond_range else "")
 
 
 def alternatives_words(cause: NamedCause, conjunction: str) -> str:
@@ -255,20 +214,26 @@ def runs_with_number(cause: NamedCause) -> list[int]:
     return [one.run for one in runs if math.isfinite(one.value)]
 
 
-def trend_words(found: DiagnosisResult) -> str:
-    """What differs between the runs beyond its intervals, of every cause; nothing where the runs agree."""
+def trend_sentences(found: DiagnosisResult) -> list[str]:
+    """What differs between the runs beyond its intervals, of every cause; none where the runs agree."""
     each = [(cause, () if cause.stability is None else cause.stability.trends) for cause in found.causes]
-    return " ".join(trend_sentence(found, cause, trend) for cause, trends in each for trend in trends)
+    return [trend_sentence(found, cause, trend) for cause, trends in each for trend in trends]
 
 
 def stability_words(found: DiagnosisResult) -> str:
     """Whether the runs agree on the number of each cause; nothing where too few give one."""
-    compared = [cause for cause in found.causes if len(runs_with_number(cause)) >= MIN_RUNS]
-    which = "of every cause" if len(found.causes) > 1 else "of the cause"
-    if len(compared) < len(found.causes):
-        which = f"of {', '.join(cause.effect for cause in compared)}"
-    agreed = f"Estimated from every run alone, the number {which} is the same within its intervals." if compared else ""
-    return trend_words(found) or agreed
+    item = "cycle" if isinstance(found, LineDiagnosis) else "run"
+    unsteady = [cause.effect for cause in found.causes if cause.stability is not None and cause.stability.trends]
+    if unsteady:
+        numbers = "the numbers differ" if len(unsteady) > 1 else "the number differs"
+        return f"{', '.join(unsteady)}: {numbers} between the {item}s by more than intervals allow."
+    compared = [cause.effect for cause in found.causes if len(runs_with_number(cause)) >= MIN_RUNS]
+    which = "every cause" if len(compared) == len(found.causes) else ", ".join(compared)
+    return (
+        f"Estimated from every {item} alone, the number of {which} is the same within its intervals."
+        if compared
+        else ""
+    )
 
 
 def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> str:

@@ -9,16 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.block_means import BLOCK, PHASES
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, Place
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.gap_map import STANDS_OUT, without_zeros
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
 from winchcascade.report.digits import upper
 from winchcascade.report.gap_words import NAMES, baseline_words, phase_words, signed
 from winchcascade.report.model_account import COMPARED
@@ -29,7 +29,6 @@ from winchcascade.report.style import (
     Entry,
     LineStyle,
     Margins,
-    is_narrow,
     label_panel,
     legend_above,
     line_entry,
@@ -113,16 +112,6 @@ def seen_channels(found: ModelDiagnosis) -> list[str]:
     return [c for k, c in enumerate(CHANNELS) if any(log.noise.seen[:, k].any() for log in found.data.logs)]
 
 
-def by_load(found: ModelDiagnosis) -> list[int]:
-    """Numbers of the logs from the open circuit to the smallest resistance."""
-    return sorted(range(len(found.data.logs)), key=lambda k: -found.data.logs[k].load)
-
-
-def loaded(found: ModelDiagnosis) -> list[int]:
-    """Numbers of the logs with a load, from the largest resistance to the smallest."""
-    return [k for k in by_load(found) if math.isfinite(found.data.logs[k].load)]
-
-
 def representative(found: ModelDiagnosis) -> list[int]:
     """Three logs that stand for all loads: the lightest, the one in the middle, and the heaviest."""
     own = loaded(found)
@@ -170,36 +159,6 @@ def blocks_before_braking(one: Series) -> NDArray[np.bool_]:
 
 TOP = 0.9
 """Braking begins after the last block with this share of a payout's top speed."""
-
-
-def stator_current(found: ModelDiagnosis) -> tuple[Signal, Signal]:
-    """Stator current of the model with the causes and logged DC current, over the payout blocks of all loads, (n,) each. [A]"""
-    data, best = found.data, found.found.best
-    from winchcascade.rig.kernel import constants
-
-    models = data.models(best.nu, best.effects(found.suspects))
-    pairs = [np.zeros((2, 0))]
-    for k in loaded(found):
-        log = data.logs[k]
-        here = log.noise.seen[:, CHANNELS.index("idc")] & (log.course.blocks.phase == OUT)
-        stator = log.course.block_mean(log.course.electrical(constants(models[k], log.course.load), "i_s"))
-        pairs.append(np.array([stator, log.measured[:, CHANNELS.index("idc")]])[:, here])
-    stator, direct = np.concatenate(pairs, axis=1)
-    return stator, direct
-
-
-def rated_dc_current(found: ModelDiagnosis) -> float | None:
-    """DC current at which the stator carries its rated current, in the middle of all loads; None where none comes near. [A]"""
-    rated = found.rig.generator.i_rated
-    if rated is None:
-        return None
-    stator, direct = stator_current(found)
-    near = np.abs(stator / rated.value - 1.0) < NEAR
-    return float(np.median(direct[near] * rated.value / stator[near])) if np.any(near) else None
-
-
-NEAR = 0.15
-"""The rated DC current comes from blocks whose stator current is within this share of the rated one. [1]"""
 
 
 FULL = 20.0
@@ -320,31 +279,6 @@ def _cell(ax: Axes, i: int, j: int, z: float) -> None:
     )  # fmt: skip
 
 
-def closure_bars(found: ModelDiagnosis) -> Figure | None:
-    """Draw, channel by channel, how many times its noise the misfit is before and after, on held-out logs."""
-    if found.closure is None:
-        return None
-    shown = {name: x for name, x in found.closure.channels.items() if x.noise > 0.0}
-    figure, (ax,) = panel_figure(0.8 + 0.235 * len(shown), margins=Margins(left=0.12))
-    for row, x in enumerate(shown.values()):
-        before, after = x.before / x.noise, x.after / x.noise
-        ax.plot([after, before], [row, row], color=COLOURS["loss"], lw=2.2, solid_capstyle="round", zorder=1)
-        ax.plot([before], [row], ls="none", ms=MARK, mew=1.1, **HOLLOW)
-        ax.plot([after], [row], ls="none", ms=MARK, **FILLED)
-    ax.axvline(1.0, color=COLOURS["ink"], lw=1.0, ls="--", zorder=0.9)
-    ax.set_xscale("log")
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
-    low, high = ax.get_xlim()
-    ax.set(
-        xlim=(min(low, 0.7), max(high, 3.0)), xlabel="Root mean square of block means over their noise (1)",
-        yticks=range(len(shown)), yticklabels=[NAMES[name] for name in shown], ylim=(len(shown) - 0.5, -0.5),
-    )  # fmt: skip
-    ax.grid(False, axis="y")
-    legend_above(figure, [*_before_and_after(found, after=True), line_entry("noise", "ink", lw=0.8, ls="--")])
-    return figure
-
-
 def _before_and_after(found: ModelDiagnosis, *, after: bool) -> list[Entry]:
     """Entries of a legend for marks before and, if there are any, after."""
     entries = [
@@ -352,11 +286,6 @@ def _before_and_after(found: ModelDiagnosis, *, after: bool) -> list[Entry]:
         line_entry(AFTER, ls="none", ms=MARK, **FILLED),
     ]
     return entries if after else entries[:1]
-
-
-def worst_first(found: ModelDiagnosis) -> list[Place]:
-    """Places of the map, those with the largest gap first."""
-    return sorted(found.places, key=lambda p: -abs(p.z) if np.isfinite(p.z) else 0.0)
 
 
 # ---------------------------------------------------------------------------------------- over time
@@ -394,11 +323,8 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
             ax.plot(one.t[shown], (error * factor)[shown], color=COLOURS[colour], lw=1.0)
         ax.margins(x=0.005)
         ax.ticklabel_format(axis="y", useOffset=False)
-        if is_narrow():
-            ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})")
-        else:
-            ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
-            ax.yaxis.set_label_coords((EDGE - left) / (right - left), 0.5)
+        ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
+        ax.yaxis.set_label_coords((EDGE - left) / (right - left), 0.5)
     axes[-1].set_xlabel("Time (s)")
     entries = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
     entries += [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]

@@ -1,14 +1,12 @@
-"""Sentences about the result of a diagnosis, for the terminal, the reports and the JSON, and its method in short."""
+"""Sentences about the result of a diagnosis."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import Origin, joint_origin
-from winchcascade.core.rig_file import ModelAccuracy
-from winchcascade.diagnosis.block_means import BLOCK, MIN_SAMPLES
-from winchcascade.diagnosis.causes import AS_GOOD, BACK, HOLD, RAMP
-from winchcascade.diagnosis.closure import PULLED, RESTLESS, ROUGH, by_cycles
+from winchcascade.diagnosis.causes import BACK, HOLD, RAMP
+from winchcascade.diagnosis.closure import by_cycles
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     DiagnosisResult,
@@ -17,39 +15,28 @@ from winchcascade.diagnosis.diagnosis_result import (
     Spot,
 )
 from winchcascade.diagnosis.entries import effect_name
-from winchcascade.diagnosis.evidence import CLEARLY
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
-from winchcascade.diagnosis.line.line_diagnose import BURST, SLOW, LineDiagnosis, LineRemainder
-from winchcascade.diagnosis.line.line_energies import SMALL_ENERGY
-from winchcascade.diagnosis.line.line_selection import FOLDS, MATERIAL
+from winchcascade.diagnosis.line.line_diagnose import BURST, LineDiagnosis, LineRemainder
 from winchcascade.diagnosis.nuisances import calibrated_numbers
-from winchcascade.diagnosis.solve import HUBER
-from winchcascade.diagnosis.stability import CHANCE
 from winchcascade.report.cause_words import (
-    LINE_NUMBERS,
+    PLURAL,
     alternatives_words,
-    cause_words,
     cycles_of,
     part_words,
-    slope_words,
-    trend_words,
 )
 from winchcascade.report.digits import number, upper
 from winchcascade.report.gap_words import (
-    alarm_meaning,
-    alarm_words,
+    about_words,
     apart_words,
     arises_sentence,
     has_own_simulation,
-    number_words,
     phase_words,
     probability_words,
     share_words,
     where_sentence,
 )
 from winchcascade.report.wording import load_words
-from winchcascade.rig.effects.catalogue import OF_THE_RIG
 
 VERDICTS = {
     "no_gap": "No gap",
@@ -232,17 +219,18 @@ def where_words(found: DiagnosisResult) -> str:
     if found.where is None:
         return ""
     if isinstance(found, LineDiagnosis):
-        return upper(where_sentence(found.where, word_of(found)).replace("= -", "= −"))
+        return upper(where_sentence(found.where, word_of(found)))
     alarms = found.remainder.alarms if found.remainder is not None else ()
     if not alarms or any(abs(place.z) > STANDS_OUT for place in found.places):
         explained = found.verdict == "explained"
-        return _signs(where_sentence(found.where, own_simulation=has_own_simulation(found), explained=explained))
-    return f"No mean over a phase deviates beyond noise and tolerances. {alarm_words(alarms[0], files_of(found))}."
+        return where_sentence(found.where, own_simulation=has_own_simulation(found), explained=explained)
+    where = about_words(alarms[0].about, files_of(found))
+    return f"No mean over a phase deviates beyond noise and tolerances; what shows is {alarms[0].kind}, {where}."
 
 
 def arises_words(found: DiagnosisResult) -> str:
     """In which stage the gap arises when each stage has its logged inputs."""
-    return "" if found.where is None else _signs(arises_sentence(found.where.arises))
+    return "" if found.where is None else arises_sentence(found.where.arises)
 
 
 def says_more(found: ModelDiagnosis) -> bool:
@@ -251,10 +239,6 @@ def says_more(found: ModelDiagnosis) -> bool:
         return False
     own = arises(found.stages)
     return found.verdict != "explained" or own.stage != found.where.stage or len(own.off) > 1
-
-
-def _signs(text: str) -> str:
-    return text.replace("cm2", "cm²").replace(" ohm", " Ω").replace(" -", " −")
 
 
 def not_visible_words(found: ModelDiagnosis) -> str:
@@ -437,173 +421,24 @@ def remainder_words(found: DiagnosisResult) -> str:
     closed = "" if found.closure is None else f"{part} gap stays open"
     if not left.alarms:
         return f"{closed}; it has no significant structure." if closed else "It has no structure."
-    several = len(left.alarms) > 1
-    signs = f"{f'{len(left.alarms)} signs' if several else 'one sign'} of something unexplained"
-    strongest = f"{alarm_words(left.alarms[0], files_of(found))}; {alarm_meaning(left.alarms[0])}."
-    return f"{f'{closed}, with {signs}' if closed else upper(signs)}.{' The strongest:' if several else ''} {strongest}"
+    signs = f"{len(left.alarms)} sign{'s' * (len(left.alarms) > 1)} of something unexplained"
+    return f"{closed}, with {signs}." if closed else f"{signs}."
 
 
 def _line_remainder(found: LineDiagnosis, left: LineRemainder) -> str:
-    signs = "".join(f" {alarm_words(alarm, ())}." for alarm in left.alarms)
     if found.closure is None or not isinstance(left.worst, Spot):
-        return signs.strip()
+        return ""
     slow = f", and {number(100.0 * left.slow, 0)} % lasts longer than a second"
     return (
         f"{share_words(left.share)} of the squared error stays open: {number(100.0 * left.in_worst, 0)} % of it in "
         f"{phase_words(left.worst.phase or '')}, {number(100.0 * left.bursts, 0)} % in {100.0 * BURST:.0f} % of the samples"
-        f"{'' if any(alarm.kind == 'slow' for alarm in left.alarms) else slow}.{signs}"
+        f"{'' if any(alarm.kind == 'slow' for alarm in left.alarms) else slow}."
     )
 
 
 # --------------------------------------------------------------------------------------------- of a winch without a model
-PLURAL = {"payout": "payouts", "hold": "holds", "haul_in": "haul-ins"}
-"""Phases of several cycles."""
-
-
 def energy_places(found: LineDiagnosis) -> str:
     """Phases whose energies are not explained; empty without any."""
     alarms = () if found.remainder is None else found.remainder.alarms
     phases = [alarm.about.phase for alarm in alarms if alarm.kind == "energy" and isinstance(alarm.about, Spot)]
     return " and ".join(PLURAL[phase] for phase in phases if phase is not None)
-
-
-def energy_rows(found: LineDiagnosis) -> list[tuple[str, ...]]:
-    """Of payouts and haul-ins the energy of all judged cycles, how far predictions deviate, and that of the worst cycle."""
-    rows = []
-    for phase in ("payout", "haul_in"):
-        own = [one for one in found.energies if one.phase == phase and one.measured]
-        measured = sum(one.measured for one in own)
-        if not measured:
-            continue
-        totals = [
-            100.0 * (sum(energies) / measured - 1.0)
-            for energies in zip(*((e.before, e.after) for e in own), strict=True)
-        ]
-        worst = max((e.after / e.measured - 1.0 for e in own), key=abs)
-        shares = [f"{number(share, 1)} %" for share in (*totals, 100.0 * worst)]
-        rows.append((PLURAL[phase], f"{number(measured * 1e-3, 0)} kJ", *shares))
-    return rows
-
-
-def fitted_words(found: LineDiagnosis) -> str:
-    """Effects that were fitted but are not named, with their numbers."""
-    texts = []
-    for one in found.fitted_effects:
-        if not one.named:
-            value = next(iter(one.parameters.values()))
-            text, interval = number_words(LINE_NUMBERS[one.effect], value, 3)
-            where = "" if one.chosen else ", not needed beside the others but not ruled out"
-            texts.append(f"{one.effect} {text} (95 %: {interval}{where})")
-    return "; ".join(texts)
-
-
-def again_words(found: LineDiagnosis) -> str:
-    """What differs between the cycles, and whether the withheld cycles alone give the same numbers."""
-    trends = trend_words(found)
-    if not found.causes:
-        return ""
-    if not found.again:
-        return trends
-    pairs = {cause.effect: (found.again[cause.effect], *cause.parameters.values()) for cause in found.causes}
-    apart = [effect for effect, (alone, fitted) in pairs.items() if alone.low > fitted.high or alone.high < fitted.low]
-    numbers = "; ".join(cause_words(found, cause, again=True) for cause in found.causes)
-    steady = (
-        f"The intervals of {' and '.join(apart)} do not overlap: the number changes in the course of the logs."
-        if apart
-        else ""
-        if trends
-        else "The intervals overlap, and no number differs between the cycles by more than its intervals allow."
-    )
-    return " ".join(filter(None, (f"Fitted to the withheld cycles alone: {numbers}.", steady, trends)))
-
-
-METHOD = (
-    "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "
-    "and 4; the diode bridge as a switched circuit). The numbers of the file enter unchanged; none is calibrated first.",
-    f"Blocks. Logs and simulations are averaged over blocks of about {BLOCK:g} s within one phase, a period of the "
-    f"tether's ringing, which cancels with most of the correlation between samples; below {MIN_SAMPLES / BLOCK:.0f} Hz a "
-    f"block is longer and holds about {MIN_SAMPLES:.0f} samples. The noise of a block comes from the "
-    "log itself: fourth differences of its samples, the velocity's noise carried through the model, and second "
-    "differences from block to block.",
-    "Tolerances. Numbers of the rig file, loads, gains, timing and zeros of the sensors are known only so well. Every fit "
-    "adjusts them too, each held to its stated value by its standard uncertainty (a normal prior); so it does a little dry "
-    "friction that no rig is free of. No model is exact: a channel may deviate by a share of its plateau in the log that "
-    f"the rig file states ({100.0 * ModelAccuracy().discrepancy:g} % by default) and that more data do not average. A "
-    "deviation within these is not a cause.",
-    f"Fit. Residuals over their noise count by Huber's loss (Huber 1964, corner at {HUBER:g}) plus half the squares of those "
-    "adjustments in standard uncertainties; steps by Gauss and Newton within bounds (Lawson and Hanson 1974).",
-    "Choice. A set of effects is worth the logarithm of its evidence (Laplace; MacKay 2003, ch. 28): minus the loss, minus "
-    f"what its free numbers cost over their plausible range, minus ln {len(OF_THE_RIG)} for each effect. Sets are screened "
-    "by the slopes of one fit and the best are fitted anew. The smallest set wins unless a larger one has more by "
-    f"{CLEARLY:g}. The probabilities are those among the sets that were fitted; an effect that falls short by less than "
-    f"{AS_GOOD:g} in place of a cause is an alternative to it.",
-    "Run by run. About the joint fit the objective is a quadratic; one linear solve per run gives the number of a cause from "
-    "that run alone. Straight lines over the order of the runs and over the conductance of the load, and the scatter, are "
-    f"tested by generalised least squares with what the runs share in their covariance, at a probability of {CHANCE:g}.",
-    "Intervals. 95 % with equal tails: the number found ± 1.96 standard uncertainties of the joint fit (normal distribution, "
-    "infinitely many degrees of freedom), which contain the tolerances; at a bound one-sided, 1.645 standard uncertainties.",
-    "Closure. Each withheld log is predicted by a fit without it. With mean squares of blocks, share = 1 − "
-    "Σ(after² − noise²)/noise² ÷ Σ(before² − noise²)/noise² over channels and logs; the zeros of each log's sensors are "
-    "estimated alike on either side. The interval resamples the cycles.",
-    f"Alarms. A residual counts as structured if blocks of a channel and phase exceed {ROUGH:g} times their noise, if the "
-    f"scatter within blocks exceeds {RESTLESS:g} times what noise explains, or if a number with a tolerance had to "
-    f"move by more than {PULLED:g} of its standard uncertainties.",
-    "Limits. Only effects of the catalogue can be named; what none of them explains is reported as a residual. The "
-    "intervals assume that the stated tolerances hold. Two effects that do the same to these logs are alternatives, whatever "
-    "the probability of each. At rest, line tension and torque contain almost no information.",
-)
-"""Paragraphs: what is done, by which formula, and what that leaves open."""
-
-
-STAGE_BY_STAGE = (
-    "The map reads end to end: the motion of the line alone drives the model. A deviation of one stage therefore shows in "
-    "those behind it, and upstream through torque and line tension. Stage by stage each stage has its own inputs from the log "
-    "instead, which shows where the gap arises. A deviating sensor shows in every stage that it feeds or ends."
-)
-"""What the two maps of the gap show."""
-
-YARDSTICKS = (
-    "A difference counts only against what could make it by chance. Three yardsticks make up its standard uncertainty: "
-    "the noise of the sensors and the zero of each log's sensor; how the cycles of a log repeat; and how well the "
-    "numbers of the rig file, the loads and the gains of the sensors are known, carried through the simulation. Line "
-    "tension and torque are compared only while the line moves: at rest friction just bounds them."
-)
-"""What the standard uncertainty of a place of the gap is made of."""
-
-
-def line_method(found: LineDiagnosis) -> tuple[str, ...]:
-    """Paragraphs on the method without a model."""
-    return (
-        "Balance. The power of the shaft follows from the line by P = v (F − m dv/dt − F₀ sgn v − b v) − s |v F|, with "
-        "the line's speed v and force F, positive in reel-out: m is what turns with the line, as a mass on it, F₀ a "
-        "constant friction, b a drag over speed, s a loss over tension. A gain or a zero of the force cell changes F. The "
-        "power is linear in all of them: no drum radius, inertia or loss of the rig file enters.",
-        f"Acceleration. It is the {slope_words(found)}; at most 0.4 s, as more would blur what the winch does. Withheld "
-        "cycles do not take part in that choice.",
-        "Weights. Each phase of each cycle is split into its mean and into differences between neighbouring stretches of "
-        "1, 2, 4 ... samples (Haar's transform). Each phase and length has a variance of its own, from the residual of "
-        "all suspects together; so energies count by how well they repeat, and rest has no influence.",
-        "Choice. Each set of suspects is fitted by weighted least squares within its bounds (m, F₀, b, s not negative). "
-        "Its evidence is minus half of the weighted squares, less what its numbers cost over their plausible ranges "
-        "(Laplace), less the logarithm of the number of suspects for each cause. The squares are divided by how many "
-        f"coefficients make an independent one, from the scatter of the cycles. A larger set must have more by {CLEARLY:g} "
-        f"for each cause. A cause that closes less than {100.0 * MATERIAL:g} % of the gap and takes less than "
-        f"{100.0 * MATERIAL:g} % of the energy of a phase is fitted but not named. With fewer than {FOLDS} cycles each is "
-        "cut into pieces.",
-        "Probability. It is the posterior within the catalogue: the share of the evidence of all sets that contain the "
-        "cause; at most 0.95 where another suspect can take its place.",
-        "Intervals. 95 %, from the scatter of each cycle's scores, so correlation within a cycle is allowed for (Liang and "
-        "Zeger 1986), with Student's t. The effect of the width of the slope is estimated with another width and added.",
-        "Closure. 1 − Σ after² ÷ Σ before² over the samples of held-out cycles; its interval resamples them.",
-        f"Structure. The residual has a structure if more than {100.0 * SLOW:.0f} % of its squares last longer than a "
-        f"second, or if means of blocks are more than {ROUGH:g} times their noise by second differences in a phase, and "
-        "either makes more than 1 % of the squared gap.",
-        f"Energies. Not explained is a phase whose held-out energies deviate by more than {100.0 * SMALL_ENERGY:g} % of "
-        "the measured ones, and by more than the noise within the phase or, all together, the scatter of the cycles "
-        "allows.",
-        "Cycle by cycle. Each cause gets a number for each cycle, the others common to all. A straight line over the "
-        f"order of the cycles, or else their scatter, is reported at a probability of {CHANCE:g}. The verdict depends on "
-        "what this does to the energies.",
-        "Limits. Inertia that changes with the tether on the drum, and losses that change with temperature, are reported as a "
-        "mean. What is faster than the samples is seen as noise.",
-    )

@@ -12,7 +12,7 @@ import re
 import unicodedata
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import msgspec
 
@@ -22,9 +22,10 @@ from winchcascade.core.jobs import Nobody
 from winchcascade.core.plain_text import cell_text
 from winchcascade.core.store import digest_of, inside, locked, make_one
 from winchcascade.core.version import __version__
-from winchcascade.report.content import SUBSCRIPTS, Cell, Picture, Report, Table, every_row
+from winchcascade.report.content import Report as Stated
 from winchcascade.report.digits import PLUS_MINUS, NumberText
 from winchcascade.report.report_files import ReportFiles
+from winchcascade.report.sheet import SUBSCRIPTS, Cell, Picture, Report, Table, every_row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -215,7 +216,6 @@ SHOWS = {
     "stages": "gap-map-of-stages",
     "streams": "powers-over-time-and-speed",
     "trend": "cycle-by-cycle",
-    "differences": "efficiency-differences",
     "waterfall": "efficiency-cause-by-cause",
 }
 """What a figure shows, for the name of its file, by its name in a report; others keep that name."""
@@ -238,7 +238,7 @@ class _Listed(msgspec.Struct, frozen=True):
 
 
 def write_report_files(
-    make: Callable[[], Report], files: ReportFiles, name: str, *, of: str = "", force: bool = False
+    make: Callable[[], Report | Stated], files: ReportFiles, name: str, *, of: str = "", force: bool = False
 ) -> None:
     """Write a report as page and PDF, and its figures and tables into their folders, as far as they are wanted.
 
@@ -252,12 +252,23 @@ def write_report_files(
     ------
     OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
+    report = make()
+    if isinstance(report, Stated):
+        from winchcascade.report.publish import publish
+        from winchcascade.report.render.files import write_figures, write_tables
+
+        publish(report, html=files.html, pdf=files.pdf, force=force)
+        for folder, write in ((files.figures, write_figures), (files.tables, write_tables)):
+            if folder is not None:
+                write(report, folder, name, force=force)
+        return
+    older = cast("Callable[[], Report]", make)
     if files.html is not None or files.pdf is not None:
         from winchcascade.report.publish import publish
 
-        publish(make(), html=files.html, pdf=files.pdf, force=force)
+        publish(older(), html=files.html, pdf=files.pdf, force=force)
     if files.figures is not None or files.tables is not None:
-        write_exports(make, files, name, of=of or name, force=force)
+        write_exports(older, files, name, of=of or name, force=force)
 
 
 def write_exports(make: Callable[[], Report], files: ReportFiles, name: str, *, of: str, force: bool) -> None:

@@ -21,8 +21,8 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from winchcascade.core.version import __version__
-from winchcascade.report.content import made_at
 from winchcascade.report.publish import fonts_for, lacking_letters
+from winchcascade.report.sheet import made_at
 from winchcascade.report.style import broken, columns_within, is_narrow
 from winchcascade.report.svg_drawing import FONT
 

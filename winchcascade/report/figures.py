@@ -17,7 +17,7 @@ from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Signal
 from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import Budget
+from winchcascade.reduction.uncertainty import Budget, budgeted
 from winchcascade.report.digits import significant
 from winchcascade.report.style import (
     COLOURS,
@@ -34,11 +34,9 @@ from winchcascade.report.style import (
     readable,
     wide_figure,
 )
-from winchcascade.report.tables import budgeted
 from winchcascade.report.time_histories import (
     REPAIRED,
     STRIP,
-    clock_zero,
     end_of,
     envelope,
     key_above,
@@ -54,7 +52,7 @@ from winchcascade.report.time_histories import (
     shade_phases,
     time_label,
 )
-from winchcascade.report.wording import PLACES, by_sensor, span_word, tex
+from winchcascade.report.wording import PLACES, by_sensor, clock_zero, span_word, tex
 
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""
@@ -250,10 +248,10 @@ class _Flow(NamedTuple):
     goes_on: str = ""
 
 
-def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
-    """Draw where the line's mean energy goes: in the window from stage to stage, and over the whole cycle.
+def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
+    """Draw where the line's mean energy goes in the window, from stage to stage; None where it is no cascade.
 
-    Heights are energies; what is lost, stored or returned branches off.
+    Heights are energies; what is lost or stored branches off.
 
     Parameters
     ----------
@@ -262,30 +260,31 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     stored = {"mech": " in the rotor", "line": " in the gas" if reduction.rig.restoring.volume_gas is not None else ""}
     given = [stage for stage in reduction.rig.cascade.names if reduction.mean[f"energy_{stage}"] is not None]
     stored["line"] *= given[1:2] == ["mech"]
-    window = [
+    steps = [
         _Step(f"energy_{s}", look_of(s).colour, PLACES.get(s, s), f"lost or stored{stored.get(s, '')}") for s in given
     ]
-    cycle = [
+    return _flow_figure(_flow_of(reduction, steps, texts or {}))
+
+
+def cycle_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
+    """Draw where the line's mean energy goes from onset to next onset, as `window_flow` does."""
+    steps = [
         _Step("energy_payout", "line", "line, payout", "returned in haul-in", "energy_returned"),
         _Step("energy_net", "line", "line, net", "lost"),
         _Step("energy_gen_cycle", "gen", "DC link, whole cycle"),
     ]
-    named = (("Integration window", window), ("Whole cycle, from onset to next onset", cycle))
-    flows = [(title, _flow_of(reduction, steps, texts or {})) for title, steps in named]
-    rows = [
-        (title, flow)
-        for title, flow in flows
-        if len(flow) > 1 and flow[-1].joule > 0 and all(b.joule <= a.joule for a, b in pairwise(flow))
-    ]
-    if not rows:
+    return _flow_figure(_flow_of(reduction, steps, texts or {}))
+
+
+def _flow_figure(flow: Sequence[_Flow]) -> Figure | None:
+    """A flow from left to right, None for one that does not fall all the way."""
+    if len(flow) < 2 or flow[-1].joule <= 0 or any(b.joule > a.joule for a, b in pairwise(flow)):
         return None
-    maximum = max(item.leaves.count("\n") for _, flow in rows for item in flow)
-    figure = wide_figure((2.3 + 0.12 * max(maximum - 1, 0)) * len(rows))
-    for k, (title, flow) in enumerate(rows):
-        ax = figure.add_axes((0.0, 1.0 - (k + 1) / len(rows), 1.0, 1.0 / len(rows)))
-        ax.set_axis_off()
-        _draw_flow(ax, flow, lowest=-0.62 - 0.12 * max(maximum - 1, 0))
-        ax.text(0.008, 0.985, f"({'ab'[k]}) {title}", transform=ax.transAxes, ha="left", va="top", fontsize=8.5)
+    lines = max(item.leaves.count("\n") for item in flow)
+    figure = wide_figure(1.75 + 0.12 * max(lines - 1, 0))
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    _draw_flow(ax, flow, lowest=-0.62 - 0.12 * max(lines - 1, 0))
     return figure
 
 
@@ -342,7 +341,7 @@ def _draw_flow(ax: Axes, flow: Sequence[_Flow], lowest: float) -> None:
         ax.text((begin + end) / 2, top - after / 2, item.goes_on, ha="center", va="center", fontsize=9)
         turn = begin + _TURN * (end - begin) + (h - after) / 2
         ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=size - 0.5)
-    ax.set(xlim=(-0.9, 11.2), ylim=(lowest, 1.62))
+    ax.set(xlim=(-0.9, 11.2), ylim=(lowest, 1.42))
 
 
 def _leaving(begin: float, turn: float, low: float, high: float) -> PathPatch:

@@ -40,7 +40,8 @@ def _sentences(runs: Sequence[Run], called: str) -> list[str]:
             if finding.kind != "unknown_column":
                 alike.setdefault((finding.kind, finding.channel), {}).setdefault(run.name, finding)
     return [
-        f"{len(files)} of {len(runs)} {called}{'s' * (len(runs) > 1)}, {kind}: {finding.message} ({file})."
+        f"{len(files)} of {len(runs)} {called}{'s' * (len(runs) > 1)}, {kind}: {finding.message} ({file})"
+        f"{f'; {finding.action}' if finding.action else ''}."
         for (kind, _), files in alike.items()
         for file, finding in list(files.items())[:1]
     ]

@@ -355,7 +355,7 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
     """
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.diagnosis_text import as_json, map_record
+    from winchcascade.report.results.diagnosis_record import as_json, map_record
 
     assert isinstance(found, ModelDiagnosis | LineDiagnosis)  # there are no others
     check_choice("to_pandas", table, DIAGNOSIS_TABLES, "table")
@@ -377,7 +377,7 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
 
 def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
     """A row for each difference of a comparison; the unit of its numbers is in its column `unit`."""
-    from winchcascade.report.comparison_text import difference_rows_of
+    from winchcascade.report.results.comparison_record import difference_rows_of
 
     _check_units(units)
     numbers = ("a", "b", "difference", "low_95", "high_95", "standard_uncertainty", "repeatability", "sensors")

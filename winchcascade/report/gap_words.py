@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import msgspec
 
@@ -26,7 +27,7 @@ from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.report.digits import MINUS, NumberText, number, places, upper
+from winchcascade.report.digits import MINUS, number, places
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
@@ -49,11 +50,8 @@ def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
     low, value, high = (number(x * how.factor, decimals) for x in (found.low, found.value, found.high))
-    sign, factor, unit = "+" if how.signed and found.value > 0.0 else "", how.factor, how.unit
-    return (
-        NumberText(f"{sign}{value} {unit}".rstrip(), found.value * factor, unit=unit),
-        NumberText(f"{low} to {high} {unit}".rstrip(), found.low * factor, found.high * factor, unit=unit),
-    )
+    sign = "+" if how.signed and found.value > 0.0 else ""
+    return f"{sign}{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
 
 
 def probability_words(p: float) -> str:
@@ -62,7 +60,7 @@ def probability_words(p: float) -> str:
     >>> probability_words(0.873), probability_words(0.9999), probability_words(0.0003)
     ('0.87', '> 0.99', '< 0.01')
     """
-    return NumberText("> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}", p)
+    return "> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}"
 
 
 def phase_words(phase: str) -> str:
@@ -77,9 +75,9 @@ def signed(z: float) -> str:
     ('+3.1', '−42', '> 999', '0.0')
     """
     if abs(z) > 999.0:
-        return NumberText("> 999" if z > 0 else f"< {MINUS}999", z)
+        return "> 999" if z > 0 else f"< {MINUS}999"
     text = "0.0" if abs(z) < 0.05 else f"{z:+.1f}" if abs(z) < 9.95 else f"{z:+.0f}"
-    return NumberText(text.replace("-", MINUS), z)
+    return text.replace("-", MINUS)
 
 
 def share_words(share: float) -> str:
@@ -88,8 +86,7 @@ def share_words(share: float) -> str:
     >>> share_words(0.943), share_words(0.9996), share_words(-0.2)
     ('94 %', '> 99 %', '−20 %')
     """
-    text = "> 99 %" if share >= 0.995 else f"{number(100.0 * share, 0)} %"
-    return NumberText(text, 100.0 * share, unit="%")
+    return "> 99 %" if share >= 0.995 else f"{number(100.0 * share, 0)} %"
 
 
 def apart_words(z: float) -> str:
@@ -303,56 +300,65 @@ def size_text(channel: str, size: float) -> str:
     return f"{abs(size) * factor:.3g} {unit}"
 
 
-def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
-    """A sign of something unexplained, without a full stop.
+class Sign(NamedTuple):
+    """What the size of an alarm is, and what the alarm may mean, empty for nothing beyond that."""
+
+    size: str
+    meaning: str = ""
+
+
+SIGNS = {
+    "structure": Sign("root mean square of block means over their noise", "the shape of the model is wrong there"),
+    "scatter": Sign(
+        "scatter within blocks over what noise explains",
+        "something faster than a block of 0.4 s moves, a ripple or a vibration",
+    ),
+    "ripple": Sign(
+        "scatter of block means about a smooth course over what noise explains",
+        "something comes and goes within seconds, as with every turn of a drum that is out of round",
+    ),
+    "nuisance": Sign(
+        "how far the fit moved it, in its standard uncertainties",
+        "its tolerance is wrong, or it takes the place of another effect",
+    ),
+    "drift": Sign(
+        "how improbable it is by chance that the number differs so much between runs, as a power of ten",
+        "it follows another law, or something changes in the course of the campaign",
+    ),
+    "range": Sign(
+        "the number lies at an end of its range or beyond what is plausible",
+        "the effect is far larger than usual, or takes the place of another",
+    ),
+    "cancelling": Sign("the smaller of the two over what both do together", "the data need neither of them"),
+    "worse": Sign("misfit that the causes add to held-out predictions, over the noise", "they do not act as fitted"),
+    "energy": Sign("energy that the fit leaves, in standard uncertainties"),
+    "residual": Sign("efficiency that the causes leave"),
+    "slow": Sign("share of the squared residual that lasts longer than a second"),
+}
+"""Kinds of alarms."""
+
+LINE_ENERGY = Sign("deviation of the predicted energy from the measured one, as a share")
+"""An alarm about an energy of a winch without a model."""
+
+
+def alarm_place(alarm: Alarm, files: Sequence[str]) -> str:
+    """Where a sign of something unexplained is, with its load.
 
     Parameters
     ----------
     files : names of the logs, in their order
     """
-    where, size, limit = about_words(alarm.about, files), f"{alarm.size:.1f}", f"(limit {alarm.limit:g})"
-    of_power = isinstance(alarm.about, Spot) and alarm.about.channel == POWER
-    blocks = "means of blocks are" if of_power else "the root mean square of the residual is"
-    return {
-        "structure": f"{upper(where)}: {blocks} {size} times the noise {limit}",
-        "scatter": f"{upper(where)}: the scatter is {size} times what noise explains {limit}",
-        "ripple": f"{upper(where)}: the means scatter about a smooth course {size} times as much as noise explains {limit}",
-        "nuisance": f"{upper(where)} had to move by {size} of its standard uncertainties {limit}",
-        "drift": f"{where}: its number differs from run to run by more than its intervals allow",
-        "range": f"{where}: its number lies beyond what is plausible",
-        "cancelling": f"{where}: the two cancel each other, so that one may only undo the other",
-        "worse": f"{where}: the held-out predictions with the causes are worse than without, by {size} times the noise",
-        "energy": _energy_words(alarm, where),
-        "residual": f"{where}{_at(alarm.about.load) if isinstance(alarm.about, Spot) else ''}: {alarm.size:.4f} of it is not "
-        f"explained (relevant from {alarm.limit:g})",
-        "slow": f"{number(100.0 * alarm.size, 0)} % of the squared residual lasts longer than a second (limit "
-        f"{number(100.0 * alarm.limit, 0)} %)",
-    }[alarm.kind]
+    return f"{about_words(alarm.about, files)}{_at(alarm.about.load) if isinstance(alarm.about, Spot) else ''}"
 
 
-def _energy_words(alarm: Alarm, where: str) -> str:
-    """An energy that is not explained: of a model in standard uncertainties, of a winch without one as a share."""
-    if isinstance(alarm.about, EnergySpot):
-        return f"{upper(where)}: the fit leaves {alarm.size:.1f} standard uncertainties (limit {alarm.limit:g})"
-    return (
-        f"{upper(where)}: the predicted energy deviates by {number(100.0 * alarm.size, 1)} % from the measured one (limit "
-        f"{number(100.0 * alarm.limit, 0)} %)"
-    )
-
-
-def alarm_meaning(alarm: Alarm) -> str:
-    """What a sign of something unexplained may mean."""
-    return {
-        "structure": "the model's shape is wrong there",
-        "scatter": "something faster than a block of 0.4 s moves, a ripple or a vibration",
-        "ripple": "something comes and goes within seconds, as with every turn of a drum that is out of round",
-        "drift": "its law is not the one of this effect, or something changes in the course of the campaign",
-        "range": "either the effect is far larger than usual or it takes the place of another",
-        "cancelling": "the data may need neither of them",
-        "worse": "the causes do not act as the fit says",
-        "energy": "part of the energy is not explained",
-        "residual": "part of the efficiency is not explained",
-    }.get(alarm.kind, "either its tolerance is wrong or it takes the place of another effect")
+def kind_words(alarms: Sequence[Alarm]) -> dict[str, str]:
+    """What the sizes of some alarms are and what they may mean, by their kinds."""
+    signs = {
+        alarm.kind: LINE_ENERGY if alarm.kind == "energy" and isinstance(alarm.about, Spot) else SIGNS[alarm.kind]
+        for alarm in alarms
+    }
+    means = {kind: f"; it may mean that {sign.meaning}" if sign.meaning else "" for kind, sign in signs.items()}
+    return {kind: f"size: {sign.size}{means[kind]}." for kind, sign in signs.items()}
 
 
 def has_own_simulation(found: DiagnosisResult) -> bool:
@@ -363,18 +369,6 @@ def has_own_simulation(found: DiagnosisResult) -> bool:
 def baseline_words(found: DiagnosisResult) -> str:
     """What the logs are compared with, as in a legend."""
     return "your simulation" if has_own_simulation(found) else "model of the rig file"
-
-
-def simulated_words(found: DiagnosisResult, how: str = "") -> str:
-    """What the logs are compared with, as in a caption.
-
-    Parameters
-    ----------
-    how : in what way, such as block by block
-    """
-    if has_own_simulation(found):
-        return f"your simulation, {how}" if how else "your simulation"
-    return f"simulated, {how}, by the model of the rig file" if how else "simulated by the model of the rig file"
 
 
 def own_simulation_words(found: DiagnosisResult) -> list[str]:

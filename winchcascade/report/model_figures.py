@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
+from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.report.digits import significant
 from winchcascade.report.model_account import (
     GROUPS,
@@ -55,6 +56,9 @@ from winchcascade.report.style import (
 MAX_MARKS = 330
 """Markers in a row of panels, about at most: of several logs with many bins each has its turn."""
 
+
+MAX_DRAWN = 2000
+"""Samples of a curve over time, about at most."""
 
 _LETTERS = "abcdefgh"
 _BACK: Dashes = (0, (2.5, 1.2))
@@ -197,6 +201,35 @@ def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
     ax.set(xlim=(0.0, None), xlabel=SPEED, ylabel="Line tension (N)")
     if shade_over_speed(ax, rated):
         entries.append(patch_entry("over rated speed", "over"))
+    legend_above(figure, entries)
+    return figure
+
+
+def damper_histories(curves: DamperCurves, *, word: str) -> Figure:
+    """Draw line velocity and tension of an open circuit over time, logged and simulated with several dampers (Fig. 11)."""
+    labels = [
+        "no damper"
+        if damper == 0.0
+        else f"{significant(damper)} N·m·s/rad, calibrated"
+        if factor == 1.0
+        else f"{factor:g} ×"
+        for factor, damper in zip(FACTORS, curves.dampers, strict=True)
+    ]
+    rows = slice(None, None, -(-curves.run.samples // MAX_DRAWN))
+    t = curves.run.t[rows] - curves.onset
+    figure, (top, bottom) = panel_figure(
+        4.2, 2, margins=Margins(right=0.972, head=0.46), gaps={"hspace": 0.2}, share="x"
+    )
+    label_panel(top, "a", "Line velocity", unit="m/s")
+    label_panel(bottom, "b", "Line tension", x="Time from the onset (s)", unit="N")
+    top.plot(t, curves.run.channels["velocity"][rows], color=COLOURS["ink"], lw=1.4)
+    entries: list[Entry] = [(bottom.plot(t, curves.run.channels["force"][rows], color=COLOURS["ink"], lw=1.4)[0], word)]
+    for k, (label, force) in enumerate(zip(labels, curves.forces, strict=True)):
+        (drawn,) = bottom.plot(
+            t, force[rows], color=COLOURS[LOAD_COLOURS[k]], lw=0.5, markevery=(k * t.size // 200, max(t.size // 40, 1)),
+            **_mark(MARKS[k]),
+        )  # fmt: skip
+        entries.append((drawn, label))
     legend_above(figure, entries)
     return figure
 

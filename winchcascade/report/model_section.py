@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from msgspec.structs import astuple, replace
+from msgspec.structs import replace
 
 from winchcascade.core.rig_file import Rig
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report import content
 from winchcascade.report import model_figures as figures
-from winchcascade.report.content import TableColumn
-from winchcascade.report.digits import number, upper
+from winchcascade.report.content import Block, Column, Note, Picture, Section, Table, picture, section, table
+from winchcascade.report.digits import upper
+from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.model_account import (
     ALWAYS,
     COMPARED,
@@ -31,7 +32,6 @@ from winchcascade.report.model_account import (
     account_of,
     compare_with_baseline,
     quantities,
-    speed_width,
 )
 from winchcascade.report.style import cut_apart
 from winchcascade.report.wording import load_words
@@ -43,8 +43,14 @@ LOSSES = ("loss_w", "eta_gen")
 CLOUD = 500
 """Samples of a log that are drawn in each panel at most; of more, an even selection."""
 
-MAX_REASONS = 3
-"""Logs of a campaign whose reason for not being simulated is named."""
+MAX_NAMES = 3
+"""Logs of a campaign that a reason for not being simulated names."""
+
+UNKNOWN = ChannelDifference(math.nan, math.nan)
+"""Difference of a channel that a log lacks."""
+
+FINE = 2000.0
+"""With less energy of the line than this a budget has a decimal. [J]"""
 
 
 class Modelled(NamedTuple):
@@ -63,53 +69,43 @@ def modelled(reduction: Reduction) -> Modelled:
 
 
 # ---------------------------------------------------------------------------------------------------------- of one log
-def run_section(found: Modelled) -> content.Section:
+def run_section(found: Modelled) -> Section:
     """Lay one log beside its simulation; where there is none, give the reason. Called within the style of the figures."""
     account, comparison = found.account, found.comparison
-    words = _words(account.word)
+    heading = _heading(account.word)
     if comparison is None:
-        return content.section("model", words.heading, content.Note(f"Left out: {account.why}"))
-    first = f" Of the {account.total} complete cycles the first {account.cycles} are simulated and compared."
-    return content.section(
-        "model",
-        words.heading,
-        content.Note(f"{_aim(account.word)}{_stated(comparison.rig)}{first if account.cycles < account.total else ''}"),
+        return section("model", heading, Note(account.why, "Left out", brief=False), folded=True)
+    budget = account.budget
+    return section(
+        "model", heading,
+        Note(_aim([account], comparison.rig), brief=False),
         *_run_pictures(comparison, account),
-        _differences_table([account], [()], ()),
+        table("differences", _LESS, CHANNEL_DIFFERENCES, _differences(account), brief=False),
         *_open_circuit(account),
-        None
-        if account.budget is None
-        else _budget_picture([load_words(comparison.run.load)], [account.budget], [account]),
-        None if account.budget is None else _one_budget_table(account.budget),
-    )
+        *([] if budget is None else [_budget_picture([load_words(comparison.run.load)], [budget], [account])]),
+        None if budget is None else _one_budget_table(budget),
+        folded=True,
+    )  # fmt: skip
 
 
-def _run_pictures(comparison: ModelComparison, account: Account) -> list[content.Picture | None]:
+def _run_pictures(comparison: ModelComparison, account: Account) -> list[Picture | None]:
     """Figs 13, 14, 16 and 17 of one log."""
-    means = (
-        f"Dots: {_words(account.word).samples}; solid lines: their means; markers: means of the simulation over the same "
-        f"samples ({_simulated_with([account])})."
-    )
-    speed = _speed_words(account, f"; bins of {speed_width(comparison):g} rpm")
-    shown = [
-        (TETHER, "model-tether", f"{means} {speed}"),
-        (GENERATOR, "model-generator", means),
-        (LOSSES, "model-losses", f"{means} {_STORED}"),
-    ]
+    words = f"Dots: samples; lines: their means; markers: simulated. {_with([account])}"
+    shown = [(TETHER, "model-tether"), (GENERATOR, "model-generator"), (LOSSES, "model-losses")]
     if account.open_circuit:
-        shown = [((*TETHER, "vdc_v"), "model-tether", f"{means} {speed} {_OPEN_CIRCUIT}")]
+        shown = [((*TETHER, "vdc_v"), "model-tether")]
     drawn, dots = [figures.Drawn("", account.curves)], clouds(comparison)
     return [
         _panels(
             name, words, drawn, names, figures.panels(drawn, names, word=account.word, rated=account.rated, clouds=dots)
         )
-        for names, name, words in shown
+        for names, name in shown
     ]
 
 
 def _panels(
     name: str, words: str, drawn: Sequence[figures.Drawn], names: Sequence[str], figure: Figure | None
-) -> content.Picture | None:
+) -> Picture | None:
     """Picture of some panels, whose caption begins with what they show."""
     given = figures.given_names(drawn, names)
     return _picture(figure, name, f"{shown_words(given)} {words}") if given else None
@@ -126,40 +122,36 @@ def clouds(comparison: ModelComparison) -> figures.Clouds:
     return found
 
 
-def _open_circuit(account: Account) -> list[content.Block | None]:
+def _open_circuit(account: Account) -> list[Block | None]:
     """The damper's sweep and the back-EMF's regression, where the log is an open circuit."""
-    blocks: list[content.Block | None] = []
+    blocks: list[Block | None] = []
     sweep, fit, word = account.sweep, account.regression, account.word
     if sweep is not None:
-        factors = f"{', '.join(f'{factor:g}' for factor in sweep.factors[:-1])} and {sweep.factors[-1]:g}"
         caption = (
-            f"Line tension in open circuit over generator speed, means in bins. Thick line: {_words(word).lines}; markers: "
-            f"simulated ({_simulated_with([account])}) with the viscous damper of the fast shaft at {factors} times the "
-            f"{sweep.nominal:.3g} N·m·s/rad of the rig file."
+            "Line tension in open circuit: log, and simulations with multiples of the damper of the rig file, "
+            f"{sweep.nominal:.3g} N.m.s/rad. {_with([account])}"
         )
         blocks.append(_picture(figures.damper_sweep(sweep, word=word, rated=account.rated), "model-damper", caption))
     if fit is not None:
         caption = (
-            f"Open circuit above 1000 rpm: voltage of the DC link, {_words(word).lines}, and the back-EMF that it requires. "
-            f"The line through zero has a slope of {fit.slope:.5f} V/rpm, 95 %: {fit.low:.5f} to {fit.high:.5f}, "
-            f"R² = {fit.r2:.4f}, from {fit.points} samples; the rig {account.rig} has {fit.reference:.4f} V/rpm."
+            f"Voltage of the DC link in open circuit, and the back-EMF that it requires: {fit.slope:.5f} V/rpm, 95 % "
+            f"{fit.low:.5f} to {fit.high:.5f}, R2 = {fit.r2:.4f}; rig file: {fit.reference:.4f} V/rpm."
         )
         blocks.append(_picture(figures.back_emf_figure(fit, word=word), "model-emf", caption))
     return blocks
 
 
-_ALTS = {
+ALTS = {
     "model-budget": "Stacked bars of the simulated loss budget; the energies are in the table.",
     "model-damper": "Curves of the line tension over generator speed, one for each damper.",
     "model-emf": "Dots of voltages over generator speed with a line through zero; its slope is in the caption.",
 }
+"""What figures show, where it is no log beside its simulation."""
 
 
-def _picture(figure: Figure | None, name: str, caption: str) -> content.Picture | None:
-    return content.picture(
-        figure, name, caption,
-        _ALTS.get(name, "Lines of the log and markers of the simulation; the mean differences are in the table."),
-    )  # fmt: skip
+def _picture(figure: Figure | None, name: str, caption: str) -> Picture | None:
+    words = "Lines of the log and markers of the simulation; the mean differences are in the table."
+    return picture(figure, name, caption.rstrip(), ALTS.get(name, words))
 
 
 # -------------------------------------------------------------------------------------------------------- of a campaign
@@ -180,7 +172,7 @@ def row_names(logs: Sequence[Named]) -> list[tuple[str, ...]]:
     return [(log.load, name) if count[log.load] > 1 else (log.load,) for log, name in zip(logs, names, strict=True)]
 
 
-def campaign_section(logs: Sequence[Named], word: str) -> content.Section | None:
+def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
     """Lay the logs of a campaign beside their simulations, all loads in a figure; None where nothing was tried.
 
     Parameters
@@ -190,23 +182,25 @@ def campaign_section(logs: Sequence[Named], word: str) -> content.Section | None
     """
     given = [log._replace(account=replace(log.account, word=word)) for log in logs if not log.account.why]
     left_out = [log for log in logs if log.account.why]
-    blocks: list[content.Block | None] = [
-        *([content.Note(_reasons(left_out, alone=not given))] if left_out else []),
-        *([content.Note(_aim(word)), *_campaign_pictures(given), *_campaign_tables(given)] if given else []),
+    why = Note(_reasons(left_out), "Left out", brief=False) if left_out else None
+    blocks = [Note(_aim([log.account for log in given]), brief=False), *_pictures_and_tables(given)] if given else []
+    return section("model", _heading(word), why, *blocks, folded=True) if logs else None
+
+
+def _reasons(left_out: Sequence[Named]) -> str:
+    """Why logs are not simulated, each reason with its logs."""
+    found: dict[str, list[str]] = {}
+    for log in left_out:
+        found.setdefault(log.account.why.rstrip("."), []).append(log.name)
+    named = [
+        f"{', '.join(names[:MAX_NAMES])}{f' and {len(names) - MAX_NAMES} more' * (len(names) > MAX_NAMES)}: {why}"
+        for why, names in found.items()
     ]
-    return content.section("model", _words(word).heading, *blocks) if blocks else None
+    return f"{'; '.join(named)}."
 
 
-def _reasons(left_out: Sequence[Named], *, alone: bool) -> str:
-    whys = {log.account.why for log in left_out}
-    if alone and len(whys) == 1:
-        return f"Left out: {whys.pop()}"
-    named = "; ".join(f"{log.name}: {log.account.why.rstrip('.')}" for log in left_out[:MAX_REASONS])
-    more = f"; and {len(left_out) - MAX_REASONS} more" if len(left_out) > MAX_REASONS else ""
-    return f"Not simulated: {named}{more}."
-
-
-def _campaign_pictures(given: Sequence[Named]) -> list[content.Block | None]:
+def _pictures_and_tables(given: Sequence[Named]) -> list[Block | None]:
+    """All loads in each figure, an open circuit's own figures, and the tables."""
     accounts = [log.account for log in given]
     drawn, word = figures.styled_by_load([log.load for log in given], [a.curves for a in accounts]), accounts[0].word
     rated, gear = (
@@ -214,77 +208,30 @@ def _campaign_pictures(given: Sequence[Named]) -> list[content.Block | None]:
         for values in ([a.rated for a in accounts], [a.gear for a in accounts])
     )
     opened = next((a for a in accounts if a.open_circuit), None)
-    means = (
-        f"Solid lines: {_words(word).lines}; markers: simulated ({_simulated_with(accounts)}); both are means in bins over the "
-        "same samples."
-    )
+    words = f"Lines: log; markers: simulated; means over the same samples. {_with(accounts)}"
     shown = (
-        (TETHER, "model-tether", f"{means} {_speed_words(accounts[0])}", None),
-        (GENERATOR[:1], "model-torque", means if opened is None else f"{means} {_OPEN_CIRCUIT}", gear),
-        (GENERATOR[1:], "model-generator", means, None),
-        (LOSSES, "model-losses", f"{means} {_STORED}", None),
+        (TETHER, "model-tether", None),
+        (GENERATOR[:1], "model-torque", gear),
+        (GENERATOR[1:], "model-generator", None),
+        (LOSSES, "model-losses", None),
     )
-    pictures = [
-        _panels(name, words, drawn, names, figures.panels(drawn, names, word=word, rated=rated, gear=above))
-        for names, name, words, above in shown
-    ]
-    return [*pictures, *([] if opened is None else _open_circuit(opened))]
-
-
-def _campaign_tables(given: Sequence[Named]) -> list[content.Block | None]:
-    accounts = [log.account for log in given]
-    differences = _differences_table(accounts, [(log.name, log.load) for log in given], ("Log", "Load"))
     booked = {k: a.budget for k, a in enumerate(accounts) if a.budget is not None}
-    if not booked:
-        return [differences]
     names, budgets = row_names(given), list(booked.values())
     return [
-        differences,
-        _budget_picture(["\n".join(names[k]) for k in booked], budgets, accounts),
-        _budget_table([", ".join(names[k]) for k in booked], budgets),
+        *(
+            _panels(name, words, drawn, panel, figures.panels(drawn, panel, word=word, rated=rated, gear=above))
+            for panel, name, above in shown
+        ),
+        *([] if opened is None else _open_circuit(opened)),
+        _differences_table(given),
+        _budget_picture(["\n".join(names[k]) for k in booked], budgets, accounts) if booked else None,
+        _budget_table([", ".join(names[k]) for k in booked], budgets) if booked else None,
     ]
 
 
 # -------------------------------------------------------------------------------------------------------- the captions
-_SYMBOL = {"torque": "τ", "vdc": "Vdc", "idc": "Idc", "pressure": "p", "force": "F"}
-_CALLED = {
-    "torque": "τ: torque of the PTO shaft",
-    "vdc": "Vdc, Idc: voltage and current of the DC link",
-    "pressure": "p: gas pressure, gauge",
-    "force": "F: line tension",
-}
-_DECIMALS = {"torque": 2, "vdc": 2, "idc": 3, "pressure": 3, "force": 1}
-_UNKNOWN = ChannelDifference(math.nan, math.nan)
-_FINE = 2000.0
-"""With less energy of the line than this a budget has a decimal. [J]"""
-
-_STORED = (
-    "Stored energy: while the speed changes, J ω dω/dt goes into the rotor and τ dτ/dt / k into the shaft, which is taken off "
-    "P_mech; C V dV/dt goes into the capacitor and is added to P_gen."
-)
-
-_OPEN_CIRCUIT = (
-    "In open circuit only the bleed carries a current: torque, Idc and what follows from them mean nothing there and are left "
-    "out."
-)
-
-
-class _Words(NamedTuple):
-    """What measured logs, and others, are called: in the heading, by their motion, lines and samples, and in a table."""
-
-    heading: str
-    logged: str
-    lines: str
-    samples: str
-    table: str
-
-
-_MEASURED = _Words("Measured and simulated", "measured", "measured", "measured samples", "Measured")
-_LOGGED = _Words("Log and simulation", "logged", "as logged", "samples of the log", "Log")
-
-
-def _words(word: str) -> _Words:
-    return _MEASURED if word == "measured" else _LOGGED
+def _heading(word: str) -> str:
+    return "Measured and simulated" if word == "measured" else "Log and simulation"
 
 
 def shown_words(names: Sequence[str]) -> str:
@@ -301,97 +248,71 @@ def shown_words(names: Sequence[str]) -> str:
     return f"{upper(text + shared)}."
 
 
-def _simulated_with(accounts: Sequence[Account]) -> str:
-    """With which rig the simulations were made, and what was added to it."""
-    rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
+def _with(accounts: Sequence[Account]) -> str:
+    """What was added to the model of the rig file; empty where nothing was."""
     changed = ", ".join(dict.fromkeys(account.changed for account in accounts if account.changed))
-    return f"rig {rigs} along the logged line motion, {f'with {changed}' if changed else 'as in its rig file'}"
+    return f"Simulated with {changed}." if changed else ""
 
 
-def _stated(rig: Rig) -> str:
-    """Sentence on the effects that a rig file states, empty for none."""
-    return f" The rig file states effects, which the model includes: {', '.join(rig.effects)}." if rig.effects else ""
+def _aim(accounts: Sequence[Account], rig: Rig | None = None) -> str:
+    """What is compared: the rig, effects that its file states, and how many cycles."""
+    rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
+    effects = f", with the effects that it states: {', '.join(rig.effects)}" if rig and rig.effects else ""
+    some = any(a.cycles < a.total for a in accounts)
+    first = f" Of {accounts[0].total} complete cycles the first {accounts[0].cycles} are compared." if some else ""
+    if some and len(accounts) > 1:
+        first = " Of long logs the first complete cycles are compared."
+    return f"The logged motion of the line drives a model of {rigs} as in its rig file{effects}.{first}"
 
 
-def _aim(word: str) -> str:
-    """What the section is for."""
-    return (
-        f"The {_words(word).logged} motion of the line drives a model of the rig with the numbers of its rig file. "
-        "Where markers leave the lines, rig and model differ: by how much stands in the table of differences, and a diagnosis "
-        "looks for the cause."
-    )
-
-
-def _speed_words(account: Account, bins: str = "") -> str:
-    """What the generator's speed is; `bins` states in which bins means are taken."""
-    gear = "" if account.gear is None else f" times {account.gear:g}"
-    return f"Generator speed: that of the drum{gear}, from each onset to the start of braking{bins}."
-
-
-def _budget_picture(
-    names: Sequence[str], budgets: Sequence[LossBudget], accounts: Sequence[Account]
-) -> content.Picture | None:
+def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], accounts: Sequence[Account]) -> Picture | None:
     """Stacked bars of the loss budgets."""
-    words = _words(accounts[0].word)
-    reached = " and ".join(
-        what
-        for stage, what in (("mech", "shaft"), ("gen", "DC link"))
-        if any(stage in budget.log for budget in budgets)
-    )
-    points = (
-        f"; points below it: shares of the {words.logged} energy of the line that reach {reached}" if reached else ""
-    )
-    bleed = "; in open circuit the DC link feeds its bleed alone" if any(a.open_circuit for a in accounts) else ""
+    figure = figures.budget_bars(names, budgets, word=accounts[0].word)
+    points = "; points: shares of the log" if any(len(budget.log) > 1 for budget in budgets) else ""
     return _picture(
-        figures.budget_bars(names, budgets, word=accounts[0].word),
-        "model-budget",
-        f"Simulated loss budget ({_simulated_with(accounts)}): where the energy of the simulated line goes within the "
-        "integration window, as a mean over the cycles; beside each bar that energy. The stroke across a bar is what reaches "
-        f"the torque sensor{points}. Inertia is that of rotor and drum{bleed}.",
+        figure, "model-budget", f"Simulated loss budget in the integration window{points}. {_with(accounts)}"
     )
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
-def _differences_table(
-    accounts: Sequence[Account], firsts: Sequence[tuple[str, ...]], head: tuple[str, ...]
-) -> content.Table | None:
-    """Log minus simulation over the payouts, a row for each log; None where no channel can be compared.
+_LESS = "Log - simulation over the payouts: mean (bias) and root mean square (rms)."
 
-    Parameters
-    ----------
-    firsts : first cells of each row, under the names of `head`, before the number of cycles
-    """
-    names = [name for name in COMPARED if any(name in account.differences for account in accounts)]
-    if not names:
-        return None
-    notes = (
-        *(f"{_CALLED[name]}." for name in names if name in _CALLED),
-        "A bias below zero: the simulation lies above the log.",
-        "In open circuit torque and Idc are not compared." if any(a.open_circuit for a in accounts) else "",
-        "Of a long log the first complete cycles are compared." if any(a.cycles < a.total for a in accounts) else "",
-    )
-    return content.make_table(
-        "differences",
-        f"{_words(accounts[0].word).table} − simulated over the payouts: mean (bias) and root mean square (rms).",
-        [
-            *(TableColumn[object](name, text=True) for name in head),
-            TableColumn("Cycles"),
-            *(
-                TableColumn(f"{_SYMBOL[name]} {what}", COMPARED[name][0], _DECIMALS[name])
-                for name in names
-                for what in ("bias", "rms")
-            ),
-        ],
-        [
-            (
-                *first,
-                f"{a.cycles}",
-                *(x for name in names for x in astuple(a.differences.get(name, _UNKNOWN))),
-            )
-            for first, a in zip(firsts, accounts, strict=True)
-        ],
-        note=" ".join(filter(None, notes)),
-    )
+CHANNEL_DIFFERENCES: tuple[Column[tuple[str, ChannelDifference]], ...] = (
+    Column("channel", lambda row: CHANNELS[row[0]].label),
+    Column("unit", lambda row: COMPARED[row[0]][0]),
+    Column("bias", lambda row: row[1].bias, signed=True, own_digits=True),
+    Column("rms", lambda row: row[1].rms, own_digits=True),
+)
+"""Difference of a channel, of one log."""
+
+
+def _differences(account: Account) -> list[tuple[str, ChannelDifference]]:
+    return [(name, account.differences[name]) for name in COMPARED if name in account.differences]
+
+
+def _differences_table(given: Sequence[Named]) -> Table[Named] | None:
+    """Log minus simulation over the payouts, a row for each log; None where no channel can be compared."""
+    names = [name for name in COMPARED if any(name in log.account.differences for log in given)]
+    columns: list[Column[Named]] = [
+        Column("log", lambda log: log.name),
+        Column("load", lambda log: log.load),
+        Column("cycles", lambda log: log.account.cycles, decimals=0),
+        *(column for name in names for column in _difference_columns(name)),
+    ]
+    return table("differences", _LESS, columns, given if names else (), brief=False)
+
+
+def _difference_columns(name: str) -> list[Column[Named]]:
+    """Bias and root mean square of a channel."""
+    term, unit = CHANNELS[name], COMPARED[name][0]
+
+    def of(log: Named) -> ChannelDifference:
+        return log.account.differences.get(name, UNKNOWN)
+
+    return [
+        Column(f"{term.symbol} bias", lambda log: of(log).bias, unit, term.decimals, signed=True),
+        Column(f"{term.symbol} rms", lambda log: of(log).rms, unit, term.decimals),
+    ]
 
 
 def _named(budgets: Sequence[LossBudget]) -> list[str]:
@@ -399,44 +320,34 @@ def _named(budgets: Sequence[LossBudget]) -> list[str]:
     return [g for g in reversed(GROUPS) if g in ALWAYS or any(abs(b.shares[g]) >= NOTHING for b in budgets)]
 
 
-def _parts_note(groups: Sequence[str]) -> str:
-    text = "; ".join(f"{GROUPS[g].name}: {GROUPS[g].about}" for g in groups if GROUPS[g].about)
-    return f"{upper(text)}."
+def _decimals(budget: LossBudget) -> int:
+    return 1 if budget.line < FINE else 0
 
 
-def _joules(budget: LossBudget, groups: Sequence[str]) -> list[str]:
-    """Energy of the line, and of each group."""
-    return [number(x, 1 if budget.line < _FINE else 0) for x in (budget.line, *(budget.groups[g] for g in groups))]
+def _joules(group: str, row: tuple[str, LossBudget]) -> float:
+    return row[1].groups[group]
 
 
-def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> content.Table:
+def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> Table[tuple[str, LossBudget]] | None:
     """Loss budget of several logs, a row for each, mean energies of their windows."""
-    groups = _named(budgets)
-    return content.make_table(
-        "loss-budget",
-        "Simulated loss budget: energy of the line in the window and where it goes, means over the cycles.",
-        [
-            TableColumn[object]("Load", text=True),
-            *(TableColumn(name, "J") for name in ("total", *(GROUPS[g].name for g in groups))),
-        ],
-        [(name, *_joules(budget, groups)) for name, budget in zip(names, budgets, strict=True)],
-        note=_parts_note(groups),
-    )
+    decimals = max(map(_decimals, budgets))
+    columns: list[Column[tuple[str, LossBudget]]] = [
+        Column("load", lambda row: row[0]),
+        Column("line", lambda row: row[1].line, "J", decimals),
+        *(Column(GROUPS[g].name, partial(_joules, g), "J", decimals) for g in _named(budgets)),
+    ]
+    caption = "Simulated loss budget: energy of the line in the window and where it goes, means over the cycles."
+    return table("loss-budget", caption, columns, list(zip(names, budgets, strict=True)), brief=False)
 
 
-def _one_budget_table(budget: LossBudget) -> content.Table:
+def _one_budget_table(budget: LossBudget) -> Table[str] | None:
     """Loss budget of one log, a row for each part, in joules and in percent of the line's energy."""
-    groups = _named([budget])
-    line, *joules = _joules(budget, groups)
-    return content.make_table(
-        "loss-budget",
-        "Simulated loss budget, from the line to the DC link: energies in the window, means over the cycles.",
-        [
-            TableColumn[object]("Part", text=True),
-            TableColumn("Energy", "J"),
-            TableColumn("Share of the line's", "%", 2),
-        ],
-        [(GROUPS[g].name, joule, 100 * budget.shares[g]) for g, joule in zip(groups, joules, strict=True)],
-        below=[("from the line", line, 100 * sum(budget.shares.values()))],
-        note=_parts_note(groups),
-    )
+    columns: list[Column[str]] = [
+        Column("part", lambda g: GROUPS[g].name),
+        Column("energy", lambda g: budget.groups[g], "J", _decimals(budget)),
+        Column("share of the line", lambda g: 100.0 * budget.shares[g], "%", 2),
+        Column("what it is", lambda g: GROUPS[g].about),
+    ]
+    below = [("from the line", budget.line, 100.0 * sum(budget.shares.values()), "")]
+    caption = "Simulated loss budget in the window, means over the cycles."
+    return Table("loss-budget", caption, columns, _named([budget]), below, brief=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import singledispatch
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -19,9 +18,6 @@ from winchcascade.report.style import COLOURS, figure_width, house_style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
-
-    from winchcascade.report.content import Table
-
 
 Plot = Callable[[Any], None]
 """What draws on one Axes, or on an array of them."""
@@ -133,16 +129,15 @@ def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axe
     the Axes, an array with one for each efficiency, (n,), if none was given: with one given, that of the whole cascade, or else
     the first, alone is drawn
     """
-    from winchcascade.report import comparison_report as figures
-    from winchcascade.report.comparison_text import drawn_metrics
+    from winchcascade.report.results.comparison import by_metric, draw_differences, rows_of
 
     check_choice("plot", what, ("efficiency",), "plot of this result")
-    metrics = drawn_metrics(found)
+    metrics = list(by_metric(rows_of(found, "eta", whole=False)))
     _require(what, "" if metrics else "an efficiency that both sides have")
     if ax is not None:
         metrics = [found.overall if found.overall in metrics else metrics[0]]
-    draw: Plot = lambda axes: figures.draw_differences(np.ravel(axes).tolist(), found, metrics)  # noqa: E731
-    return _drawn(draw, ax, rows=len(metrics), height=1.0 + 0.5 * figures.PANEL, sharex="col")
+    draw: Plot = lambda axes: draw_differences(np.ravel(axes).tolist(), found, metrics)  # noqa: E731
+    return _drawn(draw, ax, rows=len(metrics), height=1.5, sharex="col")
 
 
 def _require(what: str, lacking: str) -> None:
@@ -183,45 +178,23 @@ def _drawn(
 
 def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
-    return table_html(*_heading_and_table(result))
+    from winchcascade.report.render.page import table_html as stated_html
 
+    if isinstance(result, DiagnosisResult):
+        from winchcascade.report.results.diagnosis import main_table
 
-@singledispatch
-def _heading_and_table(result: object) -> tuple[str, Table | None]:
-    """What the result is of, in one line, and its main table; None where it has none."""
-    raise TypeError(f"no table of a {type(result).__name__}")
+        return stated_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+    if isinstance(result, Comparison):
+        from winchcascade.report.results.comparison import differences_table, rows_of
 
+        heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
+        return stated_html(heading, differences_table("efficiencies", rows_of(result, "eta")))
+    if isinstance(result, Reduction):
+        from winchcascade.reduction.montecarlo import uncertainty
+        from winchcascade.report.results.reduction_tables import cycles_table
 
-@_heading_and_table.register(Reduction)
-def _(result: Reduction) -> tuple[str, Table | None]:
-    from winchcascade.reduction.montecarlo import uncertainty
-    from winchcascade.report.tables import cycles_table
-
-    return repr(result), cycles_table(result, uncertainty(result))
-
-
-@_heading_and_table.register(CampaignReduction)
-def _(result: CampaignReduction) -> tuple[str, Table | None]:
+        return stated_html(repr(result), cycles_table(result, uncertainty(result)))
     from winchcascade.report.campaign import logs_efficiencies_table
     from winchcascade.report.campaign_record import runs_by_load
 
-    return repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced))
-
-
-@_heading_and_table.register(Comparison)
-def _(result: Comparison) -> tuple[str, Table | None]:
-    from winchcascade.report.comparison_report import differences_table
-    from winchcascade.report.comparison_text import headline_metrics
-
-    heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
-    return heading, differences_table("efficiencies", result, headline_metrics(result))
-
-
-@_heading_and_table.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> tuple[str, Table | None]:
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.diagnosis_tables import causes_table
-
-    assert isinstance(result, ModelDiagnosis | LineDiagnosis)  # there are no others
-    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)
+    return table_html(repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced)))

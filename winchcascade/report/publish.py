@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from winchcascade.core.files import write_content
-from winchcascade.report.content import SUBSCRIPTS, Report, Table, made_at
+from winchcascade.report.content import Report as Stated
+from winchcascade.report.sheet import SUBSCRIPTS, Report, Table, made_at
 from winchcascade.report.style import COLOURS
 
 if TYPE_CHECKING:
@@ -22,13 +23,22 @@ FEW = 4
 """A table of numbers with no more columns than this is not stretched over the page."""
 
 
-def publish(report: Report, *, html: Path | None = None, pdf: Path | None = None, force: bool = False) -> None:
+def publish(report: Report | Stated, *, html: Path | None = None, pdf: Path | None = None, force: bool = False) -> None:
     """Write a report as a self-contained page, as a PDF, or both, each whole or not at all.
 
     Raises
     ------
     OutputError : a file that cannot be written, or that this tool did not write and `force` does not allow to replace
     """
+    if isinstance(report, Stated):
+        from winchcascade.report.render.page import page_text
+        from winchcascade.report.render.pdf import pdf_bytes as stated_pdf
+
+        if html is not None:
+            write_content(html, page_text(report), force=force)
+        if pdf is not None:
+            write_content(pdf, stated_pdf(report), force=force)
+        return
     for path, content in ((html, html_text), (pdf, pdf_bytes)):
         if path is not None:
             write_content(path, content(report), force=force)

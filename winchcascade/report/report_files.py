@@ -11,9 +11,11 @@ import msgspec
 from winchcascade.core.errors import OptionError
 
 if TYPE_CHECKING:
+    from winchcascade.diagnosis.calibrate import Calibration
     from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.report.campaign_record import CampaignReduction
-    from winchcascade.report.content import Report
+    from winchcascade.report.content import Report as Stated
+    from winchcascade.report.sheet import Report
 
 
 class ReportFiles(msgspec.Struct, frozen=True):
@@ -36,16 +38,15 @@ class ReportFiles(msgspec.Struct, frozen=True):
 
 
 _MAKERS = {
-    "Audit": "audit_report:audit_report",
-    "Calibration": "calibration_sheet:calibration_report",
+    "Audit": "results.audits:audit_report",
+    "Calibration": "report_files:_of_calibration",
     "CampaignReduction": "report_files:_of_campaign",
-    "Check": "check_report:check_report",
-    "Comparison": "comparison_report:make_comparison_report",
-    "DiagnosisResult": "diagnosis:make_diagnosis_report",
-    "PointAudit": "audit_report:point_audit_report",
+    "Check": "results.checks:check_report",
+    "Comparison": "results.comparison:comparison_report",
+    "DiagnosisResult": "results.diagnosis:diagnosis_report",
+    "PointAudit": "results.audits:audit_report",
     "Reduction": "report_files:_of_reduction",
-    "Score": "trial_report:make_trial_report",
-    "Simulation": "simulation_report:simulation_report",
+    "Simulation": "results.simulation:simulation_report",
 }
 """What makes the report of a result, by the name of its class: a result that is made has imported its own modules alone."""
 
@@ -67,16 +68,25 @@ def report_of(result: object, *, command: str = "") -> Report:
     return report
 
 
-def _of_reduction(result: Reduction, *, command: str) -> Report:
-    from winchcascade.reduction.montecarlo import uncertainty
-    from winchcascade.report.document import make_report
+def _of_calibration(result: Calibration, *, command: str) -> Stated:
+    from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.results.calibration import calibration_report, fit_blocks
+    from winchcascade.report.style import house_style
 
-    return make_report(result, uncertainty(result), command=command)
+    with house_style():
+        return calibration_report(result, fit_blocks(result, damper_curves(result)), command=command)
+
+
+def _of_reduction(result: Reduction, *, command: str) -> Stated:
+    from winchcascade.reduction.montecarlo import uncertainty
+    from winchcascade.report.results.drawn_reduction import drawn_report
+
+    return drawn_report(result, uncertainty(result), command=command)
 
 
 def _of_campaign(result: CampaignReduction, *, command: str) -> Report:
     from winchcascade.report.campaign import campaign_report
-    from winchcascade.report.wave_section import campaign_waves
+    from winchcascade.report.wave_record import campaign_waves
 
     waves = campaign_waves(result.records.items())
     return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)

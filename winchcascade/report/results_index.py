@@ -8,10 +8,11 @@ from urllib.parse import quote
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.report import content
+from winchcascade.report import sheet as content
 from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
-from winchcascade.report.content import number_column, text_column
+from winchcascade.report.content import Link
 from winchcascade.report.digits import number
+from winchcascade.report.sheet import number_column, text_column
 
 INDEX = "index.html"
 """Name of the page in a results folder."""
@@ -42,6 +43,11 @@ def links_to(names: Sequence[str], *, above: bool = False) -> tuple[content.Link
     above : the folder is the one above that of the report
     """
     return tuple(content.Link(text, f"../{name}" if above else name) for name, text in _PAGES.items() if name in names)
+
+
+def stated_links(names: Sequence[str], *, above: bool = False) -> list[Link]:
+    """Links to those pages of a results folder that are among some files; arguments as of `links_to`."""
+    return [Link(one.text, one.address) for one in links_to(names, above=above)]
 
 
 def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Sequence[str]) -> content.Report:

@@ -65,6 +65,11 @@ def use_screen(screen: Screen) -> None:
     _PRESENT.set(screen)
 
 
+def present_screen() -> Screen:
+    """The screen for which texts are laid out now."""
+    return _PRESENT.get()
+
+
 def line_width(piped: int = PIPED) -> int:
     """Columns of a sentence. [characters]
 
@@ -83,7 +88,10 @@ def table_width() -> int | None:
 # --------------------------------------------------------------------------------------------------------------- colours
 _MARKS: dict[Tone, str] = {"good": "\ufdd0", "warning": "\ufdd1", "contradiction": "\ufdd2"}
 _END = "\ufdd3"
-_CODES = {"\ufdd0": "\x1b[32m", "\ufdd1": "\x1b[33m", "\ufdd2": "\x1b[31m", _END: "\x1b[0m"}
+ESCAPE = "\ufdd4"
+"""Stands for the escape with which the codes of a text begin that is laid out and clean already."""
+
+_CODES = {"\ufdd0": "\x1b[32m", "\ufdd1": "\x1b[33m", "\ufdd2": "\x1b[31m", _END: "\x1b[0m", ESCAPE: "\x1b"}
 """Signs that stand for a colour until the text is printed, no characters of any language: texts from files lose them."""
 
 _NO_MARKS = str.maketrans(dict.fromkeys(_CODES))

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.plain_text import one_line
-from winchcascade.report.content import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
 from winchcascade.report.screen import PIPED, Tone, length, line_width, table_width, toned, without_tones
+from winchcascade.report.sheet import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
 
 
 def aligned_lines(
@@ -185,11 +185,6 @@ def wrapped(text: str, indent: str = "", piped: int | None = PIPED) -> list[str]
 def joined(lines: Iterable[str]) -> str:
     """Lines as a text, each with its end."""
     return "".join(f"{line}\n" for line in lines)
-
-
-def paragraphs(texts: Iterable[str], indent: str = "") -> list[str]:
-    """Sentences, each in lines that fit into the terminal."""
-    return [line for text in texts for line in wrapped(text, indent)]
 
 
 def indented(text: str) -> list[str]:

@@ -1,9 +1,9 @@
-"""Time histories of a log: channels thinned so that no peak is lost, marks of phases, windows and repairs, and read-out."""
+"""Time histories of a log: channels thinned so that no peak is lost, and marks of phases, windows and repairs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report.style import COLOURS, Entry, is_narrow, line_entry, patch_entry
 from winchcascade.report.svg_drawing import text_size
-from winchcascade.report.wording import span_word
+from winchcascade.report.wording import clock_zero, span_word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -190,15 +190,6 @@ def _fits(ax: Axes, text: str, duration: float) -> bool:
     return text_size(text, _SIZE).width / 72.0 < duration / (high - low) * inches
 
 
-READ_OUT = 4000
-"""Number of samples above which the read-out of a page shows the range of each trace in equal stretches of the log."""
-
-STRETCHES = 1500
-"""Number of those stretches."""
-
-MAX_SPANS = 300
-"""Cycles that a reader may choose from at most."""
-
 PANELS = (
     ("displacement", "Line displacement", "m", 1.0),
     ("velocity", "Line velocity", "m/s", 1.0),
@@ -258,67 +249,10 @@ def envelope(x: Signal, maximum: int) -> NDArray[np.intp]:
     return np.sort(kept)
 
 
-def clock_zero(run: Run) -> float:
-    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
-    first, last = float(run.t[0]), float(run.t[-1])
-    return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
-
-
 def time_label(run: Run) -> str:
     """Label of a drawn time axis."""
     zero = clock_zero(run)
     return "Time (s)" if zero == 0.0 else f"Time since {zero:.2f} s on the log's clock (s)"
-
-
-def readout(reduction: Reduction, powers: Mapping[str, Signal]) -> str:
-    """Traces as JSON for the read-out of a page: samples, or of a long log the least and the largest of each stretch.
-
-    `spans` names phases and windows with their begin and end; `repaired` of a trace are the stretches that were bridged in it.
-    """
-    import msgspec
-
-    run, cycles, zero = reduction.run, reduction.cycles[:MAX_SPANS], clock_zero(reduction.run)
-    shown: list[tuple[str, str, Signal, float, tuple[str, ...]]]
-    shown = [(title, unit, run.channels[name], f, (name,)) for name, title, unit, f in panels_of(run, reduction.rig)]
-    shown += [(f"P_{stage}", "W", x, 1.0, power_sources(reduction, [stage])) for stage, x in powers.items()]
-    starts = np.linspace(0, run.t.size, min(run.t.size, STRETCHES) + 1)[:-1].astype(np.intp)
-    whole = run.t.size <= READ_OUT
-    rows = []
-    for title, unit, x, factor, sources in shown:
-        ends = {} if whole else {"low": np.minimum.reduceat(x, starts), "high": np.maximum.reduceat(x, starts)}
-        values = {name: _short(part * factor) for name, part in (ends or {"x": x}).items()}
-        repaired = [[round(edge - zero, 3) for edge in span] for span in repaired_spans(run, sources)]
-        rows.append({"name": title, "unit": unit, **values, **({"repaired": repaired} if repaired else {})})
-    last = end_of(cycles[-1]) if cycles else 0.0
-    spans = [(f"{name} of cycle {number}", a, b) for name, number, a, b in phase_spans(reduction)]
-    page = {
-        "span": [float(run.t[0]) - zero, float(run.t[-1]) - zero],
-        "label": time_label(run),
-        "cycles": [[c.cycle, c.phases.onset - zero - 1.0, end_of(c) + 0.5 - zero] for c in cycles],
-        "spans": [
-            [name, round(a - zero, 3), round(b - zero, 3)]
-            for name, a, b in (
-                *spans,
-                *[
-                    (
-                        f"integration window{'' if c.complete else ' of an incomplete cycle'}",
-                        c.window.onset,
-                        c.window.cutoff,
-                    )
-                    for c in reduction.cycles
-                ],
-            )
-            if a <= last
-        ],
-        "times": np.round((run.t if whole else run.t[starts]) - zero, 3).tolist(),
-        "traces": rows,
-    }
-    return msgspec.json.encode(page).decode()
-
-
-def _short(x: Signal) -> list[float]:
-    """Values to four significant digits."""
-    return [float(f"{value:.4g}") for value in x.tolist()]
 
 
 def end_of(cycle: CycleResult) -> float:

@@ -14,9 +14,9 @@ from winchcascade.core.cascade import Cascade, efficiency_name
 from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
-from winchcascade.report.content import SUBSCRIPTS, ItemTable, Section, picture, section
-from winchcascade.report.content import TableColumn as Column
 from winchcascade.report.digits import RAISED
+from winchcascade.report.sheet import ItemTable, Section, picture, section
+from winchcascade.report.sheet import TableColumn as Column
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from winchcascade.core.rig_file import WindowRule
+    from winchcascade.core.run import Run
     from winchcascade.reduction.reduction_result import CycleResult, MeasuredLoad, Reduction
 
 
@@ -94,12 +95,6 @@ def metrics_note(cascade: Cascade, given: Sequence[str]) -> str:
     return "".join(f"{text}. " for text in (subscripts, ", ".join(ratios)) if text)
 
 
-def subscripts_of(cascade: Cascade) -> tuple[str, ...]:
-    """Subscripts of the symbols of a cascade, longer ones first."""
-    own = {SYMBOL[m].partition("_")[2] for m in cascade.all_metrics}
-    return (*sorted(own - {*SUBSCRIPTS}, key=len, reverse=True), *SUBSCRIPTS)
-
-
 def tex(metric: str) -> str:
     """Symbol of a metric in a figure.
 
@@ -162,6 +157,12 @@ def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknow
 def window_words(window: WindowRule) -> str:
     """Rule of an integration window."""
     return window if isinstance(window, str) else f"{window:g} s from the onset"
+
+
+def clock_zero(run: Run) -> float:
+    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
+    first, last = float(run.t[0]), float(run.t[-1])
+    return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
 
 
 def label(cycle: CycleResult) -> str:

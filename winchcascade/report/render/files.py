@@ -1,0 +1,147 @@
+"""Tables and figures of a report as files of their own, for papers: CSV with numbers in full, LaTeX and Markdown as shown."""
+
+from __future__ import annotations
+
+import io
+import re
+import unicodedata
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from winchcascade.core.errors import OutputError
+from winchcascade.core.files import write_set
+from winchcascade.core.store import inside, make_one
+from winchcascade.core.version import __version__
+from winchcascade.report.content import Picture, Report, Table
+from winchcascade.report.glossary import typeset
+from winchcascade.report.style import house_style
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FIGURE_FORMATS = ("svg", "pdf", "png")
+"""Files of a figure."""
+
+
+def stem_of(name: str) -> str:
+    """How the names of files about a log or a campaign begin: its name with hyphens for blanks and signs.
+
+    >>> stem_of("Versuch 3 (März)"), stem_of("...")
+    ('Versuch-3-März', 'report')
+    """
+    return re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", name)).strip("-._")[:80] or "report"
+
+
+def write_tables(report: Report, folder: Path, name: str, *, force: bool = False) -> None:
+    """Write each table of a report as CSV, LaTeX and Markdown into a folder, all or none.
+
+    Raises
+    ------
+    OutputError : the folder cannot be written, or holds a file of that name from elsewhere and `force` does not allow it
+    """
+    tables = (block for block in report.blocks if isinstance(block, Table))
+    _write(
+        {f"{stem_of(name)}_{t.id}.{ending}": text for t in tables for ending, text in _texts(t)}, folder, force=force
+    )
+
+
+def write_figures(report: Report, folder: Path, name: str, *, force: bool = False) -> None:
+    """Write each figure of a report as SVG, PDF and PNG into a folder, all or none; errors as of `write_tables`."""
+    pictures = [*([report.lead] if report.lead else []), *(b for b in report.blocks if isinstance(b, Picture))]
+    _write(
+        {f"{stem_of(name)}_{one.id}.{ending}": _drawn(one, ending) for one in pictures for ending in FIGURE_FORMATS},
+        folder,
+        force=force,
+    )
+
+
+MARK = f"winchcascade/{__version__}"
+"""What every such file holds but a CSV, which counts as this tool's own beside its Markdown."""
+
+
+def _write(contents: dict[str, bytes], folder: Path, *, force: bool) -> None:
+    make_one(folder, "another")
+    parts = {inside(folder, name): content for name, content in contents.items()}
+    for path in parts:
+        marked = path.with_suffix(".md") if path.suffix == ".csv" else path
+        if path.exists() and not force and not (marked.is_file() and b"winchcascade/" in marked.read_bytes()):
+            raise OutputError(
+                f"{path}: exists and was not written by winchcascade; choose another folder or add --force."
+            )
+    write_set(parts)
+
+
+@house_style()
+def _drawn(picture: Picture, ending: str) -> bytes:
+    out = io.BytesIO()
+    about: dict[str, dict[str, str | None]] = {
+        "svg": {"Date": None, "Creator": MARK},
+        "pdf": {"CreationDate": None, "Creator": MARK},
+        "png": {"Software": MARK},
+    }
+    picture.figure.savefig(out, format=ending, dpi=300, metadata=about[ending])
+    return out.getvalue()
+
+
+def _texts(table: Table[Any]) -> Iterator[tuple[str, bytes]]:
+    """Endings and contents of the files of a table."""
+    used = table.used()
+    yield "csv", csv_text(used.frame()).encode()
+    yield "tex", latex_text(used).encode()
+    yield "md", markdown_text(used).encode()
+
+
+def csv_text(frame: pd.DataFrame) -> str:
+    """A frame as CSV; a text that a spreadsheet would take for a formula stands behind an apostrophe.
+
+    >>> import pandas as pd
+    >>> csv_text(pd.DataFrame({"a": ["=1+1", "b"], "n": [-1.5, 2.0]}))
+    "a,n\\n'=1+1,-1.5\\nb,2.0\\n"
+    """
+    return str(frame.map(neutral).rename(columns=neutral).to_csv(index=False, lineterminator="\n"))
+
+
+def neutral(cell: object) -> object:
+    """A text that no spreadsheet takes for a formula."""
+    return f"'{cell}" if isinstance(cell, str) and cell[:1] in tuple("=+-@\t\r") and len(cell) > 1 else cell
+
+
+def _shown_frame(table: Table[Any]) -> pd.DataFrame:
+    """The table as it is shown."""
+    import pandas as pd
+
+    heads = [f"{c.name} ({c.unit})" if c.unit else c.name for c in table.columns]
+    return pd.DataFrame([[typeset(cell) for cell in row] for row in table.texts], columns=[typeset(h) for h in heads])
+
+
+def latex_text(table: Table[Any]) -> str:
+    """A table for LaTeX with the package booktabs."""
+    kinds = "".join("l" if left else "r" for left in table.left)
+    styled = _shown_frame(table).style.hide(axis="index").format(escape="latex").format_index(escape="latex", axis=1)
+    caption = re.sub(r"([%&#_$])", r"\\\1", typeset(table.caption))
+    text = styled.to_latex(hrules=True, column_format=kinds, caption=caption, label=f"tab:{table.id}")
+    return f"% {MARK}; requires the package booktabs\n{text}"
+
+
+def markdown_text(table: Table[Any]) -> str:
+    """A table for Markdown, under its caption and above its note."""
+    frame = _shown_frame(table)
+    escaped = [[_escaped(cell) for cell in row] for row in (frame.columns, *frame.to_numpy())]
+    rules = [":--" if left else "--:" for left in table.left]
+    lines = [
+        f"**Table.** {_escaped(typeset(table.caption))}",
+        "",
+        *(_line(row) for row in (escaped[0], rules, *escaped[1:])),
+    ]
+    return (
+        "\n".join([*lines, *(["", _escaped(typeset(table.note))] if table.note else []), "", f"<!-- {MARK} -->"]) + "\n"
+    )
+
+
+def _line(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\`*_{}\[\]<>|~#])", r"\\\1", text)

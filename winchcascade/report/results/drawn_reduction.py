@@ -1,0 +1,84 @@
+"""The report of a log with its figures, its simulation and its loss map, for page, PDF and files."""
+
+from __future__ import annotations
+
+from winchcascade.reduction.loss_map import LossMap
+from winchcascade.reduction.montecarlo import Uncertainty
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report import figures
+from winchcascade.report.content import Picture, Report, picture
+from winchcascade.report.model_section import Modelled, modelled, run_section
+from winchcascade.report.results.common import histories
+from winchcascade.report.results.loss_surface import loss_map_pictures, loss_map_section
+from winchcascade.report.results.reduction import reduction_report, stated_text, waves_of
+from winchcascade.report.results.waves import wave_picture
+from winchcascade.report.style import house_style
+from winchcascade.report.wording import span_word
+
+
+@house_style()
+def drawn_report(
+    reduction: Reduction,
+    found: Uncertainty,
+    mapped: LossMap | None = None,
+    *,
+    model: Modelled | None = None,
+    command: str = "",
+) -> Report:
+    """Report of a reduction with its figures.
+
+    Parameters
+    ----------
+    mapped : loss map that the report shows too
+    model : the log beside its simulation; simulated here with the numbers of the rig file if not given
+    """
+    waves = waves_of(reduction)
+    drawn = _pictures(reduction, found)
+    if waves is not None:
+        drawn["wave-energies"] = wave_picture(waves, reduction.rig.cascade)
+    more = {"histories": histories(reduction), "model": run_section(model or modelled(reduction))}
+    if mapped is not None:
+        more["loss-map"] = loss_map_section(mapped, loss_map_pictures(mapped))
+    return reduction_report(reduction, found, waves=waves, drawn=drawn, more=more, command=command)
+
+
+def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | None]:
+    """Figures of a reduction by their names."""
+    powers, repeats = figures.powers_of(reduction), reduction.rig.phases.repeats
+    given = [m for m, mean in reduction.mean.items() if m.startswith("energy") and mean is not None]
+    means = {m: stated_text(reduction, found, m) for m in given}
+    best, worst, words = None, None, ""
+    if reduction.extremes is not None:
+        high, low, name = reduction.extremes
+        best, worst, words = high.cycle, low.cycle, f" Best and worst by {name}."
+    over_speed = f"; right: of all complete {span_word(reduction)}s, with means in bins" if reduction.bins else ""
+    made = (
+        picture(
+            figures.window_flow(reduction, means), "flow",
+            f"Where the energy goes in the window, {'mean of the' if repeats else 'all'} complete cycles.",
+            "Flow diagram of the energies, which are in the table.",
+        ),
+        picture(
+            figures.cycle_flow(reduction, means), "cycle-flow", "Where the energy goes from onset to next onset.",
+            "Flow diagram of the energies, which are in the table.",
+        ),
+        picture(
+            figures.power_streams(reduction, powers), "streams",
+            f"Powers of a cycle; dashed: integration window{over_speed}.",
+            "Line plot of the powers over time, and dots with binned means over generator speed.",
+        ),
+        picture(
+            figures.overlaid(reduction, powers, best, worst) if repeats else None, "overlaid",
+            f"Cycles from their onsets on; dashed: end of the window.{words}",
+            "Line plots of the cycles laid over each other.",
+        ),
+        picture(
+            figures.trend(reduction), "trend", "Complete cycles one after the other.",
+            "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
+        ),
+        picture(
+            figures.uncertainty_bars(found.budget), "variance", "Shares of the variance of each mean.",
+            "Bars of the shares of the variance; the numbers are in the budget.",
+        ),
+    )  # fmt: skip
+    return {one.id: one for one in made if one is not None}
