@@ -155,7 +155,7 @@ def test_a_campaign_of_the_twin_looks_like_the_labelled_ones_and_is_followed_by_
     head = (shared / "labelled" / "none" / "r36ohm.csv").read_text().splitlines()[0]
     assert (tmp_path / "r36ohm.csv").read_text().splitlines()[0] == head
     listed = (tmp_path / "campaign.toml").read_text().replace(case.name, "none").splitlines()
-    assert listed[1:3] == ["measured = false", f'origin = "{ORIGIN}"']
+    assert listed[1:4] == ['rig = "hsu2026"', "measured = false", f'origin = "{ORIGIN}"']
     assert [listed[0], *listed[4:]] == (shared / "labelled" / "none" / "campaign.toml").read_text().splitlines()
     ours, theirs = likeness(tmp_path), likeness(shared / "labelled" / "none")
     for name, value in theirs.items():

@@ -162,6 +162,27 @@ def test_the_next_experiment_is_reported_with_what_it_can_do(z: float, expected:
     assert [part in text for part in (f"{expected} standard deviations", "1.10 m/s", "4.5", "line_drag")] == [True] * 4
 
 
+def test_a_rival_that_no_run_distinguishes_from_the_cause_is_to_be_measured() -> None:
+    found = diagnosed("copper")
+    plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), 1.3, load=4.5, length=9.5)
+    cause = msgspec.structs.replace(found.causes[0], look_alikes=(Alternative("line_drag", 0.3, None),))
+    assert experiment_words(changed(found, causes=(cause,), experiment=plan)).startswith(
+        "None of the runs that were considered distinguishes copper_heating from line_drag"
+    )
+
+
+@pytest.mark.parametrize("z", [1.3, 22.4])
+def test_a_rival_that_is_the_same_in_these_logs_is_named_beside_a_run_that_tests_another(z: float) -> None:
+    found = diagnosed("copper")
+    plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), z, load=4.5, length=9.5)
+    cause = msgspec.structs.replace(found.causes[0], look_alikes=(Alternative("diode_drop", 0.05, None),))
+    alone, beside = (
+        experiment_words(changed(found, causes=causes, experiment=plan)) for causes in (found.causes, (cause,))
+    )
+    assert ("No alternative" in alone, "No alternative" in beside) == (True, False)
+    assert "copper_heating from diode_drop" in beside
+
+
 @pytest.mark.parametrize("kind", SIGNS)
 def test_every_kind_of_alarm_is_explained(kind: Any) -> None:
     alarm = Alarm(kind, Nuisance("zero", "vdc", 0.1, "SI", log=1), 6.04, 4.5)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.batch.log_settings import read_with
 from winchcascade.core.addresses import local_copy
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import Nobody, Workers
+from winchcascade.ingest.read import read_by
 from winchcascade.reduction.loss_map import make_loss_map
 from winchcascade.reduction.loss_points import LossPoints, joined, loss_points, stages_of_loss
 from winchcascade.reduction.reduce import reduce
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def points_of(work: Work) -> LossPoints:
     """Operating points of one log, which is read and reduced anew. Raises as `loss_points`."""
     with local_copy(work.address) as path:
-        run = read_with(path, work.settings)
+        run = read_by(path, work.settings)
     found = loss_points(reduce(run))
     return msgspec.structs.replace(found, logs=(work.name,))
 

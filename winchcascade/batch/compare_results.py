@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from winchcascade.batch.log_settings import read_with, settings_of
+from winchcascade.batch.log_settings import settings_of
 from winchcascade.batch.results import load_results
 from winchcascade.comparison.compare_sides import compare_sides
 from winchcascade.comparison.compared_run import compared_run
 from winchcascade.comparison.comparison_result import ComparedSide, Comparison
 from winchcascade.core.arguments import FLAG, PATH, PROCESSES, check_arguments
 from winchcascade.core.errors import OptionError, check_type
+from winchcascade.ingest.read import read_by
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import RunRecord
@@ -74,6 +75,6 @@ def _is_log(path: Path) -> bool:
 
 def _log(path: Path) -> dict[str, RunRecord]:
     """Reduce a log as `reduce` does without options."""
-    reduction = reduce(read_with(path, settings_of(path, rig=None, load_ohm=None, window=None)))
+    reduction = reduce(read_by(path, settings_of(path, rig=None, load_ohm=None, window=None)))
     require_payouts(reduction)
     return {path.name: reduction_record(reduction)}

@@ -8,7 +8,6 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_settings import LogSettings, settings_beside
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.run import Run
 from winchcascade.rig.open_rig import load_rig
 
 
@@ -34,22 +33,3 @@ def settings_of(
     if window is not None:
         settings = replace(settings, window=window)
     return settings if sheet is None else replace(settings, sheet=sheet)
-
-
-def read_with(path: Path, settings: LogSettings) -> Run:
-    """Read a log by its settings, which `reduce` takes from the run. Raises LogError as `read_run`."""
-    from winchcascade.ingest.read import read_run
-
-    run = read_run(
-        path,
-        rig=settings.rig,
-        load=settings.load,
-        load_source=settings.load_source,
-        about=settings.about,
-        origin=settings.origin,
-        table=settings.sheet,
-        campaign=False,
-        repairs=settings.repairs,
-    )
-    findings = run.findings if settings.parts is None else (*run.findings, settings.parts)
-    return replace(run, window=settings.window, cycles=settings.cycles, findings=findings)

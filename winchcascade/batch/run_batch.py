@@ -13,7 +13,6 @@ from msgspec.structs import asdict, replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
-from winchcascade.batch.log_settings import read_with
 from winchcascade.batch.plan import Plan, Work
 from winchcascade.batch.results_pages import KeptCampaign, diagnosis_beside
 from winchcascade.core.addresses import fingerprint, local_copy
@@ -35,6 +34,7 @@ from winchcascade.core.store import (
     with_digest,
 )
 from winchcascade.core.version import __version__
+from winchcascade.ingest.read import read_by
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
@@ -100,7 +100,7 @@ def reduce_log(order: Order) -> Made:
     """Reduce one log and make its files: reports first, the JSON last, so that a JSON means that all files are there."""
     work, settings = order.work, order.work.settings
     with local_copy(work.address) as path:
-        run = replace(read_with(path, settings), path=one_line(work.address))
+        run = replace(read_by(path, settings), path=one_line(work.address))
     reduction = reduce(run)
     require_payouts(reduction)
     found = uncertainty(reduction)

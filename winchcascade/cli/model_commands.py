@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winchcascade.batch.log_settings import read_with, settings_of
+from winchcascade.batch.log_settings import settings_of
 from winchcascade.cli.options import (
     NO_REPORT,
     ForceOption,
@@ -93,6 +93,7 @@ def simulate_command(
     The printed energies are those of the whole motion, up to the instant at which the energy of the line is largest. The
     simulated log keeps the load. Errors of sensors that a corrected rig file states are left out, unless --sensors is given.
     """
+    from winchcascade.ingest.read import read_by
     from winchcascade.rig.baseline import sensor_errors
     from winchcascade.rig.simulate import simulate, write_log
 
@@ -105,7 +106,7 @@ def simulate_command(
     results: Results = {"--out": out, **report.by_option}
     check_outputs(results, [source, source.parent / "campaign.toml", rig], force=force)
     settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
-    run = read_with(source, settings)
+    run = read_by(source, settings)
     if run.load is None:
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
     left_out = [] if sensors else sensor_errors(settings.rig)
@@ -173,6 +174,7 @@ def calibrate_command(
     one_thread_each()
     from winchcascade.diagnosis.calibrate import calibrate
     from winchcascade.diagnosis.rig_text import calibrated_text
+    from winchcascade.ingest.read import read_by
     from winchcascade.report.render.terminal import terminal_text
     from winchcascade.report.results.calibration import calibration_report
     from winchcascade.report.results.calibration_record import calibration_record
@@ -181,7 +183,7 @@ def calibrate_command(
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
     results: Results = {"--json": json, "--write": write, **report.by_option}
     check_outputs(results, [log, log.parent / "campaign.toml", settings.rig.path], force=force)
-    run = read_with(log, settings)
+    run = read_by(log, settings)
     calibration = calibrate(run)
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)

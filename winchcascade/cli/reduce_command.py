@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from msgspec.structs import replace
 
-from winchcascade.batch.log_settings import read_with, settings_of
+from winchcascade.batch.log_settings import settings_of
 from winchcascade.cli.options import (
     NO_REPORT,
     ForceOption,
@@ -56,6 +56,7 @@ def reduce_command(
 
     If a campaign.toml in the folder of the log lists it, that file gives what the options leave open.
     """
+    from winchcascade.ingest.read import read_by
     from winchcascade.reduction.montecarlo import uncertainty
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
 
@@ -70,7 +71,7 @@ def reduce_command(
 
         check_ending(loss_map)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
-    reduction = reduce(read_with(log, replace(settings, repairs=repairs)))
+    reduction = reduce(read_by(log, replace(settings, repairs=repairs)))
     require_payouts(reduction)
     mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
     if parquet is not None:

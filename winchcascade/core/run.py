@@ -93,7 +93,8 @@ Repairs = Literal["on", "off"]
 
 class Repair(msgspec.Struct, frozen=True):
     """What a finding changed of a log, or would change: how, how many samples (0: none was taken out), the first and the last
-    time of each place [s], and whether it was done."""
+    time of each place [s], and whether it was done.
+    """
 
     what: str
     samples: int

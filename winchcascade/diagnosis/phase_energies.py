@@ -41,7 +41,7 @@ class PhaseEnergy(msgspec.Struct, frozen=True):
     after: float
     u: float
     scale: float
-    cycles: int = 1
+    cycles: int
 
 
 class _Readings(NamedTuple):

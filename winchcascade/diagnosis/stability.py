@@ -98,7 +98,7 @@ def stabilities(data: Fitted, suspects: Suspects, fit: Fit, scale: float) -> dic
         free = freedom(effect)
         ends = [with_values(effect, x).reported for x in (free.absent, fit.x[place], free.low, free.high)]
         size, step = ends[1] - ends[0], fit.x[place] - free.absent
-        if size == 0.0:  # it acts by its other fields alone: no run tells anything of the number that is reported
+        if size == 0.0:  # it acts by its other fields alone: no run determines the reported number
             runs = (RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows)))
             found[name] = Stability(tuple(runs), ())
             continue

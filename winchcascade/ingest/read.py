@@ -140,31 +140,51 @@ def read_run(
         ("campaign", campaign, FLAG),
         ("origin", origin, _ORIGIN),
         ("repairs", repairs, ON_OFF),
-        *([("path", path, PATH)] if isinstance(path, str | os.PathLike) else []),
     )
-    table = None if table is None else str(table)
+    file = _file(path, units)
+    sheet = None if table is None else str(table)
     settings = LogSettings(given_rig("read_run", rig))
-    if campaign and isinstance(path, str | os.PathLike):
-        settings = settings_beside(Path(path), rig, table)
-    given = {"repairs": repairs, "load": load, "about": about or None, "origin": origin, "sheet": table}
+    if campaign and file is not None:
+        settings = settings_beside(file, rig, sheet)
+    given = {"repairs": repairs, "load": load, "about": about or None, "origin": origin, "sheet": sheet}
     given["load_source"] = None if load is None else load_source
     settings = replace(settings, **{key: value for key, value in given.items() if value is not None})
-    if isinstance(path, str | os.PathLike):
-        if units is not None:
-            raise OptionError(
-                f"{path}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
-                "out, or state them in a rig file under [columns]."
-            )
-        run = _read_unchanged(Path(path), settings, simulated=simulated)
-        run = run if name is None else replace(run, name=one_line(name))
+    if file is None:
+        return read_by(path, settings, simulated=simulated, units=units or {}, name=name or "data frame")
+    run = read_by(file, settings, simulated=simulated)
+    return run if name is None else replace(run, name=one_line(name))
+
+
+def _file(path: str | Path | pd.DataFrame, units: Mapping[str, str] | None) -> Path | None:
+    """Path of a log that is a file, None for a frame; OptionError for what is no path, and for units of a file."""
+    if not isinstance(path, str | os.PathLike):
+        return None
+    check_arguments("read_run", ("path", path, PATH))
+    if units is not None:
+        raise OptionError(
+            f"{path}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
+            "out, or state them in a rig file under [columns]."
+        )
+    return Path(path)
+
+
+def read_by(
+    log: Path | pd.DataFrame,
+    settings: LogSettings,
+    *,
+    simulated: bool = False,
+    units: Mapping[str, str] | None = None,
+    name: str = "data frame",
+) -> Run:
+    """Read a log by settings that leave nothing open: LogError as `read_run`. `units` and `name` are those of a frame."""
+    if isinstance(log, Path):
+        run = _read_unchanged(log, settings, simulated=simulated)
     else:
         from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
 
-        where = name or "data frame"
-        loaded = _opened(open_frame(path, where=where, units=units, table=table), settings.rig, where)
-        _check_units(loaded, units or {}, where)
-        run = _run_of(loaded, settings, where=where, simulated=simulated)
-        run = replace(run, sha256=frame_digest(path))
+        loaded = _opened(open_frame(log, where=name, units=units, table=settings.sheet), settings.rig, name)
+        _check_units(loaded, units or {}, name)
+        run = replace(_run_of(loaded, settings, where=name, simulated=simulated), sha256=frame_digest(log))
     run = _with_origin(run, settings.origin)
     return run if settings.parts is None else replace(run, findings=(*run.findings, settings.parts))
 

@@ -124,16 +124,31 @@ def storing(t: Signal, x: Signal, constant: float) -> Signal:
 
 
 def stored_powers(run: Run, rig: Rig) -> dict[str, Signal]:
-    """Powers that go into `STORES`, (n,), of those that the rig file states. [W]"""
+    """Powers that go into `STORES`, (n,), by the numbers that the rig file states. [W]"""
+    stated = rig.drivetrain.inertia_rotor, rig.drivetrain.k_shaft, rig.dc_link.c_dc
+    return stored_by(run, rig, *(None if number is None else number.value for number in stated))
+
+
+def stored_by(
+    run: Run, rig: Rig, inertia: float | None, k_shaft: float | None, c_dc: float | None
+) -> dict[str, Signal]:
+    """Powers that go into `STORES`, (n,), of those whose signal is logged and whose number is known. [W]
+
+    Parameters
+    ----------
+    rig : drum radius and gear ratio
+    inertia : of the rotor [kg m2]
+    k_shaft : stiffness of the shaft [N m/rad]
+    c_dc : capacitance of the DC link [F]
+    """
     found, speed, channels = {}, generator_speed(run, rig), run.channels
-    inertia, k_shaft, c_dc = rig.drivetrain.inertia_rotor, rig.drivetrain.k_shaft, rig.dc_link.c_dc
     if speed is not None and inertia is not None:
         signal, rpm = speed
-        found["rotor"] = storing(run.t, signal, inertia.value * (rpm * math.pi / 30.0) ** 2)
-    if TORQUE in channels and k_shaft is not None and k_shaft.value > 0.0:
-        found["spring"] = storing(run.t, channels[TORQUE], 1.0 / k_shaft.value)
+        found["rotor"] = storing(run.t, signal, inertia * (rpm * math.pi / 30.0) ** 2)
+    if TORQUE in channels and k_shaft:
+        found["spring"] = storing(run.t, channels[TORQUE], 1.0 / k_shaft)
     if "vdc" in channels and c_dc is not None:
-        found["capacitor"] = storing(run.t, channels["vdc"], c_dc.value)
+        found["capacitor"] = storing(run.t, channels["vdc"], c_dc)
     return found
 
 

@@ -59,8 +59,7 @@ class Reduction(msgspec.Struct, frozen=True):
     net energies of whole cycles are over those complete cycles that have them.
     `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
     them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
-    or third sample alone changes of it [J]. `measured_load` is Vdc / Idc, whatever load
-    is stated.
+    or third sample alone changes of it [J]. `measured_load` is Vdc / Idc, whatever load is stated.
     """
 
     run: Run

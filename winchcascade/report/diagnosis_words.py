@@ -53,7 +53,7 @@ SURE = 0.95
 """A cause of a smaller probability is listed with its probability."""
 
 LEAST = 0.005
-"""A smaller share of a gap counts as none. [1]"""
+"""A smaller share of a gap rounds to 0 % and is called none. [1]"""
 
 EXPLAINED = 0.9
 """Below this share, a gap of a winch without a model counts as explained only if the residual is noise."""
@@ -187,10 +187,10 @@ def verdict_words(found: DiagnosisResult) -> str:
         return phrases.verdicts["no_gap" if found.verdict == "no_gap" else "no_cause"]
     count, more = len(found.causes), len(found.unnamed)
     if not count:
-        count = len(found.sets) - 1
+        sets = len(found.sets) - 1
         tried = (
-            f"{count} sets of effects were fitted, and the best of them"
-            if count > 1
+            f"{sets} sets of effects were fitted, and the best of them"
+            if sets > 1
             else "one set of effects was fitted, and it"
         )
         if isinstance(found, LineDiagnosis):
@@ -332,8 +332,11 @@ def closure_kind(found: DiagnosisResult) -> str:
 def closed_on(found: DiagnosisResult) -> str:
     """On what a gap is closed, behind a verb."""
     item = phrases_of(found).item
-    apart = {"held_out": f"on held-out {item}s", "leave_one_out": f"by leave-one-{item}-out"}
-    return apart.get(closure_kind(found), "by leave-one-load-out")
+    return {
+        "held_out": f"on held-out {item}s",
+        "leave_one_out": f"by leave-one-{item}-out",
+        "leave_one_load_out": "by leave-one-load-out",
+    }[closure_kind(found)]
 
 
 def interval_words(closure: GapClosure) -> str:
@@ -391,7 +394,8 @@ def experiment_words(found: DiagnosisResult) -> str:
     run = profile_words(plan) if plan.load is None else f"{load_words(plan.load)}, {profile_words(plan)}"
     if plan.repeats:
         run = f"after all other runs the load of {plan.repeats} again, {run}"
-    alternative = any(rival.effect == other for cause in found.causes for rival in cause.look_alikes)
+    rivals = [(cause.effect, rival.effect) for cause in found.causes for rival in cause.look_alikes]
+    alternative = other in (rival for _, rival in rivals)
     if plan.expected_z < FAR_ENOUGH and (plan.load is None or alternative):
         return (
             f"None of the runs that were considered distinguishes {one} from {other}: they would differ by {apart} at most "
@@ -400,9 +404,12 @@ def experiment_words(found: DiagnosisResult) -> str:
     if alternative:
         return f"{upper(run)}. There {one} and {other} differ by {apart}, which distinguishes them."
     none = "No alternative explanation remains"
+    if rivals:
+        pairs = " and ".join(f"{cause} from {rival}" for cause, rival in rivals)
+        none = f"These logs do not distinguish {pairs}; only a direct measurement does"
     if plan.expected_z < FAR_ENOUGH:
         return (
-            f"{none}: these logs rule out {other}, the next suspect. A further run would add at most {apart} ({run})."
+            f"{none}. These logs rule out {other}, the next suspect: a further run would add at most {apart} ({run})."
         )
     run = f"{run}. They differ there by {apart}"
     return f"{none}. The sharpest further test compares {one} with the next suspect, {other}: {run}."

@@ -14,7 +14,7 @@ from winchcascade.core.errors import LogError, WinchcascadeError
 from winchcascade.core.quantity import KGF
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Mask, Run, Signal
-from winchcascade.reduction.bins import engaged, storing
+from winchcascade.reduction.bins import engaged, stored_by
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import Simulation
@@ -342,11 +342,10 @@ def quantities(comparison: ModelComparison, run: Run) -> dict[str, Signal]:
     powers = {f"power_{name}_w": BUILT_IN[name].watts(channels, comparison.rig.r_drum) for name in ("mech", "gen")}
     found |= {name: watt for name, watt in powers.items() if watt is not None}
     if found.keys() >= powers.keys():
-        shaft, omega = model.drivetrain, comparison.rpm * (np.pi / 30.0)
-        rotor = storing(run.t, omega, shaft.inertia_rotor)
-        spring = storing(run.t, channels["torque"], 1.0 / shaft.k_shaft) if "torque" in channels else 0.0
-        found["input_w"] = found["power_mech_w"] - rotor - spring
-        found["output_w"] = found["power_gen_w"] + storing(run.t, channels["vdc"], model.dc_link.c_dc)
+        shaft = model.drivetrain
+        stored = stored_by(run, comparison.rig, shaft.inertia_rotor, shaft.k_shaft, model.dc_link.c_dc)
+        found["input_w"] = found["power_mech_w"] - stored["rotor"] - stored.get("spring", 0.0)
+        found["output_w"] = found["power_gen_w"] + stored["capacitor"]
         found["loss_w"] = found["input_w"] - found["output_w"]
     return found
 
