@@ -6,18 +6,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
 
 import msgspec
-import numpy as np
 from msgspec import UNSET, UnsetType
-from numpy.typing import NDArray
 
 from winchcascade.core.campaign_file import Origin, origin_from
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage, field_of
-from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.run import Units
+from winchcascade.core.viewed import Viewed
 from winchcascade.reduction.run_record import CampaignWavesRecord, FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.content import Note, Report
 from winchcascade.report.digits import stated, uncertain
@@ -26,12 +22,6 @@ from winchcascade.report.sheet import Limit, TableColumn
 from winchcascade.report.text_table import at_most, data_lines, headed, joined, listing, metric_steps, wrapped
 from winchcascade.report.wave_record import waves_from_record
 from winchcascade.report.wording import load_words
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib import axes
-else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
 LISTED_RUNS = Limit(20, "more, in the dataset")
 """Logs that are listed; of more the first and the last half of that."""
@@ -387,14 +377,7 @@ def _between(campaign: CampaignRecord) -> list[str]:
     return at_most([wrapped(text, "  ") for text in texts], MAX_FAULTS, "more, in the dataset", indent="  ")
 
 
-CampaignTable = Literal["runs", "cycles", "bins", "findings"]
-"""Tables of a campaign as frames."""
-
-CampaignPlot = Literal["power", "efficiency", "speed"]
-"""Plots of a campaign."""
-
-
-class CampaignReduction(msgspec.Struct, frozen=True):
+class CampaignReduction(Viewed, frozen=True):
     """Reductions of the runs of a campaign.
 
     Parameters
@@ -429,21 +412,3 @@ class CampaignReduction(msgspec.Struct, frozen=True):
             ]
             for name, record in self.records.items()
         }
-
-    def to_pandas(self, table: CampaignTable = "runs", units: Units = "si") -> pd.DataFrame:
-        """One table as a frame with the columns of the dataset: a row for each run, or the cycles, bins or findings of all."""
-        from winchcascade.report.frames import campaign_frame
-
-        return campaign_frame(self.records, table, units, self.cascades)
-
-    def plot(self, what: CampaignPlot, ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
-        """Plot mean powers or efficiencies of the runs over their loads, or the power over generator speed; gives the Axes."""
-        from winchcascade.report.plots import plot_campaign
-
-        return plot_campaign(self, what, ax)
-
-    def _repr_html_(self) -> str:
-        """Efficiencies of the runs as a table, for notebooks."""
-        from winchcascade.report.plots import summary_html
-
-        return summary_html(self)
