@@ -108,7 +108,7 @@ def reduce_log(order: Order) -> Made:
     record = {k: part for k, part in asdict(whole).items() if part is not UNSET}
     files: dict[str, bytes] = {}
     if order.reports:
-        from winchcascade.report.model_section import modelled
+        from winchcascade.diagnosis.model_account import modelled
         from winchcascade.report.render.page import page_text
         from winchcascade.report.render.pdf import pdf_bytes
         from winchcascade.report.results.drawn_reduction import drawn_report

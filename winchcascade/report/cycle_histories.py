@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.model_account import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
 from winchcascade.report.content import Picture
@@ -18,7 +19,6 @@ from winchcascade.report.diagnosis_figures import AFTER, DASHES
 from winchcascade.report.digits import upper
 from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.histories import plain, thinned
-from winchcascade.report.model_account import COMPARED
 from winchcascade.report.style import COLOURS, LineStyle, Margins, legend_above, line_entry, panel_figure, patch_entry
 from winchcascade.report.time_histories import repaired_spans
 from winchcascade.report.wording import load_words
