@@ -31,7 +31,7 @@ UPWARD = {
     "reduction/reduction_result.py": {*PASSED_ON},
     "diagnosis/diagnosis_result.py": {*PASSED_ON},
     "comparison/comparison_result.py": {*PASSED_ON},
-    "report/campaign_record.py": {*PASSED_ON},
+    "reduction/campaign_reduction.py": {*PASSED_ON},
 }
 """Methods of results that only pass on to `report`, which they import when they are called."""
 

@@ -10,8 +10,8 @@ import numpy as np
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.errors import OptionError, check_choice, check_type
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.campaign_record import CampaignReduction
 from winchcascade.report.publish import table_html
 from winchcascade.report.style import COLOURS, figure_width, house_style
 
@@ -77,8 +77,8 @@ def _efficiencies(ax: Axes, reduction: Reduction) -> None:
 
 def plot_campaign(campaign: CampaignReduction, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
     """Plot mean powers or efficiencies of the runs over their loads, or the power at the DC link over generator speed."""
+    from winchcascade.reduction.campaign_record import runs_by_load
     from winchcascade.report import campaign_figures as figures
-    from winchcascade.report.campaign_record import runs_by_load
 
     check_choice("plot", what, ("power", "efficiency", "speed"), "plot of this result")
     runs = [run for run in runs_by_load(campaign.summary.reduced) if not run.open_circuit] or campaign.summary.reduced
@@ -195,7 +195,7 @@ def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Compa
         from winchcascade.report.results.reduction_tables import cycles_table
 
         return stated_html(repr(result), cycles_table(result, uncertainty(result)))
+    from winchcascade.reduction.campaign_record import runs_by_load
     from winchcascade.report.campaign import logs_efficiencies_table
-    from winchcascade.report.campaign_record import runs_by_load
 
     return table_html(repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced)))
