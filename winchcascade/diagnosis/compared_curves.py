@@ -1,4 +1,4 @@
-"""Curves of a log and of its simulation: means over the same samples in bins of speed, velocity or displacement (Figs 13 to 17)."""
+"""Curves of a log and of its simulation: means over the same samples in bins of speed or displacement (Figs 13 to 17)."""
 
 from __future__ import annotations
 

@@ -53,8 +53,8 @@ if TYPE_CHECKING:
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of the owner's own simulation
-    where there is one, `fitted_blocks` those of the fit with its causes. `rig` is as its file states it; `data.rig` has the
-    numbers before their calibration, which the causes are found against.
+    where there is one, `fitted_blocks` those of the fit with its causes, `alone` those with the only suspect.
+    `rig` is as its file states it; `data.rig` has the numbers before their calibration, which the causes are found against.
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
     those of its phases, and `cancelling` are causes that cancel each other. `thresholds` are how large each effect would have
@@ -153,7 +153,7 @@ DISPENSABLE = 0.005
 
 
 def _alone(data: Fitted, suspects: Suspects, found: Found) -> Signal | None:
-    """Blocks with the only suspect at its fitted numbers and every other as in the rig file, (M, 5); None where more are given."""
+    """Blocks with the only suspect at its fitted numbers, all else as in the rig file, (M, 5); None where more are given."""
     if len(suspects) != 1:
         return None
     names = tuple(suspects)

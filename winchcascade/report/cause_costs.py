@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from winchcascade.diagnosis.load_costs import OTHER, waterfall_costs
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.diagnosis.load_costs import OTHER, waterfall_costs
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import number
 from winchcascade.report.gap_words import has_own_simulation

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from winchcascade.core.run import Signal
 from winchcascade.diagnosis.block_means import BLOCK, PHASES
 from winchcascade.diagnosis.block_series import (
     HAUL_IN,

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.block_series import Sides, most_telling, sides
-from winchcascade.diagnosis.load_costs import load_costs
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
@@ -22,6 +21,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.load_costs import load_costs
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report import diagnosis_figures as figures
