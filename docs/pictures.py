@@ -176,7 +176,7 @@ _FOUND: dict[str, Any] = {}
 def waterfall(_: Source) -> str:
     """The waterfall figure of the report of a diagnosis."""
     from winchcascade.report.cause_costs import waterfall_figure
-    from winchcascade.report.style import house_style
+    from winchcascade.report.figures.style import house_style
     from winchcascade.report.svg_drawing import svg_text
 
     with house_style():

@@ -15,7 +15,7 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, RigError
 from winchcascade.core.rig_toml import built_in, parse_rig
-from winchcascade.report.time_histories import panels_of
+from winchcascade.report.figures.histories import panels_of
 
 BEGAN = NOON.replace(tzinfo=dt.UTC).timestamp()
 WINDING = '\n[channels.winding]\nunit = "degC"\n'

@@ -32,7 +32,7 @@ from winchcascade.report.sheet import (
     section,
     text_column,
 )
-from winchcascade.report.style import house_style, label_panel, legend_above, line_entry, panel_figure, wide_figure
+from winchcascade.report.figures.style import house_style, label_panel, legend_above, line_entry, panel_figure, wide_figure
 
 
 def _table() -> Table:

@@ -24,7 +24,7 @@ from winchcascade.report.glossary import typeset
 from winchcascade.report.publish import publish
 from winchcascade.report.render.page import page_text
 from winchcascade.report.results.drawn_reduction import drawn_report
-from winchcascade.report.style import COLOURS
+from winchcascade.report.figures.style import COLOURS
 from winchcascade.rig.open_rig import load_rig
 
 ROOT = Path(__file__).parents[2]

@@ -37,7 +37,7 @@ from winchcascade.report.model_section import (
     run_section,
 )
 from winchcascade.report.results.drawn_reduction import drawn_report
-from winchcascade.report.style import house_style
+from winchcascade.report.figures.style import house_style
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.open_rig import load_rig

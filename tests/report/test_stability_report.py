@@ -14,7 +14,7 @@ from winchcascade.report.diagnosis_causes import stability_figure
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.report.style import house_style
+from winchcascade.report.figures.style import house_style
 
 NUMBERS = (RunValue(0, 0.3, 0.28, 0.32), RunValue(1, 0.5, 0.48, 0.52))
 

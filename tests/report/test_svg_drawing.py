@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
-from winchcascade.report.style import Margins, house_style, label_panel, panel_figure
+from winchcascade.report.figures.style import Margins, house_style, label_panel, panel_figure
 from winchcascade.report.svg_drawing import EM, FONT, POINTS, AxisDrawing, quicken, svg_text, text_run, text_size
 from winchcascade.report.wording import SYMBOL, tex
 

@@ -81,9 +81,9 @@ def write_reports(
     name, of : as of `write_report_files`
     """
     if files.wanted:
-        from winchcascade.report.exports import write_report_files
+        from winchcascade.report.render.files import write_report_files
 
-        write_report_files(make, files, name, of=of, force=force)
+        write_report_files(make, files, name, force=force)
 
 
 def report_maker_of(result: object) -> Callable[[], Report | Stated]:

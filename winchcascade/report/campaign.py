@@ -15,7 +15,6 @@ from msgspec.structs import replace
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
 from winchcascade.core.cascade import field_of
 from winchcascade.reduction.run_record import FindingRecord
-from winchcascade.report import campaign_figures as figures
 from winchcascade.report import sheet as content
 from winchcascade.report.best_load import Best, LoadRanking, rank_loads
 from winchcascade.report.campaign_record import (
@@ -32,12 +31,13 @@ from winchcascade.report.campaign_record import (
     window_text,
 )
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
+from winchcascade.report.figures import campaign_figures as figures
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
 from winchcascade.report.results.waves import campaign_waves_section
 from winchcascade.report.sheet import TableColumn
-from winchcascade.report.style import house_style
 from winchcascade.report.wave_record import CampaignWaves, campaign_waves
 from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, symbols_section, unit_of
 

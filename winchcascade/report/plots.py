@@ -12,8 +12,8 @@ from winchcascade.core.errors import OptionError, check_choice, check_type
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.campaign_record import CampaignReduction
+from winchcascade.report.figures.style import COLOURS, figure_width, house_style
 from winchcascade.report.publish import table_html
-from winchcascade.report.style import COLOURS, figure_width, house_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ def plot_reduction(reduction: Reduction, what: str, ax: Axes | None = None) -> A
     -------
     the Axes; of the histories an array of them, (n,), if none was given: with one given, the powers alone are drawn
     """
-    from winchcascade.report import figures
+    from winchcascade.report.figures import reduction_figures as figures
 
     check_choice("plot", what, ("power", "history", "speed", "efficiency"), "plot of this result")
     powers = figures.powers_of(reduction)
@@ -68,7 +68,7 @@ def _efficiencies(ax: Axes, reduction: Reduction) -> None:
     """Draw the efficiencies of the complete cycles."""
     from matplotlib.ticker import MaxNLocator
 
-    from winchcascade.report import figures
+    from winchcascade.report.figures import reduction_figures as figures
 
     figures.trend_panel(ax, reduction, figures.known_ratios(reduction), "1")
     ax.set(xlabel="Cycle", ylabel="Efficiency (1)")
@@ -77,8 +77,8 @@ def _efficiencies(ax: Axes, reduction: Reduction) -> None:
 
 def plot_campaign(campaign: CampaignReduction, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
     """Plot mean powers or efficiencies of the runs over their loads, or the power at the DC link over generator speed."""
-    from winchcascade.report import campaign_figures as figures
     from winchcascade.report.campaign_record import runs_by_load
+    from winchcascade.report.figures import campaign_figures as figures
 
     check_choice("plot", what, ("power", "efficiency", "speed"), "plot of this result")
     runs = [run for run in runs_by_load(campaign.summary.reduced) if not run.open_circuit] or campaign.summary.reduced
