@@ -71,7 +71,12 @@ def deliver(json: str | None, content: Callable[[], bytes], printed: Printed, *,
 
 
 def write_reports(
-    make: Callable[[], Report | Stated], files: ReportFiles, name: str, *, of: str = "", force: bool
+    make: Callable[[], Report | Stated],
+    files: ReportFiles,
+    name: str,
+    *,
+    of: str = "",
+    force: bool,  # noqa: ARG001
 ) -> None:
     """Write a report as page and PDF, and its figures and tables, as far as they are wanted.
 

@@ -150,6 +150,15 @@ def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknow
     return unknown if load is None else "open circuit" if math.isinf(load) else f"{before}{load:g} {unit}"
 
 
+def load_text(load: float | None) -> str:
+    """Load of a log under a head with its unit.
+
+    >>> load_text(9.0), load_text(math.inf), load_text(None)
+    ('9', 'open circuit', '-')
+    """
+    return load_words(load, "", unknown="-").rstrip()
+
+
 def window_words(window: WindowRule) -> str:
     """Rule of an integration window."""
     return window if isinstance(window, str) else f"{window:g} s from the onset"

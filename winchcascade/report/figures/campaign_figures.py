@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from winchcascade.core.cascade import field_of
 from winchcascade.core.run import Signal
-from winchcascade.report.campaign_record import LogSummary, cascade_of, rule_of, run_load_text
+from winchcascade.reduction.campaign_record import LogSummary, cascade_of, rule_of
 from winchcascade.report.figures.reduction_figures import stage_of
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -28,7 +28,7 @@ from winchcascade.report.figures.style import (
     panel_figure,
     readable,
 )
-from winchcascade.report.wording import tex
+from winchcascade.report.wording import load_text, tex
 
 DRAWN_RUNS = 12
 """Runs that share one panel at most; of more, an even selection."""
@@ -156,7 +156,7 @@ def load_names(runs: Sequence[LogSummary]) -> list[str]:
 
 def _load(run: LogSummary, unknown: str) -> str:
     """Load of a run with its unit, or what it is called where that is unknown."""
-    return unknown if run.load is None else f"{run_load_text(run)}{' Ω' * math.isfinite(run.load)}"
+    return unknown if run.load is None else f"{load_text(run.load)}{' Ω' * math.isfinite(run.load)}"
 
 
 def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:

@@ -94,19 +94,19 @@ def power_streams(reduction: Reduction, powers: Mapping[str, Signal]) -> Figure 
         return None
     current = bool(reduction.bins) and "idc" in reduction.run.channels
     figure, axes = panel_figure(2.75, 1, 1 + bool(reduction.bins) + current)
-    one_cycle(axes[0], reduction, powers)
+    draw_one_cycle(axes[0], reduction, powers)
     entries = [line_entry(tex(f"power_{s}"), look_of(s).colour, ls=look_of(s).dashes) for s in powers]
     entries += phase_entries(reduction)
     if reduction.bins:
-        shaded = over_speed(axes[1], reduction, powers)
+        shaded = draw_over_speed(axes[1], reduction, powers)
         entries += [patch_entry("over rated speed", "over")] if shaded else []
     if current:
-        current_over_speed(axes[2], reduction)
+        draw_current_over_speed(axes[2], reduction)
     legend_above(figure, entries)
     return figure
 
 
-def one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> None:
+def draw_one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> None:
     """Draw the powers of the representative cycle over time, its window bounded by dashed lines."""
     run, cycle, zero = reduction.run, representative(reduction), clock_zero(reduction.run)
     end = cycle.phases.haul_in[1] if cycle.phases.haul_in is not None else float(run.t[-1])
@@ -121,7 +121,7 @@ def one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> N
     mark_repaired(ax, repaired_spans(run, power_sources(reduction, powers)), zero)
 
 
-def over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> bool:
+def draw_over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> bool:
     """Draw the powers of the payouts over generator speed, with their means in bins; whether speeds above rated are shaded."""
     rows, rpm = _driven(reduction)
     short, unit = readable("W", *(x[rows] for x in powers.values()))
@@ -132,7 +132,7 @@ def over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> 
     return _speeds(ax, reduction)
 
 
-def current_over_speed(ax: Axes, reduction: Reduction) -> None:
+def draw_current_over_speed(ax: Axes, reduction: Reduction) -> None:
     """Draw the current of the DC link in the payouts over generator speed, with its means in bins."""
     run, rig, counted = reduction.run, reduction.rig, reduction.complete
     rows, rpm = _driven(reduction)
@@ -275,7 +275,7 @@ def uncertainty_bars(known: Budget) -> Figure | None:
     for name in names:
         share = np.array([100.0 * parts[m].get(name, 0.0) for m in metrics])
         colour, hatch = _BAR_STYLE.get(name, ("extra", "xx"))
-        style = {"fc": COLOURS[colour], "hatch": hatch, "ec": COLOURS["paper"], "lw": 0.6}
+        style: Any = {"fc": COLOURS[colour], "hatch": hatch, "ec": COLOURS["paper"], "lw": 0.6}
         bars = ax.barh(rows, share, left=left, height=0.66, label=name, **style)
         ax.bar_label(
             bars, [f"{part:.0f} %" if part >= 9.0 else "" for part in share], label_type="center", fontsize=7.5,

@@ -142,7 +142,7 @@ def house_style() -> Iterator[None]:
 
 
 # ------------------------------------------------------------------------------------------------------------------ panels
-def wide_figure(height: float, margins: object = None) -> Figure:
+def wide_figure(height: float, margins: object = None) -> Figure:  # noqa: ARG001
     """An empty figure of some height [in], laid out by constrained layout when it is drawn."""
     return Figure((WIDTH, height), layout="constrained")
 
@@ -153,8 +153,8 @@ def panel_figure(
     columns: int = 1,
     *,
     share: Literal["", "x", "y", "xy"] = "",
-    margins: object = None,
-    gaps: object = None,
+    margins: object = None,  # noqa: ARG001
+    gaps: object = None,  # noqa: ARG001
 ) -> tuple[Figure, list[Axes]]:
     """A figure with its panels, row by row.
 
@@ -289,7 +289,7 @@ def patch_entry(text: str, colour: str, **style: Any) -> Entry:
     return Rectangle((0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}), text
 
 
-def legend_above(figure: Figure, entries: Sequence[Entry], line: int = 0) -> None:
+def legend_above(figure: Figure, entries: Sequence[Entry], line: int = 0) -> None:  # noqa: ARG001
     """Set a legend above the panels, as many entries in a line as there is room for."""
     for legend in figure.legends:
         entries = [*zip(legend.legend_handles, [text.get_text() for text in legend.texts], strict=True), *entries]
@@ -326,6 +326,11 @@ class Margins(NamedTuple):
     right: float = 0.985
     head: float = 0.3
     foot: float = 0.42
+
+    @property
+    def edges(self) -> tuple[float, float]:
+        """Of no effect."""
+        return self.left, self.right
 
 
 def figure_width() -> float:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from winchcascade.report.report_files import ReportFiles
+    from winchcascade.report.sheet import Report as Older
 
 FIGURE_FORMATS = ("svg", "pdf", "png")
 """Files of a figure."""
@@ -35,7 +36,9 @@ def stem_of(name: str) -> str:
     return re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", name)).strip("-._")[:80] or "report"
 
 
-def write_report_files(make: Callable[[], Report], files: ReportFiles, name: str, *, force: bool = False) -> None:
+def write_report_files(
+    make: Callable[[], Report | Older], files: ReportFiles, name: str, *, force: bool = False
+) -> None:
     """Write a report as page and PDF, and its figures and tables into their folders, as far as they are wanted.
 
     Parameters

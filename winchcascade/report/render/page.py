@@ -85,7 +85,7 @@ def _rows(table: Table[Any]) -> dict[str, Any]:
         "body": used.shortened(texts[:count]),
         "below": texts[count:],
         "left": left,
-        "wide": len(used.columns) > 4,
+        "fixed": all(len(row[0]) <= LONG for row in texts),
     }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.wave_bootstrap import DRAWS, SEED, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies, classes_of_payout
+from winchcascade.reduction.wave_record import CampaignWaves, LogWaves
 from winchcascade.report.content import (
     Block,
     Column,
@@ -26,7 +27,6 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.glossary import short
-from winchcascade.report.wave_record import CampaignWaves, LogWaves
 from winchcascade.report.wording import load_words, tex
 
 if TYPE_CHECKING:
