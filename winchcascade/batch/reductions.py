@@ -17,11 +17,11 @@ from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.store import digest_of, with_digest
 from winchcascade.ingest.read import read_by
+from winchcascade.reduction.campaign_record import CampaignRecord, FailedLog, log_summary
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import RunRecord
-from winchcascade.report.campaign_record import CampaignRecord, FailedLog, log_summary
 from winchcascade.report.records import reduction_record
 
 ENTRY = "batch"
@@ -128,7 +128,7 @@ def campaign_record(
     )
     if not waves:
         return CampaignRecord(one_line(plan.title), state, runs, between)
-    from winchcascade.report.wave_record import campaign_waves, campaign_waves_record
+    from winchcascade.reduction.wave_record import campaign_waves, campaign_waves_record
 
     together = campaign_waves(waves)
     return CampaignRecord(

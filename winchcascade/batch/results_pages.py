@@ -8,7 +8,7 @@ import msgspec
 
 from winchcascade.core.files import is_marked
 from winchcascade.core.store import Kept, inside, kept
-from winchcascade.report.campaign_record import campaign_from
+from winchcascade.reduction.campaign_record import campaign_from
 
 
 def write_index(folder: Path) -> Path | None:

@@ -31,8 +31,8 @@ from winchcascade.core.store import (
     with_digest,
 )
 from winchcascade.core.version import __version__
-from winchcascade.report.campaign_json import campaign_json
-from winchcascade.report.campaign_record import CampaignRecord, campaign_from
+from winchcascade.reduction.campaign_json import campaign_json
+from winchcascade.reduction.campaign_record import CampaignRecord, campaign_from
 from winchcascade.report.records import read_results
 
 ENDINGS = ("html", "pdf", "json")
