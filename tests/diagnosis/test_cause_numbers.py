@@ -89,7 +89,9 @@ def test_the_causes_that_cost_least_are_one_part_and_nothing_is_lost() -> None:
         assert len(one.parts) == MAX_PARTS
         assert sum(part.effect == OTHER for part in one.parts) == 1
         assert one.as_given + sum(part.value for part in one.parts) == pytest.approx(one.measured, abs=1e-6)
-        assert sum(p.value for p in one.parts[: MAX_PARTS + 1 - len(whole.parts)]) == pytest.approx(whole.parts[0].value)
+        assert sum(p.value for p in one.parts[: MAX_PARTS + 1 - len(whole.parts)]) == pytest.approx(
+            whole.parts[0].value
+        )
 
 
 def test_a_larger_effect_would_be_named_and_a_smaller_one_would_not() -> None:

@@ -26,15 +26,15 @@ from winchcascade.reduction.campaign_record import (
 )
 from winchcascade.reduction.run_record import FindingRecord
 from winchcascade.reduction.wave_record import CampaignWaves, campaign_waves
-from winchcascade.report import campaign_figures as figures
 from winchcascade.report import sheet as content
 from winchcascade.report.campaign_record import has_speeds, mixed_windows, window_text
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
+from winchcascade.report.figures import campaign_figures as figures
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
 from winchcascade.report.results.waves import campaign_waves_section
 from winchcascade.report.sheet import TableColumn
-from winchcascade.report.style import house_style
 from winchcascade.report.wording import SYMBOL, decimals_of, load_text, metrics_note, symbols_section, unit_of
 
 LISTED = 800

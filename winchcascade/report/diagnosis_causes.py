@@ -11,8 +11,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.cause_words import runs_with_number, shown_as
-from winchcascade.report.gap_words import display_of
-from winchcascade.report.style import (
+from winchcascade.report.figures.style import (
     COLOURS,
     Margins,
     legend_above,
@@ -20,6 +19,7 @@ from winchcascade.report.style import (
     panel_figure,
     patch_entry,
 )
+from winchcascade.report.gap_words import display_of
 from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 

@@ -18,7 +18,7 @@ from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
 from winchcascade.diagnosis.model_account import Regression, Sweep
 from winchcascade.report.digits import significant
-from winchcascade.report.style import (
+from winchcascade.report.figures.style import (
     COLOURS,
     LINE,
     LOAD_COLOURS,
