@@ -18,10 +18,10 @@ from matplotlib.axes import Axes
 from winchcascade import CampaignReduction, Reduction, frame, open_campaign, plot, read_run, reduce, summary_html
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import KGF
+from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.frames import write_parquet
 from winchcascade.report.records import reduction_json
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.report.style import COLOURS
 
 mpl.use("Agg")
 

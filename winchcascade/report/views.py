@@ -22,10 +22,11 @@ from winchcascade.core.viewed import Units
 from winchcascade.diagnosis.calibrate import Calibration
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.reduction.campaign_record import runs_by_load
+from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import frames
-from winchcascade.report.campaign_record import CampaignReduction, runs_by_load
 from winchcascade.rig.simulate import Simulation
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.check import Check
@@ -195,23 +196,24 @@ def plots_of(result: object) -> Plots:
 @plots_of.register(Reduction)
 def _(result: Reduction) -> Plots:
     """Powers of one cycle, histories of the log, powers over generator speed, efficiencies of the cycles."""
-    from winchcascade.report import figures
+    from winchcascade.report.figures import histories
+    from winchcascade.report.figures import reduction_figures as figures
 
-    powers, ratios = figures.powers_of(result), figures.known_ratios(result)
-    rows = figures.history_rows(result, powers)
+    powers, ratios = histories.powers_of(result), figures.known_ratios(result)
+    panels = histories.panels_of(result, powers)
     return {
         "power": lambda: Plot(
-            lambda axes: figures.one_cycle(axes[0], result, powers),
+            lambda axes: figures.draw_one_cycle(axes[0], result, powers),
             "" if powers and result.cycles else "a cycle and a power",
         ),
         "history": lambda: Plot(
-            lambda axes: figures.draw_histories(axes, result, powers),
-            rows=rows,
-            height=2.9 if rows == 1 else 1.2,
+            lambda axes: histories.draw_histories(axes, result, panels[-len(axes) :]),
+            rows=len(panels),
+            height=2.9 if len(panels) == 1 else 1.2,
             share="x",
         ),
         "speed": lambda: Plot(
-            lambda axes: figures.over_speed(axes[0], result, powers),
+            lambda axes: figures.draw_over_speed(axes[0], result, powers),
             "" if result.bins else "the speed of the generator in a complete cycle",
         ),
         "efficiency": lambda: Plot(
@@ -224,9 +226,9 @@ def _(result: Reduction) -> Plots:
 def _draw_efficiencies(ax: axes.Axes, reduction: Reduction, ratios: Sequence[str]) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    from winchcascade.report import figures
+    from winchcascade.report.figures import reduction_figures as figures
 
-    figures.trend_panel(ax, reduction, ratios, "1")
+    figures.draw_trend(ax, reduction, ratios, "1")
     ax.set(xlabel="Cycle", ylabel="Efficiency (1)")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
 
@@ -234,7 +236,7 @@ def _draw_efficiencies(ax: axes.Axes, reduction: Reduction, ratios: Sequence[str
 @plots_of.register(CampaignReduction)
 def _(result: CampaignReduction) -> Plots:
     """Mean powers or efficiencies of the runs over their loads, power at the DC link over generator speed."""
-    from winchcascade.report import campaign_figures as figures
+    from winchcascade.report.figures import campaign_figures as figures
 
     reduced = result.summary.reduced
     runs = [run for run in runs_by_load(reduced) if not run.open_circuit] or reduced
@@ -268,6 +270,7 @@ def _(result: DiagnosisResult) -> Plots:
 
 def _waterfalls(found: DiagnosisResult) -> Plot:
     """What each cause costs, by load, of the largest difference alone on one Axes."""
+    from winchcascade.diagnosis.load_costs import waterfall_costs
     from winchcascade.report import cause_costs
 
     if not isinstance(found, ModelDiagnosis):
@@ -275,7 +278,7 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
             "plot('waterfall'): this diagnosis has no model, which could split an efficiency by its causes; expected 'map', or "
             "a rig file with all numbers of the rig."
         )
-    costs = cause_costs.waterfall_costs(found)
+    costs = waterfall_costs(found)
     if not costs:
         return Plot(list, "a split of an efficiency at a load")
     largest = max(costs, key=lambda one: abs(one.measured - one.as_given))
@@ -304,14 +307,14 @@ def _(result: Comparison) -> Plots:
 
 def _drawn(made: Plot, ax: axes.Axes | None) -> Any:
     """Draw on the given Axes, or on new ones of a figure of pyplot, which notebooks show."""
-    from winchcascade.report.style import COLOURS, figure_width, house_style
+    from winchcascade.report.figures.style import COLOURS, WIDTH, house_style
 
     with house_style():
         if ax is None:
             import matplotlib.pyplot as plt
 
             _, grid = plt.subplots(
-                made.rows, 1, figsize=(figure_width(), made.height * made.rows), squeeze=False, layout="constrained",
+                made.rows, 1, figsize=(WIDTH, made.height * made.rows), squeeze=False, layout="constrained",
                 facecolor=COLOURS["paper"], sharex="col" if made.share == "x" else False,
                 sharey="col" if made.share == "y" else False,
             )  # fmt: skip
@@ -387,8 +390,8 @@ def _(result: Reduction, *, command: str = "") -> content.Report:
 
 @report_of.register(CampaignReduction)
 def _(result: CampaignReduction, *, command: str = "") -> sheet.Report:
+    from winchcascade.reduction.wave_record import campaign_waves
     from winchcascade.report.campaign import campaign_report
-    from winchcascade.report.wave_record import campaign_waves
 
     waves = campaign_waves(result.records.items())
     return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)
@@ -397,8 +400,8 @@ def _(result: CampaignReduction, *, command: str = "") -> sheet.Report:
 @report_of.register(Calibration)
 def _(result: Calibration, *, command: str = "") -> content.Report:
     from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.figures.style import house_style
     from winchcascade.report.results.calibration import calibration_report, fit_blocks
-    from winchcascade.report.style import house_style
 
     with house_style():
         return calibration_report(result, fit_blocks(result, damper_curves(result)), command=command)
