@@ -216,7 +216,7 @@ def test_every_colour_of_a_drawing_follows_the_theme(page: Made) -> None:
 
 def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(hostile: Made) -> None:
     shown = " ".join(Page(hostile.page).shown.split())
-    for place in ("name", "title", "source", "note", "from", "about", "command", "given"):
+    for place in ("name", "title", "source", "note", "about", "command", "given"):
         assert " ".join(typeset(f"{place} {WORDS}").split()) in shown, place
     assert hostile.reduction.run.name in shown
     assert "column <b>bold</b>" in " ".join(f.message for f in hostile.reduction.quality)
