@@ -118,7 +118,7 @@ def demo_command(
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.campaign_record import campaign_text, fault_text
-    from winchcascade.report.results.diagnosis_lines import diagnosis_lines
+    from winchcascade.report.results.diagnosis_words import diagnosis_lines
     from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()

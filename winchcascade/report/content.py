@@ -24,11 +24,12 @@ Tone = Literal["plain", "good", "warn"]
 
 
 class Measured(NamedTuple):
-    """A value with its standard uncertainty, which decides its digits; `shown` with it where `both`."""
+    """A value with its standard uncertainty, which decides its digits; shown with it (`both`), with a plus (`signed`)."""
 
     value: float | None
     u: float | None = None
     both: bool = False
+    signed: bool = False
 
 
 class Span(NamedTuple):
@@ -86,7 +87,7 @@ def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> s
     """
     if isinstance(cell, Measured):
         own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
-        text = number_text(cell.value, own, signed=signed)
+        text = number_text(cell.value, own, signed=signed or cell.signed)
         return f"{text} +- {number_text(cell.u, own)}" if cell.both and known(cell.u) else text
     if isinstance(cell, Span):
         own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
@@ -130,7 +131,7 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
             return [shown(cell, self.decimals, signed=self.signed) for cell in cells]
         plain = [cell[:-1] if isinstance(cell, Span) else cell for cell in cells]
         return [
-            number_text(cell.value, common, signed=self.signed)
+            number_text(cell.value, common, signed=self.signed or cell.signed)
             + (f" +- {number_text(cell.u, common)}" if cell.both and known(cell.u) else "")
             if isinstance(cell, Measured)
             else shown(Span(*bare), common, signed=self.signed)

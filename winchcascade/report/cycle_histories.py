@@ -15,8 +15,8 @@ from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
 from winchcascade.report.content import Picture
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
-from winchcascade.report.digits import upper
-from winchcascade.report.gap_words import NAMES, baseline_words
+from winchcascade.report.diagnosis_names import NAMES, baseline_words
+from winchcascade.report.glossary import upper
 from winchcascade.report.histories import plain, thinned
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.style import COLOURS, LineStyle, Margins, legend_above, line_entry, panel_figure, patch_entry

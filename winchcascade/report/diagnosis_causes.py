@@ -15,8 +15,7 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause,
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.stator_current import stator_current
 from winchcascade.diagnosis.suspects import freedom, with_values
-from winchcascade.report.cause_words import runs_with_number, shown_as
-from winchcascade.report.gap_words import display_of
+from winchcascade.report.diagnosis_names import display_of, runs_with_number, shown_as
 from winchcascade.report.style import (
     COLOURS,
     Margins,

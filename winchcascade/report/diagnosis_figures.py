@@ -19,8 +19,8 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT, without_zeros
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
-from winchcascade.report.digits import upper
-from winchcascade.report.gap_words import NAMES, baseline_words, phase_words, signed
+from winchcascade.report.diagnosis_names import NAMES, baseline_words, phase_words, signed
+from winchcascade.report.glossary import upper
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.style import (
     COLOURS,

@@ -181,9 +181,9 @@ def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Compa
     from winchcascade.report.render.page import table_html as stated_html
 
     if isinstance(result, DiagnosisResult):
-        from winchcascade.report.results.diagnosis import main_table
+        from winchcascade.report.results.diagnosis_parts import causes_table
 
-        return stated_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+        return stated_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result))
     if isinstance(result, Comparison):
         from winchcascade.report.results.comparison import differences_table, rows_of
 

@@ -46,6 +46,8 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
     console.print(Text(_safe(report.title), style="bold"))
     if report.subtitle:
         console.print(Text(_safe(report.subtitle), style="dim"))
+    if report.banner and not any(note.about == "Data" for note in report.notes):
+        console.print(_note(Note(report.banner, "Data", "warn")))
     for note in report.notes:
         if note.brief:
             console.print(_note(note))
