@@ -11,16 +11,23 @@ from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.model_account import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
 from winchcascade.report.content import Picture
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
 from winchcascade.report.diagnosis_names import NAMES, baseline_words
+from winchcascade.report.figures.histories import plain, repaired_spans, thinned
+from winchcascade.report.figures.style import (
+    COLOURS,
+    LineStyle,
+    Margins,
+    legend_above,
+    line_entry,
+    panel_figure,
+    patch_entry,
+)
 from winchcascade.report.glossary import upper
-from winchcascade.report.histories import plain, thinned
-from winchcascade.report.model_account import COMPARED
-from winchcascade.report.style import COLOURS, LineStyle, Margins, legend_above, line_entry, panel_figure, patch_entry
-from winchcascade.report.time_histories import repaired_spans
 from winchcascade.report.wording import load_words
 
 PANEL = 1.15

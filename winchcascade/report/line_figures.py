@@ -10,8 +10,7 @@ from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
 from winchcascade.report.diagnosis_names import set_words
-from winchcascade.report.glossary import upper
-from winchcascade.report.style import (
+from winchcascade.report.figures.style import (
     COLOURS,
     Margins,
     broken,
@@ -21,6 +20,7 @@ from winchcascade.report.style import (
     panel_figure,
     wide_figure,
 )
+from winchcascade.report.glossary import upper
 
 GIVEN, CAUSED = "line tension times speed", "with the causes"
 

@@ -7,15 +7,17 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.diagnosis.block_series import Sides, most_telling, sides
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, StagePlace
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.load_costs import load_costs
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report import diagnosis_figures as figures
-from winchcascade.report.cause_costs import given_head, load_costs, waterfall_figure
+from winchcascade.report.cause_costs import given_head, waterfall_figure
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -42,6 +44,7 @@ from winchcascade.report.diagnosis_names import (
     phase_words,
     word_of,
 )
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import provenance
@@ -60,7 +63,6 @@ from winchcascade.report.results.diagnosis_parts import (
 )
 from winchcascade.report.results.line_diagnosis import line_report
 from winchcascade.report.sheet import file_digest
-from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display
 
@@ -75,7 +77,7 @@ def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
 
 @house_style()
 def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
-    both, word = figures.sides(found), word_of(found)
+    both, word = sides(found), word_of(found)
     leading = leading_metric(found.contributions)
     return Report(
         kind="Diagnosis of a campaign",
@@ -293,8 +295,8 @@ def _misfit(of: str) -> Column[tuple[str, Shrunk]]:
     return Column(of, cell, own_digits=True)
 
 
-def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
-    log = figures.most_telling(found)
+def _how_far(found: ModelDiagnosis, both: Sides, word: str) -> Section:
+    log = most_telling(found)
     run = found.data.logs[log].run
     shrunk = () if found.closure is None else found.closure.channels.items()
     return section(
@@ -324,7 +326,7 @@ def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
     )  # fmt: skip
 
 
-def _speed(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
+def _speed(found: ModelDiagnosis, both: Sides, word: str) -> Section:
     return section(
         "speed", "Current, torque and power over speed",
         picture(

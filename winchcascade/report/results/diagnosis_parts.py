@@ -10,7 +10,8 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.contributions import leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Contribution, DiagnosisResult, Minor, NamedCause, Reported
-from winchcascade.report.cause_costs import load_costs, no_energy_words
+from winchcascade.diagnosis.load_costs import load_costs
+from winchcascade.report.cause_costs import no_energy_words
 from winchcascade.report.content import (
     Cell,
     Column,

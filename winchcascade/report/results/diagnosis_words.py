@@ -171,8 +171,9 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     number = path.rpartition(".")[2]
     if effect.entry is not None:
         entry = effect.entry
-        name = entry.number.rpartition(".")[2] or (entry.source if entry.log >= 0 else "scale of the logged motion")
-        return Action(f"check the entry {name}", stated_text(entry))
+        scale = f"check the load of {entry.source}" if entry.log >= 0 else "check the scale of the logged motion"
+        name = entry.number.rpartition(".")[2]
+        return Action(f"check the entry {name}" if name else scale, stated_text(entry))
     if cause.look_alikes:
         plan = found.experiment
         planned = plan is not None and cause.effect in plan.separates and plan.expected_z >= FAR_ENOUGH

@@ -18,6 +18,7 @@ from winchcascade.report.diagnosis_names import (
     set_words,
     word_of,
 )
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import provenance
@@ -32,7 +33,6 @@ from winchcascade.report.results.diagnosis_parts import (
     verdict_tile,
 )
 from winchcascade.report.sheet import file_digest
-from winchcascade.report.style import house_style
 
 KILO = figures.KILO
 
