@@ -82,12 +82,12 @@ def write_campaign_loss_map(
     files = [path]
     if products.reports:
         from winchcascade.report.publish import publish
-        from winchcascade.report.results_index import INDEX, stated_links
+        from winchcascade.report.results.campaign_index import INDEX, links_to
         from winchcascade.report.style import house_style
 
         pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
         with house_style():
-            report = stated(loss_map_pictures(found), stated_links(["campaign.html", INDEX]))
+            report = stated(loss_map_pictures(found), links_to(["campaign.html", INDEX]))
         publish(report, html=pages.get("html"), pdf=pages.get("pdf"))
         files += pages.values()
     return f"\n{terminal_text(stated(), files)}"

@@ -82,15 +82,15 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     from winchcascade.core.campaign_file import load_campaign
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
+    from winchcascade.report.results.campaign_index import INDEX, links_to
     from winchcascade.report.results.diagnosis import diagnosis_report
     from winchcascade.report.results.diagnosis_record import as_json
-    from winchcascade.report.results_index import INDEX, stated_links
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     set_threads(threads)
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
     report = diagnosis_report(found, command=command)
-    report = msgspec.structs.replace(report, links=stated_links(["campaign.html", INDEX]))
+    report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
     files = {"html": page_text(report).encode(), "pdf": pdf_bytes(report)}
     digests = {f"diagnosis.{kind}": digest_of(content) for kind, content in files.items()}
     record = as_json(found) | {"version": __version__}

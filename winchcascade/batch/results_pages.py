@@ -26,6 +26,15 @@ def diagnosis_beside(folder: Path) -> tuple[str, ...]:
     return tuple(name for name in DIAGNOSIS_FILES if (folder / name).is_file() and is_marked(inside(folder, name)))
 
 
+def diagnosis_in(folder: Path) -> dict[str, object] | None:
+    """The record of a diagnosis that a results folder holds; None where there is none that this version can read."""
+    file = folder / "diagnosis.json"
+    if not file.is_file() or not is_marked(inside(folder, file.name)):
+        return None
+    record = msgspec.json.decode(file.read_bytes(), type=dict[str, object])
+    return record if record.get("version", __version__) == __version__ else None
+
+
 def list_diagnosis(folder: Path) -> Path | None:
     """Make the page of a results folder anew, with the files of a diagnosis that are there now; give the page.
 
@@ -38,7 +47,7 @@ def list_diagnosis(folder: Path) -> Path | None:
     """
     from winchcascade.reduction.campaign_record import campaign_from
     from winchcascade.report.publish import publish
-    from winchcascade.report.results_index import INDEX, results_index
+    from winchcascade.report.results.campaign_index import INDEX, results_index
 
     record_file = folder / "campaign.json"
     if not record_file.is_file() or not (folder / INDEX).is_file():
@@ -53,7 +62,7 @@ def list_diagnosis(folder: Path) -> Path | None:
         record = msgspec.json.decode(record_file.read_bytes(), type=dict[str, object])
         endings = [ending for ending in ("html", "pdf") if f"campaign.{ending}" in digests]
         files = [*digests, record_file.name, *diagnosis_beside(folder)]
-        page = results_index(campaign_from(record), files, [*endings, "json"])
+        page = results_index(campaign_from(record), files, [*endings, "json"], diagnosis_in(folder))
         with scratch_folder(folder) as made:
             publish(page, html=made / INDEX, force=True)
             now = digests | {INDEX: digest_of((made / INDEX).read_bytes())}

@@ -14,7 +14,7 @@ from msgspec.structs import asdict, replace
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.plan import Plan, Work
-from winchcascade.batch.results_pages import KeptCampaign, diagnosis_beside
+from winchcascade.batch.results_pages import KeptCampaign, diagnosis_beside, diagnosis_in
 from winchcascade.core.addresses import fingerprint, local_copy
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, put_in_place, write_set
@@ -111,14 +111,14 @@ def reduce_log(order: Order) -> Made:
         from winchcascade.report.model_section import modelled
         from winchcascade.report.render.page import page_text
         from winchcascade.report.render.pdf import pdf_bytes
+        from winchcascade.report.results.campaign_index import INDEX, links_to
         from winchcascade.report.results.drawn_reduction import drawn_report
-        from winchcascade.report.results_index import INDEX, stated_links
 
         model = modelled(reduction)
         record["model"] = model.account  # the report of the campaign draws it
         with _DRAWING:
             report = drawn_report(reduction, found, model=model, command=order.command)
-            report = replace(report, links=stated_links(["campaign.html", *order.beside, INDEX], above=True))
+            report = replace(report, links=links_to(["campaign.html", *order.beside, INDEX], above=True))
             files |= {"html": page_text(report).encode()} if "html" in order.reports else {}
             files |= {"pdf": pdf_bytes(report)} if "pdf" in order.reports else {}
     digests = {ending: digest_of(content) for ending, content in files.items()}
@@ -336,17 +336,18 @@ def _put_together(plan: Plan, batch: Batch, products: Products, briefs: Mapping[
 
 def _write_pages(campaign: CampaignRecord, made: Path, out: Path, products: Products, wanted: Sequence[str]) -> None:
     """Write the reports of the campaign, and the page that lists what the folder holds, into a scratch folder."""
-    from winchcascade.report.campaign import make_campaign_report
     from winchcascade.report.publish import publish
-    from winchcascade.report.results_index import INDEX, links_to, results_index
+    from winchcascade.report.results.campaign_index import INDEX, links_to, results_index
+    from winchcascade.report.results.drawn_campaign import written_campaign
 
     reports, files = products.reports, [*wanted, "campaign.json", *products.beside]
-    report = make_campaign_report(campaign, made, results=out, command=products.command)
+    report = written_campaign(campaign, made, results=out, command=products.command)
     report = replace(report, links=links_to([name for name in files if name != "campaign.html"]))
     html, pdf = (made / f"campaign.{e}" if e in reports else None for e in ("html", "pdf"))
     publish(report, html=html, pdf=pdf, force=True)
     if html is not None:
-        publish(results_index(campaign, files, [*reports, "json"]), html=made / INDEX, force=True)
+        page = results_index(campaign, files, [*reports, "json"], diagnosis_in(out))
+        publish(page, html=made / INDEX, force=True)
 
 
 def _state(plan: Plan, batch: Batch, digests: Mapping[str, str], beside: Sequence[str]) -> str:

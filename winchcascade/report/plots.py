@@ -12,7 +12,7 @@ from winchcascade.core.errors import OptionError, check_choice, check_type
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.publish import table_html
+from winchcascade.report.render.page import table_html
 from winchcascade.report.style import COLOURS, figure_width, house_style
 
 if TYPE_CHECKING:
@@ -178,23 +178,21 @@ def _drawn(
 
 def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
-    from winchcascade.report.render.page import table_html as stated_html
-
     if isinstance(result, DiagnosisResult):
         from winchcascade.report.results.diagnosis import main_table
 
-        return stated_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+        return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
     if isinstance(result, Comparison):
         from winchcascade.report.results.comparison import differences_table, rows_of
 
         heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
-        return stated_html(heading, differences_table("efficiencies", rows_of(result, "eta")))
+        return table_html(heading, differences_table("efficiencies", rows_of(result, "eta")))
     if isinstance(result, Reduction):
         from winchcascade.reduction.montecarlo import uncertainty
         from winchcascade.report.results.reduction_tables import cycles_table
 
-        return stated_html(repr(result), cycles_table(result, uncertainty(result)))
+        return table_html(repr(result), cycles_table(result, uncertainty(result)))
     from winchcascade.reduction.campaign_record import runs_by_load
-    from winchcascade.report.campaign import logs_efficiencies_table
+    from winchcascade.report.results.campaign_tables import budget_table
 
-    return table_html(repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced)))
+    return table_html(repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False))

@@ -12,7 +12,6 @@ from winchcascade.core.errors import OptionError
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration
-    from winchcascade.reduction.campaign_reduction import CampaignReduction
     from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.report.content import Report as Stated
     from winchcascade.report.sheet import Report
@@ -40,7 +39,7 @@ class ReportFiles(msgspec.Struct, frozen=True):
 _MAKERS = {
     "Audit": "results.audits:audit_report",
     "Calibration": "report_files:_of_calibration",
-    "CampaignReduction": "report_files:_of_campaign",
+    "CampaignReduction": "results.drawn_campaign:reduced_campaign",
     "Check": "results.checks:check_report",
     "Comparison": "results.comparison:comparison_report",
     "DiagnosisResult": "results.diagnosis:diagnosis_report",
@@ -82,11 +81,3 @@ def _of_reduction(result: Reduction, *, command: str) -> Stated:
     from winchcascade.report.results.drawn_reduction import drawn_report
 
     return drawn_report(result, uncertainty(result), command=command)
-
-
-def _of_campaign(result: CampaignReduction, *, command: str) -> Report:
-    from winchcascade.reduction.wave_record import campaign_waves
-    from winchcascade.report.campaign import campaign_report
-
-    waves = campaign_waves(result.records.items())
-    return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)
