@@ -29,10 +29,10 @@ from winchcascade.reduction.campaign_record import (
 )
 from winchcascade.reduction.efficiency import FIELDS, METRICS
 from winchcascade.report.campaign import MAX_RUNS, make_campaign_report
-from winchcascade.report.campaign_figures import over_load
+from winchcascade.report.figures.campaign_figures import over_load
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.publish import html_text, publish
 from winchcascade.report.sheet import Report, Table
-from winchcascade.report.style import house_style
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 

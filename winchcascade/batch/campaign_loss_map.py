@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.core.addresses import local_copy
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.ingest.read import read_by
@@ -24,9 +23,7 @@ if TYPE_CHECKING:
 
 def points_of(work: Work) -> LossPoints:
     """Operating points of one log, which is read and reduced anew. Raises as `loss_points`."""
-    with local_copy(work.address) as path:
-        run = read_by(path, work.settings)
-    found = loss_points(reduce(run))
+    found = loss_points(reduce(read_by(Path(work.path), work.settings)))
     return msgspec.structs.replace(found, logs=(work.name,))
 
 
@@ -81,9 +78,9 @@ def write_campaign_loss_map(
     stated = partial(campaign_loss_map_report, found, plan.title, origins, left_out=left_out, command=products.command)
     files = [path]
     if products.reports:
+        from winchcascade.report.figures.style import house_style
         from winchcascade.report.publish import publish
         from winchcascade.report.results.campaign_index import INDEX, links_to
-        from winchcascade.report.style import house_style
 
         pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
         with house_style():

@@ -69,8 +69,8 @@ def report_of(result: object, *, command: str = "") -> Report:
 
 def _of_calibration(result: Calibration, *, command: str) -> Stated:
     from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.figures.style import house_style
     from winchcascade.report.results.calibration import calibration_report, fit_blocks
-    from winchcascade.report.style import house_style
 
     with house_style():
         return calibration_report(result, fit_blocks(result, damper_curves(result)), command=command)

@@ -173,11 +173,8 @@ def net_table(runs: Sequence[LogSummary]) -> LogTable:
 def repeatability_table(runs: Sequence[LogSummary]) -> LogTable:
     """Largest deviation of any cycle from the mean; None where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
-    known = [
-        m
-        for m in cascade_of(runs).metrics
-        if any(run.max_deviation_percent.get(field_of(m)) is not None for run in several)
-    ]
+    known = {field for run in several for field, value in run.max_deviation_percent.items() if value is not None}
+    metrics = [name for name in cascade_of(runs).metrics if field_of(name) in known]
     caption = "Largest deviation of any cycle from the mean of its log."
     return _table("repeatability", caption, [CYCLES, *map(deviation_column, metrics)] if metrics else [], several)
 

@@ -193,8 +193,8 @@ def wave_picture(found: WaveEnergies, cascade: Cascade) -> Picture | None:
 
 def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     """Energies and efficiencies of the waves over their payout; None without waves."""
-    from winchcascade.report.figures import stage_of
-    from winchcascade.report.style import COLOURS, label_panel, look_of, panel_figure
+    from winchcascade.report.figures.reduction_figures import stage_of
+    from winchcascade.report.figures.style import COLOURS, label_panel, look_of, panel_figure
 
     if not found.cycle.size or not np.isfinite(found.payout).all():
         return None
