@@ -123,7 +123,9 @@ def _show(batch: Batch, files: Sequence[Path]) -> None:
         text = f"made again, as its digest did not match: {', '.join(batch.altered[:MAX_ALTERED])}{more}"
         notes.append(Note(text, "Altered", "warn"))
     stated = campaign_report(batch.summary)
-    text = terminal_text(replace(stated, points=[*stated.points, *notes]), [*_files_in(batch.folder), *files])
+    text = terminal_text(
+        replace(stated, points=[*stated.points, *notes]), list(dict.fromkeys([*_files_in(batch.folder), *files]))
+    )
     failures = "".join(f"failed: {note.text}\n" for note in fault_notes(batch.summary.failed))
     show(text, failures=failures, flush=True)
 

@@ -95,7 +95,8 @@ def _write(contents: dict[str, bytes], folder: Path, *, force: bool) -> None:
             raise OutputError(
                 f"{path}: exists and was not written by winchcascade; choose another folder or add --force."
             )
-    write_set(parts)
+    if parts:
+        write_set(parts)
 
 
 @house_style()

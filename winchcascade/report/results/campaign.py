@@ -26,6 +26,7 @@ from winchcascade.report.content import Column, Note, Picture, Report, Section, 
 from winchcascade.report.results.campaign_tables import (
     budget_table,
     deviation_text,
+    given,
     interval,
     logs_table,
     mean_texts,
@@ -142,14 +143,21 @@ def tiles(runs: Sequence[LogSummary]) -> list[Tile]:
             Tile("Best load", "", called(best.run), f"with a probability of {_likely(best)} %"),
             Tile(eta, there, texts[best.run.name, eta], ends),
         ]
-    powered = [run for run in loaded(runs) if run.mean.get(field_of(power)) is not None and not run.open_circuit]
-    if powered:
-        run = max(powered, key=lambda run: run.mean[field_of(power)] or 0.0)
-        span = interval(run, power)
-        speed = "" if run.plateau_speed_mps is None else f" and {run.plateau_speed_mps:.2f} m/s"
-        beside = "uncertainty unknown" if span is None else f"95 %: {shown(span)} W"
-        found.append(Tile(power, f"largest, at {called(run)}{speed}", f"{texts[run.name, power]} W", beside))
-    return found
+    return [*found, *(_largest(runs, name, texts) for name in given(_closed(runs), [eta, power][bool(found) :]))]
+
+
+def _closed(runs: Sequence[LogSummary]) -> list[LogSummary]:
+    return [run for run in runs if not run.open_circuit]
+
+
+def _largest(runs: Sequence[LogSummary], name: str, texts: Mapping[tuple[str, str], str]) -> Tile:
+    """The largest mean of a metric of any log with a load."""
+    known = [run for run in _closed(runs) if run.mean.get(field_of(name)) is not None]
+    run, unit = max(known, key=lambda run: run.mean[field_of(name)] or 0.0), metric(name).unit
+    span = interval(run, name)
+    speed = "" if run.plateau_speed_mps is None else f" and {run.plateau_speed_mps:.2f} m/s"
+    beside = "uncertainty unknown" if span is None else f"95 %: {shown(span)} {unit}".rstrip()
+    return Tile(name, f"largest, at {called(run)}{speed}", f"{texts[run.name, name]} {unit}".rstrip(), beside)
 
 
 def _likely(best: Best) -> str:

@@ -9,7 +9,6 @@ import msgspec
 from msgspec import UNSET
 
 from winchcascade.core.campaign_file import joint_origin
-from winchcascade.reduction.best_load import motion_words
 from winchcascade.reduction.campaign_record import CampaignRecord, LogSummary, runs_by_load, unlike_motion
 from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.wave_record import campaign_waves
@@ -51,7 +50,7 @@ def _pictures(runs: Sequence[LogSummary], bins: figures.Bins) -> dict[str, Pictu
     joined = " Lines join only logs of one window rule and of one kind of data; hollow markers are of another."
     caption = f"Mean powers and efficiencies over {figures.over_what(loaded(runs))}; bars are 95 % intervals."
     caption += joined if len(figures.comparable(loaded(runs))) > 1 else ""
-    caption += "" if unlike is None else f" The points are not of one motion: {motion_words(*unlike)}."
+    caption += "" if unlike is None else " The points are not of one motion."
     alike = " Logs of one load look alike." if figures.look_alike(runs) else ""
     some = f" {figures.DRAWN_RUNS} logs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""
     return {
