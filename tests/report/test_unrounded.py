@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from winchcascade.report.exports import csv_text
-
 from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
 from winchcascade.report.publish import cleaned
 from winchcascade.report.sheet import (
@@ -56,11 +54,6 @@ def test_rows_of_different_units_have_digits_of_their_own() -> None:
     columns = [text_column("Unit"), number_column("x")]
     rows = [("J", stated(7114.9, 116.0, 0)), ("", stated(0.90337, 0.0048, 3))]
     assert [row[1] for row in make_table("t", "c", columns, rows).rows] == ["7110", "0.9034"]
-
-
-def test_a_number_with_its_uncertainty_has_two_columns_in_a_file() -> None:
-    table = make_table("t", "c", [number_column("E", "J")], [(with_uncertainty(7114.9, 116.0, 0),)])
-    assert csv_text(table) == 'E (J),"E (J), standard uncertainty"\n7114.9,116.0\n'
 
 
 def test_what_does_not_exist_is_a_dash_without_a_value() -> None:
