@@ -128,7 +128,10 @@ def test_windows_of_all_cycles_are_marked_incomplete_ones_otherwise(results: dic
     reduction, _ = results[log]
     found = edges(time_histories(reduction).axes[0])
     assert sorted(found) == sorted(e for c in reduction.cycles for e in (c.window.onset, c.window.cutoff))
-    patterns = {complete: {found[c.window.onset] for c in reduction.cycles if c.complete is complete} for complete in (True, False)}
+    patterns = {
+        complete: {found[c.window.onset] for c in reduction.cycles if c.complete is complete}
+        for complete in (True, False)
+    }
     assert not patterns[True] & patterns[False]
 
 
@@ -165,7 +168,14 @@ def test_the_energy_flow_names_energies_losses_and_efficiencies(clean: Result) -
     figure = figures.window_flow(msgspec.structs.replace(reduction, mean=mean), {"energy_mech": "6001"})
     assert figure is not None
     said = " ".join(text.get_text() for text in figure.axes[0].texts)
-    for words in ("8000 J", "6001 J", "4500 J", "in the gas:\n2000 J, 25.0 %", "in the rotor:\n1500 J, 18.8 %", "= 0.750"):
+    for words in (
+        "8000 J",
+        "6001 J",
+        "4500 J",
+        "in the gas:\n2000 J, 25.0 %",
+        "in the rotor:\n1500 J, 18.8 %",
+        "= 0.750",
+    ):
         assert words in said
 
 
