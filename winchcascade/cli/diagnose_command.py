@@ -103,7 +103,7 @@ def diagnose_command(
     from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
     from winchcascade.batch.demo import DIAGNOSIS_FILES
     from winchcascade.batch.results_pages import write_index
-    from winchcascade.report.model_export import check_export, write_export
+    from winchcascade.diagnosis.model_export import check_export, write_export
     from winchcascade.report.render.terminal import terminal_text
     from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.screen import status_line
