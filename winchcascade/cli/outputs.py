@@ -93,7 +93,7 @@ def write_reports(
 
 def report_maker_of(result: object) -> Callable[[], Report | Stated]:
     """What makes the report of a result of a command, with the command."""
-    from winchcascade.report.report_files import report_of
+    from winchcascade.report.views import report_of
 
     return partial(report_of, result, command=given_command())
 
