@@ -86,7 +86,7 @@ def write_reports(
     name, of : as of `write_report_files`
     """
     if files.wanted:
-        from winchcascade.report.render.files import write_report_files
+        from winchcascade.report.render.folders import write_report_files
 
         write_report_files(make, files, name, force=force)
 
