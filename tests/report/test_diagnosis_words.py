@@ -22,6 +22,7 @@ from winchcascade.report.results.diagnosis_words import (
     certainty_words,
     checked_words,
     diagnosis_lines,
+    diagnosis_note,
     experiment_words,
     kind_words,
     verdict_words,
@@ -207,8 +208,8 @@ def test_logs_are_called_measured_where_that_is_stated_of_all_whatever_the_title
 def test_few_lines_tell_verdict_causes_and_files() -> None:
     path = Path("/a long folder with blanks in it") / f"{'and a name ' * 12}.html"
     text = diagnosis_lines(as_json(diagnosed("copper")), [path])
-    assert [word in text for word in ("explained", "copper_heating", "99 %", f"{path}\n")] == [True] * 4
-    assert diagnosis_lines(as_json(diagnosed("nothing")), []).split() == ["diagnosis:", "no", "gap"]
+    assert [word in text for word in ("Explained", "copper_heating", "99 %", f"{path}\n")] == [True] * 4
+    assert diagnosis_note(as_json(diagnosed("nothing"))).text == "No gap"
 
 
 def test_the_documentation_states_the_numbers_of_the_code() -> None:

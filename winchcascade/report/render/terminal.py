@@ -46,8 +46,6 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
     console.print(Text(_safe(report.title), style="bold"))
     if report.subtitle:
         console.print(Text(_safe(report.subtitle), style="dim"))
-    if report.banner and not any(note.about == "Data" for note in report.notes):
-        console.print(_note(Note(report.banner, "Data", "warn")))
     for note in report.notes:
         if note.brief:
             console.print(_note(note))
@@ -59,7 +57,9 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
             if isinstance(block, Table):
                 if k:
                     console.print()
-                for grid in _grids(block, wide.width):
+                for j, grid in enumerate(_grids(block, wide.width)):
+                    if j:
+                        console.print()
                     wide.print(grid)
             else:
                 console.print(_note(block))

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.contributions import leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Contribution, DiagnosisResult, Minor, NamedCause, Reported
@@ -144,16 +143,15 @@ def step_tile(found: DiagnosisResult) -> list[Tile]:
 
 
 def first_points(found: DiagnosisResult) -> list[Note | None]:
-    """Where the data come from unless the banner states it, the verdict, the place, and every finding and trend."""
+    """The verdict, the place, every finding and trend, and where the data come from."""
     good = found.verdict in ("no_gap", "explained")
-    origins = origins_of(found)
     return [
-        None if banner(origins) else data_note(origins),
         Note(words.verdict_words(found), "Verdict", "good" if good else "warn"),
         Note(words.where_words(found, ranked_causes(found)), "Where"),
         *(Note(text, "Finding", "warn") for text in words.finding_words(found)),
         *(Note(text, "Trend", "warn") for text in words.trend_sentences(found)),
         Note(words.certainty_words(found), "Certainty"),
+        data_note(origins_of(found)),
     ]
 
 

@@ -370,11 +370,15 @@ def small_words(found: LineDiagnosis) -> str:
 
 
 # ------------------------------------------------------------------------------------------------------------- in few lines
+def diagnosis_note(record: Mapping[str, Any]) -> Note:
+    """Verdict and causes of a diagnosis, from its JSON."""
+    names = ", ".join(f"{cause['label']} ({cause['effect']})" for cause in record["causes"])
+    closure, verdict = record["closure"], record["verdict"]
+    closed = "" if closure is None else f"{share_words(closure['share_closed'])} of the gap closed"
+    text = "; ".join(part for part in (VERDICTS[verdict], names, closed) if part)
+    return Note(text, "Diagnosis", "good" if verdict in ("no_gap", "explained") else "warn")
+
+
 def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
     """Verdict, causes and files of a diagnosis in few lines, from its JSON."""
-    names = ", ".join(f"{cause['label']} ({cause['effect']})" for cause in record["causes"])
-    closure = record["closure"]
-    closed = "" if closure is None else f"{share_words(closure['share_closed'])} of the gap closed"
-    text = "; ".join(part for part in (names, closed) if part)
-    title = f"diagnosis: {VERDICTS[record['verdict']].lower()}"
-    return terminal_text(Report("Diagnosis", title, points=[Note(text, "Causes")]), files)
+    return terminal_text(Report("Diagnosis", "Diagnosis", points=[diagnosis_note(record)]), files)
