@@ -153,7 +153,7 @@ _OPTIONS: dict[str, object] = {
         valued_option(
             "--figures",
             "FOLDER",
-            "Write each figure of the report into this folder as SVG, PDF and PNG, 90 mm and 190 mm wide.",
+            "Write each figure of the report into this folder as SVG, PDF and PNG.",
         ),
     ],
     "tables": Annotated[
