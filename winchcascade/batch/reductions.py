@@ -69,7 +69,7 @@ def _reports(
     reduction: Reduction, found: Uncertainty, endings: Sequence[str], command: str
 ) -> tuple[dict[str, bytes], object]:
     """Reports of a log, and the account of its model, which the report of the campaign draws."""
-    from winchcascade.report.model_section import modelled
+    from winchcascade.diagnosis.model_account import modelled
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
     from winchcascade.report.results.drawn_reduction import drawn_report

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 import typer
@@ -13,6 +14,10 @@ from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, show, w
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
 from winchcascade.core.store import present
+
+if TYPE_CHECKING:
+    from winchcascade.reduction.campaign_record import CampaignRecord
+    from winchcascade.report.sheet import Report
 
 
 @with_options("figures", "tables", "loss_map")
@@ -48,13 +53,7 @@ def batch_command(
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
-
-    def make() -> Report:
-        from winchcascade.report.campaign import make_campaign_report
-
-        return make_campaign_report(batch.summary, out, command=products.command)
-
-    write_report_files(make, outputs, "campaign")
+    write_report_files(partial(_drawn, batch.summary, out), outputs, "campaign")
     text = campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered)
     show(text, failures=fault_text(batch.summary, out))
     if outputs["loss_map"] is not None:
@@ -62,7 +61,15 @@ def batch_command(
     raise typer.Exit(1 if batch.faults else 0)
 
 
-@with_options(out=option("--out", "FOLDER", "Write campaign and results into this folder; winchcascade-demo by default.", OUTPUTS))
+def _drawn(campaign: CampaignRecord, out: Path) -> Report:
+    from winchcascade.report.campaign import make_campaign_report
+
+    return make_campaign_report(campaign, out, command=given_command())
+
+
+@with_options(
+    out=option("--out", "FOLDER", "Write campaign and results into this folder; winchcascade-demo by default.", OUTPUTS)
+)
 def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None, force: bool = False) -> None:
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()

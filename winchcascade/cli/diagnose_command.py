@@ -17,7 +17,9 @@ from winchcascade.core.jobs import one_thread_each, processes, set_threads
 from winchcascade.core.store import locked, make_one
 
 if TYPE_CHECKING:
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
     from winchcascade.report.content import Report
 
 
@@ -50,7 +52,7 @@ def diagnose_command(
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
-    from winchcascade.report.model_export import check_export
+    from winchcascade.diagnosis.model_export import check_export
     from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.screen import status_line
     from winchcascade.rig.effects.catalogue import suspected
@@ -59,7 +61,9 @@ def diagnose_command(
     logs = [run.file for run in listed.runs]
     simulations = [run.simulated for run in listed.runs if run.simulated is not None]
     check_export(outputs["export"])
-    outputs.check([listed.path, *logs, *simulations, rig or listed.rig], _prediction_files(outputs["predictions"], logs))
+    outputs.check(
+        [listed.path, *logs, *simulations, rig or listed.rig], _prediction_files(outputs["predictions"], logs)
+    )
     set_threads(threads or processes())
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
@@ -85,10 +89,10 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
     return listed if simulated is None else with_simulations(listed, simulated)
 
 
-def _write_files(found: DiagnosisResult, outputs: Outputs) -> dict[str, str]:
+def _write_files(found: ModelDiagnosis | LineDiagnosis, outputs: Outputs) -> dict[str, str]:
     """Write predictions, corrected rig and exported model as far as they are wanted; what there is none of, with the reason."""
     from winchcascade.batch.campaign_diagnosis import write_corrected_rig, write_predictions
-    from winchcascade.report.model_export import write_export
+    from winchcascade.diagnosis.model_export import write_export
 
     predictions, write, export = outputs["predictions"], outputs["write"], outputs["export"]
     lacking = {}
@@ -137,5 +141,7 @@ def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Pa
     for side in ("before", "after"):
         make_one(folder / side, "another")
     return {
-        f"predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv" for side in ("before", "after") for log in logs
+        f"predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv"
+        for side in ("before", "after")
+        for log in logs
     }

@@ -28,7 +28,9 @@ class GroupedCommand(TyperCommand):
 
     def format_options(self, ctx: Context, formatter: HelpFormatter) -> None:
         """Write arguments and options with their helps, group by group."""
-        groups: dict[str, list[tuple[str, str]]] = {name: [] for name in ("Arguments", INPUT, EVALUATION, OUTPUTS, "Other")}
+        groups: dict[str, list[tuple[str, str]]] = {
+            name: [] for name in ("Arguments", INPUT, EVALUATION, OUTPUTS, "Other")
+        }
         for parameter in self.get_params(ctx):
             row = parameter.get_help_record(ctx)
             if row is not None:

@@ -27,6 +27,8 @@ from winchcascade.core.jobs import one_thread_each
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
+    from winchcascade.diagnosis.calibrate import Calibration
+    from winchcascade.report.content import Report
     from winchcascade.rig.parts import Model
 
 
@@ -96,12 +98,12 @@ def _model(rig: Rig, effects: Sequence[str], *, sensors: bool) -> Model:
 def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
     """Read EFFECT.FIELD=VALUE options: the fields of each effect."""
     fields: dict[str, dict[str, float]] = {}
-    for option in options:
-        place, value = named_number(option)
+    for given in options:
+        place, value = named_number(given)
         name, _, field = place.partition(".")
         if not field or math.isnan(value):
             raise OptionError(
-                f"--with {option}: expected EFFECT.FIELD=VALUE, such as gear_mesh_loss.efficiency_change=-0.03."
+                f"--with {given}: expected EFFECT.FIELD=VALUE, such as gear_mesh_loss.efficiency_change=-0.03."
             )
         fields.setdefault(name, {})[field] = value
     return fields
@@ -126,7 +128,6 @@ def calibrate_command(
     from winchcascade.diagnosis.calibrate import calibrate
     from winchcascade.diagnosis.rig_text import calibrated_text
     from winchcascade.ingest.read import read_by
-    from winchcascade.report.report_files import report_of
     from winchcascade.report.results.calibration import calibration_report
     from winchcascade.report.results.calibration_record import calibration_record
 
@@ -142,8 +143,19 @@ def calibrate_command(
         outputs,
         record=lambda: calibration_record(calibration),
         name=f"{Path(run.name).stem}_calibration",
-        drawn=lambda: report_of(calibration, command=given_command()),
+        drawn=partial(_drawn, calibration),
     )
+
+
+def _drawn(calibration: Calibration) -> Report:
+    """The report of a calibration with its figures."""
+    from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.figures.style import house_style
+    from winchcascade.report.results.calibration import calibration_report, fit_blocks
+
+    with house_style():
+        blocks = fit_blocks(calibration, damper_curves(calibration))
+    return calibration_report(calibration, blocks, command=given_command())
 
 
 @with_options(name=argument("[NAME]", "The effect to describe; without it all are listed.", effect_names))

@@ -90,10 +90,12 @@ def argument(name: str, text: str, names: Callable[[str], Sequence[Any]] | None 
     return typer.Argument(metavar=name, help=text, show_default=False, autocompletion=names)
 
 
+LOG = argument("LOG", "The log: CSV, .lvm, TDMS, MATLAB, Parquet or Excel.")
+"""The argument of a single log."""
+
 _TABLE = "The published table: a table file, or the built-in hsu2026-table2."
 
 OPTIONS: dict[str, Any] = {
-    "log": argument("LOG", "The log: CSV, .lvm, TDMS, MATLAB, Parquet or Excel."),
     "campaign": argument("CAMPAIGN", "The campaign: a campaign.toml, or the folder that holds one."),
     "targets": argument("TARGET...", "The logs: a campaign.toml, a folder, a pattern, or single logs."),
     "results": argument(
@@ -119,7 +121,8 @@ OPTIONS: dict[str, Any] = {
     ),
     "against": option("--against", "TABLE", _TABLE, INPUT, names=table_names),
     "repairs": option(
-        "--repairs", "on|off", "Repair the faults of the log (on), or keep what was logged and list what would be repaired (off)."
+        "--repairs", "on|off",
+        "Repair the faults of the log (on), or keep what was logged and list what would be repaired (off).",
     ),
     "window": option(
         "--window", "RULE",

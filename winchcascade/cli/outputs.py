@@ -18,6 +18,7 @@ from winchcascade.report.screen import QUIET, painted, status_line
 
 if TYPE_CHECKING:
     from winchcascade.report.content import Report
+    from winchcascade.report.sheet import Report as Older
 
 STDOUT = Path("-")
 """Standard output, as the file of `--json`."""
@@ -121,10 +122,11 @@ def present(
         show(terminal_text(report, [*outputs.files, *notes]))
 
 
-def write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) -> Report | None:
+def write_report_files(make: Callable[[], Report | Older], outputs: Outputs, name: str) -> Report | None:
     """Write the page, the PDF, the figures and the tables of a report as far as they are wanted, and give the report."""
     if not outputs.paths.keys() & {"html", "pdf", "figures", "tables"}:
         return None
+    from winchcascade.report.content import Report
     from winchcascade.report.publish import publish
     from winchcascade.report.render.files import write_figures, write_tables
 
@@ -134,12 +136,12 @@ def write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) 
         for ending in ("html", "pdf"):
             if ending in outputs.paths:
                 on_progress(f"writing {outputs.paths[ending].name}")
-                publish(report, **{ending: outputs.paths[ending]}, force=outputs.force)  # type: ignore[arg-type]
+                publish(report, **{ending: outputs.paths[ending]}, force=outputs.force)
         for folder, write in ((outputs["figures"], write_figures), (outputs["tables"], write_tables)):
-            if folder is not None:
+            if folder is not None and isinstance(report, Report):
                 on_progress(f"writing files into {folder.name}")
                 write(report, folder, name, force=outputs.force)
-    return report
+    return report if isinstance(report, Report) else None
 
 
 def show(text: str, *, failures: str = "", file: TextIO | None = None, flush: bool = False) -> None:

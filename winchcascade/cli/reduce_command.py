@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from winchcascade.batch.log_settings import settings_of
-from winchcascade.cli.options import REPORT, argument, check_load, with_options
+from winchcascade.cli.options import LOG, REPORT, check_load, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present
 from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Repairs
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from winchcascade.report.content import Report
 
 
-@with_options("json", *REPORT, "parquet", "loss_map", logs=argument("LOG", "The log: CSV, .lvm, TDMS, MATLAB, Parquet or Excel."))
+@with_options("json", *REPORT, "parquet", "loss_map", logs=LOG)
 def reduce_command(
     logs: list[Path],
     rig: str | None = None,
@@ -53,7 +53,9 @@ def reduce_command(
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
     reduction = reduce(read_by(log, replace(settings, repairs=repairs)))
     require_payouts(reduction)
-    mapped = None if outputs["loss_map"] is None else _write_loss_map(reduction, outputs["loss_map"], force=outputs.force)
+    mapped = (
+        None if outputs["loss_map"] is None else _write_loss_map(reduction, outputs["loss_map"], force=outputs.force)
+    )
     if outputs["parquet"] is not None:
         from winchcascade.report.frames import write_parquet
 

@@ -79,9 +79,7 @@ def _factors(options: Sequence[str]) -> dict[str, float]:
 
 
 @with_options("json", "html", "pdf", "tables")
-def audit_command(
-    table: str, rig: str | None = None, physics: bool = False, outputs: Outputs = NO_OUTPUTS
-) -> None:
+def audit_command(table: str, rig: str | None = None, physics: bool = False, outputs: Outputs = NO_OUTPUTS) -> None:
     """Check a published table and its text for contradictions, without any log. The exit code is 1 if there is one.
 
     With --physics, the result lists the efficiencies that the model of the rig can reach, and the effects that could explain a
