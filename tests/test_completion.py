@@ -33,7 +33,7 @@ def offered(line: str) -> list[str]:
         ("winchcascade reduce log.csv --rig k", ["kitepower"]),
         ("winchcascade batch . --reports ", ["none", "html", "all"]),
         ("winchcascade reduce log.csv --window ", ["auto", "payout"]),
-        ("winchcascade simulate log.csv --with ke_shift", ["ke_shift.rel_change="]),
+        ("winchcascade simulate log.csv --with ke_shift", ["ke_shift.k_e_change="]),
         ("winchcascade check . --against ", list(TABLES)),
         ("winchcascade audit hsu", list(TABLES)),
     ],
