@@ -128,7 +128,7 @@ def write_report_files(make: Callable[[], Report | Older], outputs: Outputs, nam
         return None
     from winchcascade.report.content import Report
     from winchcascade.report.publish import publish
-    from winchcascade.report.render.files import write_figures, write_tables
+    from winchcascade.report.render.folders import write_figures, write_tables
 
     with status_line(f"report of {name}") as on_progress:
         on_progress("drawing figures")
