@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 import typer
+from msgspec.structs import replace
 
 from winchcascade.cli.options import OUTPUTS, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, show, write_report_files
@@ -16,8 +18,11 @@ from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behi
 from winchcascade.core.store import present
 
 if TYPE_CHECKING:
-    from winchcascade.reduction.campaign_record import CampaignRecord
-    from winchcascade.report.sheet import Report
+    from winchcascade.batch.run_batch import Batch
+    from winchcascade.report.content import Report
+
+MAX_ALTERED = 5
+"""Altered files that are named."""
 
 
 @with_options("figures", "tables", "loss_map")
@@ -41,7 +46,6 @@ def batch_command(
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
-    from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.screen import Progress
 
     if reports not in REPORTS:
@@ -53,18 +57,42 @@ def batch_command(
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
-    write_report_files(partial(_drawn, batch.summary, out), outputs, "campaign")
-    text = campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered)
-    show(text, failures=fault_text(batch.summary, out))
+    write_report_files(partial(_drawn, batch), outputs, "campaign")
+    _show(batch, outputs.without("loss_map").files)
     if outputs["loss_map"] is not None:
         show(write_campaign_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force))
     raise typer.Exit(1 if batch.faults else 0)
 
 
-def _drawn(campaign: CampaignRecord, out: Path) -> Report:
-    from winchcascade.report.campaign import make_campaign_report
+def _drawn(batch: Batch) -> Report:
+    from winchcascade.report.results.drawn_campaign import written_campaign
 
-    return make_campaign_report(campaign, out, command=given_command())
+    return written_campaign(batch.summary, batch.folder, command=given_command())
+
+
+def _show(batch: Batch, files: Sequence[Path]) -> None:
+    """Print what the logs of a campaign give, and what was written."""
+    from winchcascade.report.content import Note
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.campaign import campaign_report, fault_notes
+
+    notes = [Note(f"{batch.kept} logs are kept from an earlier call.", "Kept")] if batch.kept else []
+    if batch.altered:
+        more = f" and {len(batch.altered) - MAX_ALTERED} more" if len(batch.altered) > MAX_ALTERED else ""
+        text = f"made again, as its digest did not match: {', '.join(batch.altered[:MAX_ALTERED])}{more}"
+        notes.append(Note(text, "Altered", "warn"))
+    stated = campaign_report(batch.summary)
+    text = terminal_text(
+        replace(stated, points=[*stated.points, *notes]), list(dict.fromkeys([*_files_in(batch.folder), *files]))
+    )
+    failures = "".join(f"failed: {note.text}\n" for note in fault_notes(batch.summary.failed))
+    show(text, failures=failures, flush=True)
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """What the folder of a batch holds for a reader."""
+    names = ("index.html", "campaign.html", "campaign.pdf", "campaign.xlsx", "campaign.json", "dataset", "runs")
+    return [folder / name for name in names if (folder / name).exists()]
 
 
 @with_options(
@@ -76,7 +104,6 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
-    from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.results.diagnosis_lines import diagnosis_lines
     from winchcascade.report.screen import Progress, status_line
 
@@ -88,10 +115,9 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     with run_behind(diagnosis, processes=1 if kept else count) as diagnosed:  # beside the batch, which takes less time
         with Progress(plan.title) as watch:
             batch = run_batch(plan, results, products, workers=Workers(max(count - 1, 1)), force=force, watch=watch)
-        text = campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered)
-        show(text, failures=fault_text(batch.summary, batch.folder), flush=True)
-        if not kept:
-            with status_line(f"diagnosing {plan.title}") as on_progress:
+        _show(batch, [])
+        with status_line(f"diagnosing {plan.title}") as on_progress:
+            if not kept:
                 write_diagnosis(results, diagnosed(), force=force, on_progress=on_progress)
     found = msgspec.json.decode((results / "diagnosis.json").read_bytes(), type=dict[str, object])
     show(diagnosis_lines(found, [results / name for name in DIAGNOSIS_FILES]))

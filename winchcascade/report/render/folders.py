@@ -67,7 +67,8 @@ def _write(contents: dict[str, bytes], folder: Path, *, force: bool) -> None:
             raise OutputError(
                 f"{path}: exists and was not written by winchcascade; choose another folder or add --force."
             )
-    write_set(parts)
+    if parts:
+        write_set(parts)
 
 
 def _texts(table: Table[Any]) -> Iterator[tuple[str, bytes]]:
