@@ -27,7 +27,7 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 """Modules of the top level: the public names and `python -m winchcascade`."""
 
 PATTERNS = {
-    "style": "symbols in labels of Matplotlib",
+    "glossary": "symbols of physics, signs and units of texts that are set on a page",
     "check_record": "characters that XML forbids",
     "publish": "symbols of physics, names of fonts, and characters that no report shows",
     "wording": "symbols of physics, signs and units of sentences that are set on a page",
