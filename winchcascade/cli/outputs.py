@@ -13,15 +13,13 @@ import msgspec
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, write_content
-from winchcascade.core.plain_text import json_without_commands, lines, printable
+from winchcascade.core.plain_text import json_without_commands, lines, one_line, printable
 from winchcascade.core.store import make_one
 from winchcascade.report.screen import QUIET, painted
-from winchcascade.report.text_table import file_lines
 
 if TYPE_CHECKING:
-    from winchcascade.report.content import Report as Stated
+    from winchcascade.report.content import Report
     from winchcascade.report.report_files import ReportFiles
-    from winchcascade.report.sheet import Report
 
 Results = Mapping[str, str | Path | None]
 """Files and folders that a command writes, by the option that names each."""
@@ -71,7 +69,7 @@ def deliver(json: str | None, content: Callable[[], bytes], printed: Printed, *,
 
 
 def write_reports(
-    make: Callable[[], Report | Stated],
+    make: Callable[[], Report],
     files: ReportFiles,
     name: str,
     *,
@@ -91,7 +89,7 @@ def write_reports(
         write_report_files(make, files, name, force=force)
 
 
-def report_maker_of(result: object) -> Callable[[], Report | Stated]:
+def report_maker_of(result: object) -> Callable[[], Report]:
     """What makes the report of a result of a command, with the command."""
     from winchcascade.report.views import report_of
 
@@ -100,7 +98,8 @@ def report_maker_of(result: object) -> Callable[[], Report | Stated]:
 
 def written(results: Results) -> str:
     """The lines that list what was written; none for nothing."""
-    return file_lines("files:", [result for result in results.values() if result])
+    files = [one_line(str(result)) for result in results.values() if result]
+    return "".join(f"{'       ' if k else 'files: '}{file}\n" for k, file in enumerate(files))
 
 
 def given_command() -> str:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from winchcascade.report.report_files import ReportFiles
-    from winchcascade.report.sheet import Report as Older
 
 FIGURE_FORMATS = ("svg", "pdf", "png")
 """Files of a figure."""
@@ -34,9 +33,7 @@ def stem_of(name: str) -> str:
     return re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", name)).strip("-._")[:80] or "report"
 
 
-def write_report_files(
-    make: Callable[[], Report | Older], files: ReportFiles, name: str, *, force: bool = False
-) -> None:
+def write_report_files(make: Callable[[], Report], files: ReportFiles, name: str, *, force: bool = False) -> None:
     """Write a report as page and PDF, and its figures and tables into their folders, as far as they are wanted.
 
     Parameters
@@ -48,12 +45,12 @@ def write_report_files(
     ------
     OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
-    from winchcascade.report.publish import publish
+    from winchcascade.report.render.publish import publish
 
     report = make()
     publish(report, html=files.html, pdf=files.pdf, force=force)
     for folder, write in ((files.figures, write_figures), (files.tables, write_tables)):
-        if folder is not None and isinstance(report, Report):
+        if folder is not None:
             write(report, folder, name, force=force)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
@@ -47,7 +48,6 @@ from winchcascade.report.results.diagnosis_parts import (
     numbers,
     residual,
 )
-from winchcascade.report.sheet import file_digest
 
 KILO = figures.KILO
 
@@ -77,7 +77,7 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
                     *((part.run.name, _part(part)) for part in found.lines.parts),
                     ("Judged", words.judged_words(found)),
                     ("Rig", f"{found.rig.name} ({found.rig.path})" if found.rig.path else found.rig.name),
-                    ("SHA-256 of the rig file", file_digest(found.rig.path)),
+                    ("SHA-256 of the rig file", fingerprint(found.rig.path)),
                     ("Acceleration", slope_words(found)),
                     ("Seed of the resampled cycles", str(found.seed)),
                 ],
