@@ -19,8 +19,8 @@ from winchcascade.report.diagnosis_figures import (
     over_speed_figure,
     stage_map,
 )
+from winchcascade.report.diagnosis_names import signed
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.gap_words import signed
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 

@@ -12,10 +12,9 @@ from matplotlib.ticker import MaxNLocator
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.diagnosis.load_costs import OTHER, waterfall_costs
-from winchcascade.report.diagnosis_words import word_of
+from winchcascade.report.diagnosis_names import has_own_simulation, word_of
 from winchcascade.report.digits import number
 from winchcascade.report.figures.style import COLOURS, Margins, panel_figure
-from winchcascade.report.gap_words import has_own_simulation
 from winchcascade.report.wording import load_words, tex
 
 NAMES = {"tolerances": "tolerances", "model_form": "model form", "residual": "residual"}

@@ -16,7 +16,7 @@ from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
 from winchcascade.report.content import Picture
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
-from winchcascade.report.digits import upper
+from winchcascade.report.diagnosis_names import NAMES, baseline_words
 from winchcascade.report.figures.histories import plain, repaired_spans, thinned
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -27,7 +27,7 @@ from winchcascade.report.figures.style import (
     panel_figure,
     patch_entry,
 )
-from winchcascade.report.gap_words import NAMES, baseline_words
+from winchcascade.report.glossary import upper
 from winchcascade.report.wording import load_words
 
 PANEL = 1.15

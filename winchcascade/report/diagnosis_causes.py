@@ -10,7 +10,7 @@ from winchcascade.diagnosis.cause_numbers import CauseNumber, cause_numbers, pro
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report.cause_words import runs_with_number, shown_as
+from winchcascade.report.diagnosis_names import display_of, runs_with_number, shown_as
 from winchcascade.report.figures.style import (
     COLOURS,
     Margins,
@@ -19,7 +19,6 @@ from winchcascade.report.figures.style import (
     panel_figure,
     patch_entry,
 )
-from winchcascade.report.gap_words import display_of
 from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 

@@ -27,7 +27,7 @@ from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.model_account import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
-from winchcascade.report.digits import upper
+from winchcascade.report.diagnosis_names import NAMES, baseline_words, phase_words, signed
 from winchcascade.report.figures.style import (
     COLOURS,
     LOAD_COLOURS,
@@ -42,7 +42,7 @@ from winchcascade.report.figures.style import (
     patch_entry,
     shade_over_speed,
 )
-from winchcascade.report.gap_words import NAMES, baseline_words, phase_words, signed
+from winchcascade.report.glossary import upper
 from winchcascade.report.wording import load_words
 from winchcascade.rig.stages import STAGES
 

@@ -8,9 +8,8 @@ from matplotlib.figure import Figure
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report.cause_words import set_words
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
-from winchcascade.report.digits import upper
+from winchcascade.report.diagnosis_names import set_words
 from winchcascade.report.figures.style import (
     COLOURS,
     Margins,
@@ -21,6 +20,7 @@ from winchcascade.report.figures.style import (
     panel_figure,
     wide_figure,
 )
+from winchcascade.report.glossary import upper
 
 GIVEN, CAUSED = "line tension times speed", "with the causes"
 

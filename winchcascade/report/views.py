@@ -355,9 +355,9 @@ def _(result: CampaignReduction) -> str:
 @summary_of.register(DiagnosisResult)
 def _(result: DiagnosisResult) -> str:
     from winchcascade.report.render.page import table_html
-    from winchcascade.report.results.diagnosis import main_table
+    from winchcascade.report.results.diagnosis_parts import causes_table
 
-    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result))
 
 
 @summary_of.register(Comparison)
