@@ -10,7 +10,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import LINE_NUMBERS, range_words, trend_sentences
 from winchcascade.report.content import Column, Measured, Note, Section, Span, picture, section, table
-from winchcascade.report.diagnosis_causes import numbers_figure, profile_figure, stability_figure
+from winchcascade.report.figures.cause_figures import numbers_figure, profile_figure, stability_figure
 from winchcascade.report.gap_words import alarm_place, display_of, kind_words, probability_words
 
 

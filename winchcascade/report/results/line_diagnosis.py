@@ -7,7 +7,7 @@ from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
-from winchcascade.report import line_figures as figures
+from winchcascade.report.figures import line_figures as figures
 from winchcascade.report.cause_words import (
     PhaseEnergy,
     again_words,
