@@ -101,12 +101,10 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Made:
     head, *rows = CLEAN.read_text().splitlines()
     column = '"column ' + WORDS.replace('"', '""') + '"'
     log.write_text("\n".join([f"{head},{column}", *(f"{row},1.5" for row in rows)]) + "\n")
-    texts = {
-        key: json.dumps(f"{key} {WORDS}", ensure_ascii=False) for key in "name title source note instr from".split()
-    }
+    texts = {key: json.dumps(f"{key} {WORDS}", ensure_ascii=False) for key in "name title source note from".split()}
     rig_file.write_text(
         'based_on = "hsu2026"\n' + "".join(f"{key} = {texts[key]}\n" for key in ("name", "title", "source", "note"))
-        + f'[sensors.force]\nunit = "N"\nhigh = 20000.0\naccuracy_full_scale = 0.002\ninstrument = {texts["instr"]}\n'
+        + f'[sensors.force]\nunit = "N"\nhigh = 20000.0\naccuracy_full_scale = 0.002\n'
         f"source = {texts['from']}\n"
     )  # fmt: skip
     rig = load_rig(rig_file)
@@ -218,7 +216,7 @@ def test_every_colour_of_a_drawing_follows_the_theme(page: Made) -> None:
 
 def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(hostile: Made) -> None:
     shown = " ".join(Page(hostile.page).shown.split())
-    for place in ("name", "title", "source", "note", "instr", "from", "about", "command", "given"):
+    for place in ("name", "title", "source", "note", "about", "command", "given"):
         assert " ".join(typeset(f"{place} {WORDS}").split()) in shown, place
     assert hostile.reduction.run.name in shown
     assert "column <b>bold</b>" in " ".join(f.message for f in hostile.reduction.quality)

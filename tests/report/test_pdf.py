@@ -72,10 +72,10 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Made:
     log = tmp_path_factory.mktemp("hostile") / name
     head, *rows = CLEAN.read_text().splitlines()
     log.write_text("\n".join([f'{head},"odd #x $y$ *z*"', *(f"{row},1.5" for row in rows)]) + "\n")
-    texts = {key: json.dumps(f"{key} {MARKUP}") for key in ("name", "title", "source", "note", "instr", "from")}
+    texts = {key: json.dumps(f"{key} {MARKUP}") for key in ("name", "title", "source", "note", "from")}
     rig = parse_rig(
         'based_on = "hsu2026"\n' + "".join(f"{key} = {texts[key]}\n" for key in ("name", "title", "source", "note"))
-        + f'[sensors.force]\nunit = "N"\nhigh = 20000.0\naccuracy_full_scale = 0.002\ninstrument = {texts["instr"]}\n'
+        + f'[sensors.force]\nunit = "N"\nhigh = 20000.0\naccuracy_full_scale = 0.002\n'
         f"source = {texts['from']}\n",
         "rig #x.toml",
     )  # fmt: skip
@@ -163,7 +163,7 @@ def test_symbols_are_set_with_low_indices(clean: Made) -> None:
 
 def test_texts_of_a_log_and_its_rig_appear_as_they_are(hostile: Made) -> None:
     whole = squeezed(hostile.text)
-    for place in ("name", "title", "source", "note", "instr", "from", "about", "command"):
+    for place in ("name", "title", "source", "note", "from", "about", "command"):
         assert squeezed(f"{place} {MARKUP}") in whole, place
     assert squeezed(hostile.report.title) in whole
     assert "odd#x$y$*z*" in whole
