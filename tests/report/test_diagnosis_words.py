@@ -12,7 +12,6 @@ from winchcascade.diagnosis import causes, closure, evidence, nuisances
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Alternative, Experiment, Remainder, Reported, Spot
 from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
-from winchcascade.report.cause_costs import no_energy_words
 from winchcascade.report.diagnosis_words import (
     arises_words,
     checked_words,
@@ -34,6 +33,7 @@ from winchcascade.report.gap_words import (
     nuisance_words,
     number_words,
 )
+from winchcascade.report.results.diagnosis import no_energy_words
 from winchcascade.report.results.diagnosis_lines import diagnosis_lines
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.effects.catalogue import EFFECTS

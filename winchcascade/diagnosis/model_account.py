@@ -25,14 +25,14 @@ from winchcascade.diagnosis.model_comparison import ModelComparison, before_brak
 from winchcascade.reduction.reduction_result import Reduction
 
 COMPARED = {"torque": 1.0, "vdc": 1.0, "idc": 1.0, "pressure": 1.0 / KGCM2, "force": 1.0}
-"""Channels whose differences are reported, and the factor that turns SI units into those of a report, kg/cm2 for the pressure."""
+"""Channels whose differences are kept, and the factor that turns SI units into kg/cm2 for the pressure."""
 
 MAX_POINTS = 150
 """Maximum number of samples of a regression that are kept; of more an even selection."""
 
 
 class ChannelDifference(msgspec.Struct, frozen=True):
-    """Log minus simulation of one channel over the payouts: mean and root mean square, in SI units but for the pressure [kg/cm2]."""
+    """Log minus simulation of one channel over the payouts: mean and root mean square, SI units or kg/cm2."""
 
     bias: float
     rms: float

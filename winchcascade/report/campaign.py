@@ -31,8 +31,8 @@ from winchcascade.report.campaign_record import has_speeds, mixed_windows, windo
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
 from winchcascade.report.figures import campaign_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.results.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
+from winchcascade.report.results.model_section import Named, campaign_section
 from winchcascade.report.results.waves import campaign_waves_section
 from winchcascade.report.sheet import TableColumn
 from winchcascade.report.wording import SYMBOL, decimals_of, load_text, metrics_note, symbols_section, unit_of

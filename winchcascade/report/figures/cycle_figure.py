@@ -64,7 +64,9 @@ def cycle_figure(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> Figu
     axes[-1].set_xlabel("Time since the onset of the payout (s)")
     names = (word, baseline_words(found), AFTER)[: len(item.sides)]
     lines = [line_entry(name, colour, **style) for name, (colour, style) in zip(names, LINES, strict=False)]
-    legend_above(figure, [*lines, *(patch_entry(colour, colour, lw=0) for colour in dict.fromkeys(s[2] for s in spans))])
+    legend_above(
+        figure, [*lines, *(patch_entry(colour, colour, lw=0) for colour in dict.fromkeys(s[2] for s in spans))]
+    )
     return figure
 
 
@@ -77,7 +79,9 @@ def cycle_json(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> str:
         quantity = upper(NAMES[row.channel])
         return [
             {"label": name, "colour": colour, "values": plain(curve), **({"dash": [6, 3]} if "ls" in style else {})}
-            for name, (colour, style), curve in zip((f"{quantity}, {word}", *names[1:]), LINES, row.curves, strict=False)
+            for name, (colour, style), curve in zip(
+                (f"{quantity}, {word}", *names[1:]), LINES, row.curves, strict=False
+            )
         ]
 
     record = {

@@ -1,4 +1,4 @@
-"""Figures of the gap of a diagnosis: maps by channel and phase, errors over time and current, channels over speed (Figs 18a-d)."""
+"""Figures of the gap of a diagnosis: maps by channel and phase, errors over time and current, channels over speed."""
 
 from __future__ import annotations
 
@@ -49,8 +49,16 @@ AFTER = "with the fitted effects"
 """Name of the simulation with the causes in every legend."""
 
 HOLLOW: LineStyle = {"ls": "none", "marker": "o", "ms": 3.2, "mew": 0.7, "mfc": "none", "color": COLOURS["mech"]}
-FILLED: LineStyle = {"ls": "none", "marker": "s", "ms": 2.4, "mew": 0.0, "color": COLOURS["gen"]}
+FILLED: LineStyle = {"ls": "none", "marker": "s", "ms": 3.0, "mew": 0.0, "color": COLOURS["gen"]}
 """Marks of values before and after."""
+
+
+def coloured(mark: LineStyle, colour: str) -> LineStyle:
+    """The same mark in another colour."""
+    found = mark.copy()
+    found["color"] = COLOURS[colour]
+    return found
+
 
 DASHES: Dashes = (0, (4, 1.2))
 """Dashes of a line before the causes."""
@@ -208,12 +216,12 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
             rpm, logged, *simulated = means_over_speed([series(found, both, k, channel) for channel in channels])
             ax.plot(rpm, logged, color=COLOURS[colour], lw=1.2)
             for values, mark in zip(simulated, (HOLLOW, FILLED), strict=False):
-                ax.plot(rpm, values, **{**mark, "color": COLOURS[colour]})
+                ax.plot(rpm, values, **coloured(mark, colour))
         ax.set(xlim=(0.0, None), ylim=(0.0, None))
         shaded |= shade_over_speed(ax, None if rated is None else rated.value * 30.0 / math.pi)
         label_panel(ax, "abc"[n], title, x="Generator speed (rpm)", unit=unit)
-    marks = [line_entry(baseline_words(found), **HOLLOW | {"color": COLOURS["ink"]})]
-    marks += [line_entry(AFTER, **FILLED | {"color": COLOURS["ink"]})] if both.after is not None else []
+    marks = [line_entry(baseline_words(found), **coloured(HOLLOW, "ink"))]
+    marks += [line_entry(AFTER, **coloured(FILLED, "ink"))] if both.after is not None else []
     loads = [line_entry(load_words(found.runs[k].load), colour, lw=1.2) for k, colour in colours.items()]
     over = [patch_entry("over rated speed", "over")] if shaded else []
     legend_above(figure, [line_entry(word, lw=1.2), *marks, *over, *loads])
@@ -255,7 +263,9 @@ def error_figure(
         ax.set_title(f"({letter}) {title}" if len(panels) > 1 else title)
         over = "Generator speed (rpm)" if channel in OVER_SPEED else quantity_label(channel)
         ax.set(xlabel=over, ylabel=f"Difference ({typeset(TERMS[channel].unit)})")
-    entries = [line_entry(baseline_words(found), **HOLLOW), line_entry(after, **FILLED)][: 1 if both.after is None else 2]
+    entries = [line_entry(baseline_words(found), **HOLLOW), line_entry(after, **FILLED)][
+        : 1 if both.after is None else 2
+    ]
     entries += [patch_entry("noise, 95 % in the middle", "loss", alpha=0.6, lw=0)]
     legend_above(figure, entries + ([line_entry("rated stator current", "soft", lw=0.8, ls="--")] if rated else []))
     return figure
@@ -276,4 +286,4 @@ def _draw_errors(ax: Axes, found: ModelDiagnosis, both: Sides, channel: str) -> 
     half = BAND * float(np.median(noise))
     ax.axhspan(-half, half, color=COLOURS["loss"], alpha=0.6, lw=0, zorder=0.5)
     for values, mark in zip(errors, (HOLLOW, FILLED), strict=False):
-        ax.plot(at, values, alpha=0.8, **{**mark, "ms": 2.2})
+        ax.plot(at, values, alpha=0.8, **mark)

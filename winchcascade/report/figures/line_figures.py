@@ -116,7 +116,11 @@ def power_by_cycle(found: LineDiagnosis, word: str) -> Figure | None:
     ax.vlines(x, after, before, color=COLOURS["loss"], lw=2.0)
     ax.plot(x, before, **HOLLOW)
     ax.plot(x, after, **FILLED)
-    ax.set(ylim=(0.0, None), xlabel="Cycle" if len(parts) == 1 else "Cycle, one after the other", ylabel="RMS error (kW)")
+    ax.set(
+        ylim=(0.0, None), xlabel="Cycle" if len(parts) == 1 else "Cycle, one after the other", ylabel="RMS error (kW)"
+    )
     ax.grid(False, axis="x")
-    legend_above(figure, [line_entry(f"{word} − {GIVEN}", **HOLLOW), line_entry(f"{word} − predicted {CAUSED}", **FILLED)])
+    legend_above(
+        figure, [line_entry(f"{word} − {GIVEN}", **HOLLOW), line_entry(f"{word} − predicted {CAUSED}", **FILLED)]
+    )
     return figure

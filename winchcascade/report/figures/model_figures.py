@@ -51,7 +51,9 @@ class Shown(NamedTuple):
 
 
 SHOWN = {
-    "pressure_kgcm2": Shown("Gas pressure, gauge", "kg/cm²", "gas pressure over displacement (haul-ins dashed)", "Displacement (m)"),
+    "pressure_kgcm2": Shown(
+        "Gas pressure, gauge", "kg/cm²", "gas pressure over displacement (haul-ins dashed)", "Line displacement (m)"
+    ),
     "force_n": Shown("Line tension", "N", "line tension over line velocity (haul-ins left of zero)", "Line velocity (m/s)"),
     "power_gen_w": Shown("Power at the DC link", "W", "power at the DC link over generator speed"),
     "torque_nm": Shown("Torque of the PTO shaft", "N·m", "torque of the PTO shaft over generator speed"),
@@ -63,7 +65,7 @@ SHOWN = {
         "electrical-side loss P_mech - P_gen (Eq. 11 of Hsu et al. 2026) without stored energy over generator speed",
     ),
     "eta_gen": Shown(
-        "Efficiency of that side", "1",
+        "Efficiency, electrical side", "1",
         "efficiency of the electrical stage, mean P_gen over mean P_mech of each bin (Eq. 6) without stored energy over "
         "generator speed",
     ),
@@ -162,7 +164,7 @@ def _panel(
         )  # fmt: skip
     ax.set(xlabel=shown.over, ylabel=f"{shown.title} ({unit})")
     if letter:
-        label_panel(ax, letter, shown.title, unit=unit)
+        label_panel(ax, letter, shown.title, unit="Efficiency (1)" if unit == "1" else unit)
     if name == "resistance_ohm":
         ax.set_ylim(0.0, 1.12 * max(max(c.log + c.simulated) for _, _, c in curves))
     elif name == "eta_gen":
@@ -243,7 +245,8 @@ def back_emf_figure(fit: Regression, *, word: str) -> Figure:
         label_panel(ax, letter, title, x=SPEED, unit="V")
     stated = [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")] if known else []
     legend_above(
-        figure, [samples_entry(f"{word}, samples used", "ink"), line_entry("line through zero", "mech", lw=0.9), *stated]
+        figure,
+        [samples_entry(f"{word}, samples used", "ink"), line_entry("line through zero", "mech", lw=0.9), *stated],
     )
     return figure
 
@@ -298,7 +301,9 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
         entries.append(patch_entry(name, fill))
     for stage, (mark, what) in POINTS.items():
         simulated = [100.0 * (b.mech if stage == "mech" else b.shares["dc"]) for b in budgets]
-        logged = [100.0 * b.log[stage] / b.log["line"] if stage in b.log and b.log.get("line") else np.nan for b in budgets]
+        logged = [
+            100.0 * b.log[stage] / b.log["line"] if stage in b.log and b.log.get("line") else np.nan for b in budgets
+        ]
         for shares, fill, whose in ((simulated, "ink", "simulated"), (logged, "paper", word)):
             if np.isfinite(shares).any():
                 style: LineStyle = {"ls": "none", "marker": mark, "ms": 4.0, "mew": 0.9, "mfc": COLOURS[fill]}

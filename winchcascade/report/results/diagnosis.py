@@ -47,10 +47,10 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.digits import upper
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.figures import diagnosis_figures as figures
 from winchcascade.report.figures.cause_figures import given_head, part_name, waterfall_figure
 from winchcascade.report.figures.cycle_figure import cycle_figure, cycle_json
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import (
     NAMES,
@@ -390,7 +390,7 @@ def _how_far(found: ModelDiagnosis, both: Sides, word: str) -> Section:
 
 
 def _alone(found: ModelDiagnosis, word: str) -> Picture | None:
-    """Errors of the current with the only suspect, with every other number as in the rig file; None where several are suspected."""
+    """Errors of the current with the only suspect, all else as in the rig file; None where several are suspected."""
     both = sides_of_one(found)
     if both is None:
         return None

@@ -7,7 +7,6 @@ from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
-from winchcascade.report.figures import line_figures as figures
 from winchcascade.report.cause_words import (
     PhaseEnergy,
     again_words,
@@ -34,6 +33,7 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.digits import upper
+from winchcascade.report.figures import line_figures as figures
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import phase_words, probability_words, share_words

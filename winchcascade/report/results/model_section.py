@@ -83,7 +83,9 @@ def _open_circuit(account: Account) -> list[Block | None]:
             f"{sweep.nominal:.3g} N.m.s/rad. {_with([account])}"
         )
         figure = figures.damper_sweep(sweep, word=word, rated=account.rated)
-        blocks.append(picture(figure, "model-damper", caption.rstrip(), "Curves of the line tension, one for each damper."))
+        blocks.append(
+            picture(figure, "model-damper", caption.rstrip(), "Curves of the line tension, one for each damper.")
+        )
     if fit is not None:
         caption = (
             f"Voltage of the DC link in open circuit, and the back-EMF that it requires: {fit.slope:.5f} V/rpm, 95 % "
@@ -205,7 +207,9 @@ def _aim(accounts: Sequence[Account], rig: Rig | None = None) -> str:
 
 def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], accounts: Sequence[Account]) -> Picture | None:
     """Stacked bars of the loss budgets."""
-    caption = f"Simulated loss budget in the integration window; marks: what reaches shaft and DC link. {_with(accounts)}"
+    caption = (
+        f"Simulated loss budget in the integration window; marks: what reaches shaft and DC link. {_with(accounts)}"
+    )
     figure = figures.budget_bars(names, budgets, word=accounts[0].word)
     return picture(figure, "model-budget", caption.rstrip(), "Stacked bars; the energies are in the table.")
 
