@@ -5,6 +5,7 @@ of the page of a campaign by Chromium. `sources.json` holds the data behind each
 results.
 """
 
+import io
 import json
 import shutil
 import subprocess
@@ -176,15 +177,15 @@ _FOUND: dict[str, Any] = {}
 
 def waterfall(_: Source) -> str:
     """The waterfall figure of the report of a diagnosis."""
-    from winchcascade.report.svg_drawing import svg_text
-
     from winchcascade.report.figures.cause_figures import waterfall_figure
     from winchcascade.report.figures.style import house_style
 
     with house_style():
         figure = waterfall_figure(_FOUND["waterfall"], "log")
         assert figure is not None
-        svg = svg_text(figure, "waterfall")
+        out = io.StringIO()
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    svg = out.getvalue()[out.getvalue().index("<svg") :]
     begin = svg.index(">") + 1
     return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}\n'
 

@@ -17,6 +17,7 @@ from winchcascade.diagnosis.load_costs import waterfall_costs
 from winchcascade.diagnosis.model_account import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
+from winchcascade.report.diagnosis_names import signed
 from winchcascade.report.figures.cause_figures import (
     numbers_figure,
     profile_figure,
@@ -33,7 +34,6 @@ from winchcascade.report.figures.diagnosis_figures import (
     stage_map,
 )
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.gap_words import signed
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 

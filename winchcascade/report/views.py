@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib import axes
 
-    from winchcascade.report import content, sheet
+    from winchcascade.report import content
 else:
     pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
@@ -271,7 +271,7 @@ def _(result: DiagnosisResult) -> Plots:
 def _waterfalls(found: DiagnosisResult) -> Plot:
     """What each cause costs, by load, of the largest difference alone on one Axes."""
     from winchcascade.diagnosis.load_costs import waterfall_costs
-    from winchcascade.report.diagnosis_words import word_of
+    from winchcascade.report.diagnosis_names import word_of
     from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 
     if not isinstance(found, ModelDiagnosis):
@@ -347,18 +347,18 @@ def _(result: Reduction) -> str:
 
 @summary_of.register(CampaignReduction)
 def _(result: CampaignReduction) -> str:
-    from winchcascade.report.campaign import logs_efficiencies_table
-    from winchcascade.report.publish import table_html
+    from winchcascade.report.render.page import table_html
+    from winchcascade.report.results.campaign_tables import budget_table
 
-    return table_html(repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced)))
+    return table_html(repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False))
 
 
 @summary_of.register(DiagnosisResult)
 def _(result: DiagnosisResult) -> str:
     from winchcascade.report.render.page import table_html
-    from winchcascade.report.results.diagnosis import main_table
+    from winchcascade.report.results.diagnosis_parts import causes_table
 
-    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result))
 
 
 @summary_of.register(Comparison)
@@ -372,7 +372,7 @@ def _(result: Comparison) -> str:
 
 # ------------------------------------------------------------------------------------------------------------------ reports
 @singledispatch
-def report_of(result: object, *, command: str = "") -> content.Report | sheet.Report:  # noqa: ARG001
+def report_of(result: object, *, command: str = "") -> content.Report:  # noqa: ARG001
     """Make the report of a result.
 
     Parameters
@@ -387,15 +387,6 @@ def _(result: Reduction, *, command: str = "") -> content.Report:
     from winchcascade.report.results.drawn_reduction import drawn_report
 
     return drawn_report(result, uncertainty(result), command=command)
-
-
-@report_of.register(CampaignReduction)
-def _(result: CampaignReduction, *, command: str = "") -> sheet.Report:
-    from winchcascade.reduction.wave_record import campaign_waves
-    from winchcascade.report.campaign import campaign_report
-
-    waves = campaign_waves(result.records.items())
-    return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)
 
 
 @report_of.register(Calibration)
@@ -420,6 +411,7 @@ def _late(name: str) -> Callable[..., content.Report]:
 
 for _kind, _name in {
     Audit: "audits:audit_report",
+    CampaignReduction: "drawn_campaign:reduced_campaign",
     Check: "checks:check_report",
     Comparison: "comparison:comparison_report",
     DiagnosisResult: "diagnosis:diagnosis_report",

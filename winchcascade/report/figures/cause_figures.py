@@ -15,8 +15,8 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, DiagnosisResult, NamedCause
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.load_costs import OTHER, waterfall_costs
-from winchcascade.report.cause_words import runs_with_number, shown_as
 from winchcascade.report.content import number_text
+from winchcascade.report.diagnosis_names import display_of, has_own_simulation, runs_with_number, shown_as
 from winchcascade.report.figures.style import (
     COLOURS,
     broken,
@@ -26,7 +26,6 @@ from winchcascade.report.figures.style import (
     panel_figure,
     patch_entry,
 )
-from winchcascade.report.gap_words import display_of, has_own_simulation
 from winchcascade.report.glossary import typeset
 from winchcascade.report.wording import load_words, tex
 from winchcascade.rig.parts import ROLLOFF_KNOTS

@@ -13,7 +13,7 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle
-from winchcascade.report.digits import upper
+from winchcascade.report.diagnosis_names import NAMES, baseline_words
 from winchcascade.report.figures.diagnosis_figures import AFTER, DASHES, quantity_label
 from winchcascade.report.figures.histories import plain, repaired_spans, thinned
 from winchcascade.report.figures.style import (
@@ -24,9 +24,8 @@ from winchcascade.report.figures.style import (
     panel_figure,
     patch_entry,
 )
-from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.glossary import CHANNELS as TERMS
-from winchcascade.report.glossary import typeset
+from winchcascade.report.glossary import typeset, upper
 
 LINES: tuple[tuple[str, LineStyle], ...] = (
     ("ink", {"lw": 0.8}),

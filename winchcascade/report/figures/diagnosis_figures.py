@@ -26,7 +26,7 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
-from winchcascade.report.digits import upper
+from winchcascade.report.diagnosis_names import NAMES, baseline_words, phase_words, signed
 from winchcascade.report.figures.style import (
     COLOURS,
     LOAD_COLOURS,
@@ -39,9 +39,8 @@ from winchcascade.report.figures.style import (
     patch_entry,
     shade_over_speed,
 )
-from winchcascade.report.gap_words import NAMES, baseline_words, phase_words, signed
 from winchcascade.report.glossary import CHANNELS as TERMS
-from winchcascade.report.glossary import typeset
+from winchcascade.report.glossary import typeset, upper
 from winchcascade.report.wording import load_words
 from winchcascade.rig.stages import STAGES
 

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report.cause_words import set_words
-from winchcascade.report.digits import upper
+from winchcascade.report.diagnosis_names import set_words
 from winchcascade.report.figures.diagnosis_figures import DASHES, FILLED, HOLLOW
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -18,6 +17,7 @@ from winchcascade.report.figures.style import (
     panel_figure,
     wide_figure,
 )
+from winchcascade.report.glossary import upper
 
 GIVEN, CAUSED = "line tension times speed", "with the causes"
 
