@@ -104,7 +104,7 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
-    from winchcascade.report.results.diagnosis_lines import diagnosis_lines
+    from winchcascade.report.results.diagnosis_words import diagnosis_lines
     from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()

@@ -349,8 +349,7 @@ def _cause_unit(found: DiagnosisResult, named: NamedCause, parameter: str, units
     if units == "si":
         return unit, 1.0
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.cause_words import LINE_NUMBERS
-    from winchcascade.report.gap_words import display_of
+    from winchcascade.report.diagnosis_names import LINE_NUMBERS, display_of
 
     effect = named.effect
     how = LINE_NUMBERS[effect] if isinstance(found, LineDiagnosis) else display_of(effect, parameter, unit)

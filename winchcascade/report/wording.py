@@ -10,7 +10,6 @@ from msgspec.structs import asdict
 
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
 from winchcascade.core.cascade import Cascade
-from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
 from winchcascade.report.digits import RAISED
@@ -185,8 +184,7 @@ def of_phase(phase: str, field: str, cycle: CycleResult) -> float | None:
         "haul_in": summary.haul_in,
         "point": summary.point or None,
     }
-    value: float | None = (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
-    return value / (KGF * 1e4) if field == "pressure" and value is not None else value
+    return (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
 
 
 LISTED_CYCLES = 6
