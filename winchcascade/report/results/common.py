@@ -57,7 +57,9 @@ def histories(reduction: Reduction) -> Section:
     from winchcascade.report.figures.histories import SHADED_CYCLES, histories_json, time_histories
 
     shaded = len(reduction.cycles) <= SHADED_CYCLES and bool(reduction.cycles)
-    caption = "Channels and powers over the whole log." + (" Shaded: payout and hold." if shaded else "")
+    caption = "Channels and powers over the whole log." + (
+        " Shaded: payout and hold; lines: integration window." if shaded else ""
+    )
     caption += " At the lower edge: repaired stretches." if reduction.run.gaps else ""
     return section(
         "histories", "Time histories",
