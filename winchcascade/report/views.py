@@ -117,7 +117,7 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     OptionError : another ending, or a result that has no report
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
-    from winchcascade.report.publish import publish
+    from winchcascade.report.render.publish import publish
 
     check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
     path = Path(path)
@@ -242,7 +242,7 @@ def _(result: CampaignReduction) -> Plots:
 @plots_of.register(DiagnosisResult)
 def _(result: DiagnosisResult) -> Plots:
     """The map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency, by load."""
-    from winchcascade.report.diagnosis_figures import draw_gap_map
+    from winchcascade.report.figures.diagnosis_figures import draw_gap_map
 
     rows = len({(place.channel, place.phase) for place in result.places})
     return {
@@ -258,7 +258,8 @@ def _(result: DiagnosisResult) -> Plots:
 def _waterfalls(found: DiagnosisResult) -> Plot:
     """What each cause costs, by load, of the largest difference alone on one Axes."""
     from winchcascade.diagnosis.load_costs import waterfall_costs
-    from winchcascade.report import cause_costs
+    from winchcascade.report.diagnosis_names import word_of
+    from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 
     if not isinstance(found, ModelDiagnosis):
         raise OptionError(
@@ -269,10 +270,10 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
     if not costs:
         return Plot(list, "a split of an efficiency at a load")
     largest = max(costs, key=lambda one: abs(one.measured - one.as_given))
-    height = 0.6 + cause_costs.BAR * (len(costs[0].parts) + 2)
+    height = 0.6 + BAR * (len(costs[0].parts) + 2)
 
     def draw(axes: list[axes.Axes]) -> None:
-        cause_costs.draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs)
+        draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs, word_of(found))
 
     return Plot(draw, "", len(costs), height, "y")
 
@@ -280,7 +281,8 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
 @plots_of.register(Comparison)
 def _(result: Comparison) -> Plots:
     """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of the whole cascade."""
-    from winchcascade.report.results.comparison import by_metric, draw_differences, rows_of
+    from winchcascade.report.figures.comparison_figures import draw_differences
+    from winchcascade.report.results.comparison import by_metric, rows_of
 
     metrics = list(by_metric(rows_of(result, "eta", whole=False)))
     whole = [name for name in metrics if name == result.overall] or metrics[:1]
