@@ -94,7 +94,7 @@ def miss_sentence(cell: CellCheck) -> str:
 
 def check_summary(check: Check) -> str:
     """How many cells agree, and why others do not."""
-    count, found = len(check.cells), Counter(cell.outcome for cell in check.misses)
+    count, found = len(check.cells), Counter[str](cell.outcome for cell in check.misses)
     words = {"miss": "differ" + "s" * (found["miss"] == 1), "not_measured": "not measured", "no_run": "without a run"}
     named = ", ".join(f"{found[outcome]} {word}" for outcome, word in words.items() if found[outcome])
     return f"All {count} cells agree." if check.ok else f"{count - len(check.misses)} of {count} cells agree; {named}."
