@@ -5,6 +5,7 @@ of the page of a campaign by Chromium. `sources.json` holds the data behind each
 results.
 """
 
+import io
 import json
 import shutil
 import subprocess
@@ -175,15 +176,15 @@ _FOUND: dict[str, Any] = {}
 
 def waterfall(_: Source) -> str:
     """The waterfall figure of the report of a diagnosis."""
-    from winchcascade.report.svg_drawing import svg_text
-
     from winchcascade.report.cause_costs import waterfall_figure
     from winchcascade.report.figures.style import house_style
 
     with house_style():
         figure = waterfall_figure(_FOUND["waterfall"])
         assert figure is not None
-        svg = svg_text(figure, "waterfall")
+        out = io.StringIO()
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    svg = out.getvalue()[out.getvalue().index("<svg") :]
     begin = svg.index(">") + 1
     return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}\n'
 
@@ -192,7 +193,7 @@ def waterfall(_: Source) -> str:
 def campaign_source() -> Source:
     """Tiles, sentences and tables of the report of the campaign."""
     from winchcascade import open_campaign
-    from winchcascade.report.write_report import write_report
+    from winchcascade.report.views import write_report
 
     result = open_campaign(ROOT / CAMPAIGN).reduce()
     folder = Path(tempfile.mkdtemp())

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.font_manager import get_font_names
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
@@ -88,8 +89,13 @@ def look_of(stage: str) -> Look:
 FONT = "DejaVu Sans"
 """Font of figures and of the PDF, which Matplotlib brings along."""
 
+OTHER_FONTS = (
+    "Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans SC", "Microsoft YaHei", "PingFang SC", "Hiragino Sans", "MS Gothic",
+    "Malgun Gothic", "WenQuanYi Micro Hei", "Arial Unicode MS", "Unifont",
+)  # fmt: skip
+"""Fonts of systems for letters that it lacks, as far as they are there."""
+
 _RC = {
-    "font.family": FONT,
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.titlelocation": "left",
@@ -137,7 +143,9 @@ def house_style() -> Iterator[None]:
     """Draw within this context in the project's style, whatever the user's matplotlib is set to."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
+        there = set(get_font_names())
         matplotlib.rcParams.update(_RC)  # type: ignore[arg-type]  # its keys are typed as literals
+        matplotlib.rcParams["font.family"] = [FONT, *(name for name in OTHER_FONTS if name in there)]
         yield
 
 

@@ -83,6 +83,7 @@ def _rows(table: Table[Any]) -> dict[str, Any]:
     return {
         "columns": list(zip(used.columns, left, strict=True)),
         "body": used.shortened(texts[:count]),
+        "addresses": used.shortened(used.addresses, counted=False),
         "below": texts[count:],
         "left": left,
         "fixed": all(len(row[0]) <= LONG for row in texts),
