@@ -15,7 +15,8 @@ from winchcascade.diagnosis.load_costs import OTHER, waterfall_costs
 from winchcascade.report.diagnosis_names import has_own_simulation, word_of
 from winchcascade.report.digits import number
 from winchcascade.report.figures.style import COLOURS, Margins, panel_figure
-from winchcascade.report.wording import load_words, tex
+from winchcascade.report.glossary import tex
+from winchcascade.report.wording import load_words
 
 NAMES = {"tolerances": "tolerances", "model_form": "model form", "residual": "residual"}
 """Parts that are no cause."""

@@ -18,9 +18,8 @@ from winchcascade.diagnosis.model_account import COMPARED, Account, ChannelDiffe
 from winchcascade.diagnosis.model_comparison import ModelComparison
 from winchcascade.report import model_figures as figures
 from winchcascade.report.content import Block, Column, Note, Picture, Section, Table, picture, section, table
-from winchcascade.report.digits import upper
 from winchcascade.report.figures.style import cut_apart
-from winchcascade.report.glossary import CHANNELS
+from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.model_figures import NOTHING, SHOWN
 from winchcascade.report.wording import load_words
 

@@ -13,7 +13,7 @@ from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, picture, section
-from winchcascade.report.digits import upper
+from winchcascade.report.glossary import upper
 from winchcascade.report.sheet import file_digest, made_at
 
 if TYPE_CHECKING:

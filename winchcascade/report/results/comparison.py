@@ -20,11 +20,10 @@ from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.campaign_file import banner
 from winchcascade.report import content
 from winchcascade.report.content import Column, Measured, Note, Span, Tile, section, shown
-from winchcascade.report.digits import upper
 from winchcascade.report.figures.style import COLOURS, WIDTH, cut_apart, evenly, house_style, label_panel, look_of
-from winchcascade.report.glossary import metric, short, typeset
+from winchcascade.report.glossary import metric, short, tex, typeset, upper
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.report.wording import load_words, tex
+from winchcascade.report.wording import load_words
 
 LISTED = 6
 """Runs that a sentence names."""
