@@ -8,8 +8,6 @@ from diagnosed import diagnosed
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability, Trend
-from winchcascade.report.diagnosis_causes import stability_figure
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
@@ -68,18 +66,6 @@ def test_a_trend_is_one_sentence(trend: Trend, text: str) -> None:
 
 def test_two_runs_are_too_few_for_a_sentence() -> None:
     assert stability_words(diagnosed("copper")) == ""
-
-
-def test_a_number_that_changes_is_marked_in_the_title_of_its_panel() -> None:
-    with house_style():
-        figure = stability_figure(with_trends(Trend("load", -0.2, 0.02, 1e-9)))
-    assert figure is not None
-    (title,) = [ax.get_title(loc="left") for ax in figure.axes if ax.get_title(loc="left")]
-    assert title == "Stator resistance: changes with the load\nstator resistance (%)"
-
-
-def test_without_a_cause_there_is_no_figure() -> None:
-    assert stability_figure(diagnosed("nothing")) is None
 
 
 def test_what_differs_between_runs_is_stated_of_its_cause_and_in_the_terminal() -> None:

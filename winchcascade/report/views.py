@@ -255,7 +255,7 @@ def _(result: CampaignReduction) -> Plots:
 @plots_of.register(DiagnosisResult)
 def _(result: DiagnosisResult) -> Plots:
     """The map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency, by load."""
-    from winchcascade.report.diagnosis_figures import draw_gap_map
+    from winchcascade.report.figures.diagnosis_figures import draw_gap_map
 
     rows = len({(place.channel, place.phase) for place in result.places})
     return {
@@ -271,7 +271,8 @@ def _(result: DiagnosisResult) -> Plots:
 def _waterfalls(found: DiagnosisResult) -> Plot:
     """What each cause costs, by load, of the largest difference alone on one Axes."""
     from winchcascade.diagnosis.load_costs import waterfall_costs
-    from winchcascade.report import cause_costs
+    from winchcascade.report.diagnosis_names import word_of
+    from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 
     if not isinstance(found, ModelDiagnosis):
         raise OptionError(
@@ -282,10 +283,10 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
     if not costs:
         return Plot(list, "a split of an efficiency at a load")
     largest = max(costs, key=lambda one: abs(one.measured - one.as_given))
-    height = 0.6 + cause_costs.BAR * (len(costs[0].parts) + 2)
+    height = 0.6 + BAR * (len(costs[0].parts) + 2)
 
     def draw(axes: list[axes.Axes]) -> None:
-        cause_costs.draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs)
+        draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs, word_of(found))
 
     return Plot(draw, "", len(costs), height, "y")
 

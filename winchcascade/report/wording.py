@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from msgspec.structs import asdict
 
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
-from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
 from winchcascade.report.glossary import CHANNELS, SENSORS
@@ -97,8 +96,7 @@ def of_phase(phase: str, field: str, cycle: CycleResult) -> float | None:
         "haul_in": summary.haul_in,
         "point": summary.point or None,
     }
-    value: float | None = (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
-    return value / (KGF * 1e4) if field == "pressure" and value is not None else value
+    return (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
 
 
 LISTED_CYCLES = 6

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.diagnosis.block_series import Sides, most_telling, sides
+from winchcascade.diagnosis.block_series import Sides, most_telling, sides, sides_of_one
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, StagePlace
@@ -15,14 +15,14 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.load_costs import load_costs
 from winchcascade.diagnosis.nuisances import Nuisance
+from winchcascade.diagnosis.simulated_cycle import largest_gap
 from winchcascade.diagnosis.thresholds import Threshold
-from winchcascade.report import diagnosis_figures as figures
-from winchcascade.report.cause_costs import given_head, waterfall_figure
 from winchcascade.report.content import (
     Cell,
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Section,
     Table,
@@ -31,7 +31,6 @@ from winchcascade.report.content import (
     section,
     table,
 )
-from winchcascade.report.cycle_histories import cycle_picture
 from winchcascade.report.diagnosis_names import (
     NAMES,
     alarm_place,
@@ -44,6 +43,9 @@ from winchcascade.report.diagnosis_names import (
     phase_words,
     word_of,
 )
+from winchcascade.report.figures import diagnosis_figures as figures
+from winchcascade.report.figures.cause_figures import given_head, waterfall_figure
+from winchcascade.report.figures.cycle_figure import cycle_figure, cycle_json
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
@@ -85,7 +87,8 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         subtitle=f"{len(found.runs)} logs · rig {found.rig.name} · {len(found.suspects)} effects tried",
         tiles=_tiles(found),
         lead=picture(
-            waterfall_figure(found), "waterfall", f"{leading} from {given_head(found)} to {word}, part by part; black: 95 %.",
+            waterfall_figure(found, word), "waterfall",
+            f"{leading} from {given_head(found)} to {word}, part by part; black: 95 %.",
             "Bars from one level to the next; the values are in the table of what each cause costs.",
         ),
         points=_points(found),
@@ -101,7 +104,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
             _other_costs(found),
             _where(found, word),
             _how_far(found, both, word),
-            section("time-histories", "Time histories", cycle_picture(found, word), folded=True),
+            section("time-histories", "Time histories", _cycle(found, word), folded=True),
             numbers(found),
             _speed(found, both, word),
             _considered(found),
@@ -312,17 +315,47 @@ def _how_far(found: ModelDiagnosis, both: Sides, word: str) -> Section:
             shrunk,
             brief=False,
         ),
+        _alone(found, word),
         picture(
             figures.error_figure(found, both, word), "errors",
             "Errors in the payouts of all logs; a mark is a block (the paper's Fig. 18b).",
             "Clouds of marks before and after about zero.",
         ),
         picture(
-            figures.history(found, both, log, word), "history",
+            figures.error_history(found, both, log, word), "history",
             f"{run.name} ({load_words(run.load, 'ohm')}): {word} minus simulated, block by block.",
             "Lines over time for every channel.",
         ),
         folded=True,
+    )  # fmt: skip
+
+
+def _alone(found: ModelDiagnosis, word: str) -> Picture | None:
+    """Errors of the current with the only suspect, all else as in the rig file; None where several are suspected."""
+    both = sides_of_one(found)
+    if both is None:
+        return None
+    (effect,) = found.suspects
+    return picture(
+        figures.error_figure(found, both, word, after=f"with {effect} alone", channels=["idc"]), "one-effect",
+        f"Errors of the current over the current in the payouts of all logs, before and after {effect} alone (the paper's "
+        "Fig. 18b); a mark is a block.",
+        "Clouds of marks before and after about zero.",
+    )  # fmt: skip
+
+
+def _cycle(found: ModelDiagnosis, word: str) -> Picture | None:
+    """The cycle with the largest gap over time; None where no run has a payout."""
+    item = largest_gap(found)
+    if item is None:
+        return None
+    run = found.data.logs[item.log].run
+    return picture(
+        cycle_figure(found, item, word), "histories",
+        f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest gap, over the time since its "
+        f"onset; the zeros of the sensors are taken off the {word}. Shaded: payout.",
+        "Line plots of every channel over time; the values are in the log.",
+        cycle_json(found, item, word),
     )  # fmt: skip
 
 

@@ -10,7 +10,6 @@ from winchcascade.diagnosis.contributions import leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Contribution, DiagnosisResult, Minor, NamedCause, Reported
 from winchcascade.diagnosis.load_costs import load_costs
-from winchcascade.report.cause_costs import no_energy_words
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -24,7 +23,6 @@ from winchcascade.report.content import (
     section,
     table,
 )
-from winchcascade.report.diagnosis_causes import numbers_figure, profile_figure, stability_figure
 from winchcascade.report.diagnosis_names import (
     COVERAGE,
     NAMES,
@@ -37,11 +35,28 @@ from winchcascade.report.diagnosis_names import (
     range_words,
     shown_as,
 )
+from winchcascade.report.figures.cause_figures import numbers_figure, profile_figure, stability_figure
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import data_note
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display
+
+NO_ENERGY = {
+    "sensor": "costs no energy: it changes what is read",
+    "entry": "costs no energy: it changes a stated number, not the rig",
+}
+"""What is said of a cause that does not cost energy, by its kind."""
+
+
+def no_energy_words(found: ModelDiagnosis) -> str:
+    """Which causes cost no energy."""
+    return " ".join(
+        f"{found.suspects[cause.effect].label} {what}."
+        for kind, what in NO_ENERGY.items()
+        for cause in found.causes
+        if cause.stage == kind
+    )
 
 
 def note_of(text: str, about: str = "") -> Note | None:

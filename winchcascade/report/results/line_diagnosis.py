@@ -7,7 +7,6 @@ from typing import NamedTuple
 from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place, Reported
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report import line_figures as figures
 from winchcascade.report.content import Cell, Column, Measured, Report, Section, Span, Table, picture, section, table
 from winchcascade.report.diagnosis_names import (
     COVERAGE,
@@ -18,6 +17,7 @@ from winchcascade.report.diagnosis_names import (
     set_words,
     word_of,
 )
+from winchcascade.report.figures import line_figures as figures
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
