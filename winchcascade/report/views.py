@@ -117,7 +117,7 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     OptionError : another ending, or a result that has no report
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
-    from winchcascade.report.publish import publish
+    from winchcascade.report.render.publish import publish
 
     check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
     path = Path(path)
@@ -147,32 +147,19 @@ def tables_of(result: object, units: Units) -> Tables:  # noqa: ARG001
 
 @tables_of.register(Run)
 def _(result: Run, units: Units) -> Tables:
-    return {"channels": lambda: frames.run_frame(result, units)}
+    return {"channels": partial(frames.run_frame, result, units)}
 
 
 @tables_of.register(Reduction)
 def _(result: Reduction, units: Units) -> Tables:
-    cascades = [result.rig.cascade]
-    rows = {name: partial(_rows_of, result, name) for name in ("cycles", "bins", "findings")}
-    made: dict[str, Callable[[], pd.DataFrame]] = {
-        name: partial(frames.table_frame, name, of, cascades, units) for name, of in rows.items()
-    }
-    return made | {"channels": lambda: frames.samples_frame(result, units)}
-
-
-def _rows_of(reduction: Reduction, table: str) -> list[frames.Row]:
-    return frames.reduction_rows(reduction)[table]
+    made = {name: partial(frames.reduction_frame, result, name, units) for name in ("cycles", "bins", "findings")}
+    return {**made, "channels": partial(frames.samples_frame, result, units)}
 
 
 @tables_of.register(CampaignReduction)
 def _(result: CampaignReduction, units: Units) -> Tables:
-    def rows(table: str) -> list[frames.Row]:
-        return [row for name, record in result.records.items() for row in frames.table_rows(name, record)[table]]
-
-    return {
-        name: partial(frames.table_frame, name, partial(rows, name), result.cascades, units)
-        for name in ("runs", "cycles", "bins", "findings")
-    }
+    names = ("runs", "cycles", "bins", "findings")
+    return {name: partial(frames.campaign_frame, result, name, units) for name in names}
 
 
 @tables_of.register(DiagnosisResult)
@@ -183,7 +170,7 @@ def _(result: DiagnosisResult, units: Units) -> Tables:
 
 @tables_of.register(Comparison)
 def _(result: Comparison, units: Units) -> Tables:
-    return {"differences": lambda: frames.comparison_frame(result, units)}
+    return {"differences": partial(frames.comparison_frame, result, units)}
 
 
 # -------------------------------------------------------------------------------------------------------------------- plots
@@ -294,7 +281,8 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
 @plots_of.register(Comparison)
 def _(result: Comparison) -> Plots:
     """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of the whole cascade."""
-    from winchcascade.report.results.comparison import by_metric, draw_differences, rows_of
+    from winchcascade.report.figures.comparison_figures import draw_differences
+    from winchcascade.report.results.comparison import by_metric, rows_of
 
     metrics = list(by_metric(rows_of(result, "eta", whole=False)))
     whole = [name for name in metrics if name == result.overall] or metrics[:1]

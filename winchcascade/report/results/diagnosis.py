@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.block_series import Sides, most_telling, sides, sides_of_one
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -64,7 +65,6 @@ from winchcascade.report.results.diagnosis_parts import (
     worst_costs,
 )
 from winchcascade.report.results.line_diagnosis import line_report
-from winchcascade.report.sheet import file_digest
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display
 
@@ -423,7 +423,7 @@ def _provenance(found: ModelDiagnosis, command: str) -> Section:
         ("Withheld", words.judged_words(found)),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("Source of the rig's numbers", rig.source),
-        ("SHA-256 of the rig file", file_digest(rig.path)),
+        ("SHA-256 of the rig file", fingerprint(rig.path)),
         ("Fits", f"{sets} sets of effects; {len(found.data.nuisances)} tolerances beside each"),
         ("Seed of the resampled cycles", str(found.seed)),
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place, Reported
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.content import Cell, Column, Measured, Report, Section, Span, Table, picture, section, table
@@ -32,7 +33,6 @@ from winchcascade.report.results.diagnosis_parts import (
     step_tile,
     verdict_tile,
 )
-from winchcascade.report.sheet import file_digest
 
 KILO = figures.KILO
 
@@ -50,7 +50,7 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
         *((p.run.name, f"cycles {p.cycle.min()} to {p.cycle.max()}, {p.run.sha256 or 'no file'}") for p in parts),
         ("Judged", words.judged_words(found)),
         ("Rig", f"{found.rig.name} ({found.rig.path})" if found.rig.path else found.rig.name),
-        ("SHA-256 of the rig file", file_digest(found.rig.path)),
+        ("SHA-256 of the rig file", fingerprint(found.rig.path)),
         ("Acceleration", f"slope of a local quadratic over {found.lines.span:g} s"),
         ("Seed of the resampled cycles", str(found.seed)),
     ]
