@@ -134,7 +134,6 @@ _RC = {
     "pdf.fonttype": 42,
     "svg.hashsalt": "winchcascade",
     "path.simplify": True,
-    "figure.constrained_layout.use": True,
 }
 
 
