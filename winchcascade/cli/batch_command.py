@@ -76,7 +76,7 @@ def _show(batch: Batch, files: Sequence[Path]) -> None:
     from winchcascade.report.render.terminal import terminal_text
     from winchcascade.report.results.campaign import campaign_report, fault_notes
 
-    notes = [Note(f"{batch.kept} logs are kept from an earlier call.", "Kept")] if batch.kept else []
+    notes = [Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call.", "Kept")] if batch.kept else []
     if batch.altered:
         more = f" and {len(batch.altered) - MAX_ALTERED} more" if len(batch.altered) > MAX_ALTERED else ""
         text = f"made again, as its digest did not match: {', '.join(batch.altered[:MAX_ALTERED])}{more}"
@@ -104,7 +104,7 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
-    from winchcascade.report.results.diagnosis_lines import diagnosis_lines
+    from winchcascade.report.results.diagnosis_words import diagnosis_lines
     from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()

@@ -18,7 +18,6 @@ from winchcascade.report.screen import QUIET, painted, status_line
 
 if TYPE_CHECKING:
     from winchcascade.report.content import Report
-    from winchcascade.report.sheet import Report as Older
 
 STDOUT = Path("-")
 """Standard output, as the file of `--json`."""
@@ -122,13 +121,12 @@ def present(
         show(terminal_text(report, [*outputs.files, *notes]))
 
 
-def write_report_files(make: Callable[[], Report | Older], outputs: Outputs, name: str) -> Report | None:
+def write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) -> Report | None:
     """Write the page, the PDF, the figures and the tables of a report as far as they are wanted, and give the report."""
     if not outputs.paths.keys() & {"html", "pdf", "figures", "tables"}:
         return None
-    from winchcascade.report.content import Report
-    from winchcascade.report.publish import publish
     from winchcascade.report.render.folders import write_figures, write_tables
+    from winchcascade.report.render.publish import publish
 
     with status_line(f"report of {name}") as on_progress:
         on_progress("drawing figures")
@@ -138,10 +136,10 @@ def write_report_files(make: Callable[[], Report | Older], outputs: Outputs, nam
                 on_progress(f"writing {outputs.paths[ending].name}")
                 publish(report, **{ending: outputs.paths[ending]}, force=outputs.force)
         for folder, write in ((outputs["figures"], write_figures), (outputs["tables"], write_tables)):
-            if folder is not None and isinstance(report, Report):
+            if folder is not None:
                 on_progress(f"writing files into {folder.name}")
                 write(report, folder, name, force=outputs.force)
-    return report if isinstance(report, Report) else None
+    return report
 
 
 def show(text: str, *, failures: str = "", file: TextIO | None = None, flush: bool = False) -> None:

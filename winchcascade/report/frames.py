@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +18,9 @@ from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.run import Run
 from winchcascade.core.store import make_one
 from winchcascade.core.viewed import Units
-from winchcascade.reduction.efficiency import FIELDS, Metrics
+from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.reduction.run_record import REDUCTION_SCHEMA, RunRecord
-from winchcascade.report.records import bin_record, cycle_record, finding_record
+from winchcascade.report.records import reduction_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from winchcascade.comparison.comparison_result import Comparison
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
+    from winchcascade.reduction.campaign_reduction import CampaignReduction
     from winchcascade.reduction.reduction_result import Reduction
 
 Row = dict[str, Any]
@@ -125,26 +126,22 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
 
 
 def reduction_rows(reduction: Reduction) -> dict[str, list[Row]]:
-    """Rows of the tables `cycles`, `bins` and `findings` of a reduction; an open circuit is inf ohm."""
-    run, cascade = reduction.run, reduction.rig.cascade
-    cycles = [cycle_record(c, Metrics(), cascade) for c in reduction.cycles]
-    bins = [bin_record(b, cascade) for b in reduction.bins]
-    findings = [finding_record(f, run.samples) for f in reduction.quality]
-    return _rows({"run": run.name, "log": run.path, "load_ohm": run.load}, cycles, bins, findings)
+    """Rows of the tables of a log that has just been reduced, as `table_rows`."""
+    return table_rows(reduction.run.name, reduction_record(reduction))
 
 
 def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
-    """Rows of the tables `runs`, `cycles`, `bins` and `findings` of one log from its record; an open circuit is inf ohm."""
+    """Rows of the tables `runs`, `cycles`, `bins` and `findings` of one log from its record; an open circuit is inf ohm.
+
+    Names beyond the schema of a table do no harm.
+    """
     begin: Row = {"run": run, "log": record.log.path, "load_ohm": record.log.load}
-    return {"runs": [begin | _flat_run(record)]} | _rows(begin, record.cycles, record.bins, record.quality)
-
-
-def _rows(begin: Row, cycles: Iterable[Any], bins: Iterable[Any], findings: Iterable[Any]) -> dict[str, list[Row]]:
-    """Rows of the parts of a record, which begin alike; names beyond the schema of a table do no harm."""
+    cycles, bins, findings = msgspec.to_builtins((record.cycles, record.bins, record.quality))
     return {
-        "cycles": [begin | _flat_cycle(one) for one in msgspec.to_builtins(list(cycles))],
-        "bins": [begin | one | one.get("stages", {}) for one in msgspec.to_builtins(list(bins))],
-        "findings": [begin | one | _repair(one["repaired"]) for one in msgspec.to_builtins(list(findings))],
+        "runs": [begin | _flat_run(record)],
+        "cycles": [begin | _flat_cycle(one) for one in cycles],
+        "bins": [begin | one | one.get("stages", {}) for one in bins],
+        "findings": [begin | one | _repair(one["repaired"]) for one in findings],
     }
 
 
@@ -187,9 +184,20 @@ def _repair(repaired: Row | None) -> Row:
 
 
 # ------------------------------------------------------------------------------------------------------------------- frames
-def table_frame(table: str, rows: Callable[[], list[Row]], cascades: Collection[Cascade], units: Units) -> pd.DataFrame:
-    """A table of reductions: runs, cycles, bins of generator speed, or findings; efficiencies in percent for display."""
-    found = _frame(rows(), table_schema(table, cascades=cascades))
+def reduction_frame(reduction: Reduction, table: str, units: Units) -> pd.DataFrame:
+    """Cycles, bins of generator speed, or findings of a reduction."""
+    return _of_table(table, reduction_rows(reduction)[table], [reduction.rig.cascade], units)
+
+
+def campaign_frame(campaign: CampaignReduction, table: str, units: Units) -> pd.DataFrame:
+    """The runs of a campaign, or the cycles, bins or findings of all of them."""
+    rows = [row for name, record in campaign.records.items() for row in table_rows(name, record)[table]]
+    return _of_table(table, rows, campaign.cascades, units)
+
+
+def _of_table(table: str, rows: list[Row], cascades: Iterable[Cascade], units: Units) -> pd.DataFrame:
+    """Rows as a frame; efficiencies in percent for display, as deviations are already."""
+    found = _frame(rows, table_schema(table, cascades=cascades))
     if units == "si":
         return found
     ratios = [name for name in found.columns if name.startswith("eta_") and not name.endswith(RUN_ENDS[-1])]
@@ -349,8 +357,7 @@ def _cause_unit(found: DiagnosisResult, named: NamedCause, parameter: str, units
     if units == "si":
         return unit, 1.0
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.cause_words import LINE_NUMBERS
-    from winchcascade.report.gap_words import display_of
+    from winchcascade.report.diagnosis_names import LINE_NUMBERS, display_of
 
     effect = named.effect
     how = LINE_NUMBERS[effect] if isinstance(found, LineDiagnosis) else display_of(effect, parameter, unit)

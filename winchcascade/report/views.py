@@ -102,7 +102,9 @@ def plot(result: object, what: str = "", ax: axes.Axes | None = None) -> Any:
 
 def summary_html(result: object) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
-    return summary_of(result)
+    from winchcascade.report.render.page import table_html
+
+    return table_html(*summary_of(result))
 
 
 def write_report(result: object, path: str | Path, *, force: bool = False) -> Path:
@@ -117,7 +119,7 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     OptionError : another ending, or a result that has no report
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
-    from winchcascade.report.publish import publish
+    from winchcascade.report.render.publish import publish
 
     check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
     path = Path(path)
@@ -147,32 +149,19 @@ def tables_of(result: object, units: Units) -> Tables:  # noqa: ARG001
 
 @tables_of.register(Run)
 def _(result: Run, units: Units) -> Tables:
-    return {"channels": lambda: frames.run_frame(result, units)}
+    return {"channels": partial(frames.run_frame, result, units)}
 
 
 @tables_of.register(Reduction)
 def _(result: Reduction, units: Units) -> Tables:
-    cascades = [result.rig.cascade]
-    rows = {name: partial(_rows_of, result, name) for name in ("cycles", "bins", "findings")}
-    made: dict[str, Callable[[], pd.DataFrame]] = {
-        name: partial(frames.table_frame, name, of, cascades, units) for name, of in rows.items()
-    }
-    return made | {"channels": lambda: frames.samples_frame(result, units)}
-
-
-def _rows_of(reduction: Reduction, table: str) -> list[frames.Row]:
-    return frames.reduction_rows(reduction)[table]
+    made = {name: partial(frames.reduction_frame, result, name, units) for name in ("cycles", "bins", "findings")}
+    return {**made, "channels": partial(frames.samples_frame, result, units)}
 
 
 @tables_of.register(CampaignReduction)
 def _(result: CampaignReduction, units: Units) -> Tables:
-    def rows(table: str) -> list[frames.Row]:
-        return [row for name, record in result.records.items() for row in frames.table_rows(name, record)[table]]
-
-    return {
-        name: partial(frames.table_frame, name, partial(rows, name), result.cascades, units)
-        for name in ("runs", "cycles", "bins", "findings")
-    }
+    names = ("runs", "cycles", "bins", "findings")
+    return {name: partial(frames.campaign_frame, result, name, units) for name in names}
 
 
 @tables_of.register(DiagnosisResult)
@@ -183,7 +172,7 @@ def _(result: DiagnosisResult, units: Units) -> Tables:
 
 @tables_of.register(Comparison)
 def _(result: Comparison, units: Units) -> Tables:
-    return {"differences": lambda: frames.comparison_frame(result, units)}
+    return {"differences": partial(frames.comparison_frame, result, units)}
 
 
 # -------------------------------------------------------------------------------------------------------------------- plots
@@ -255,7 +244,7 @@ def _(result: CampaignReduction) -> Plots:
 @plots_of.register(DiagnosisResult)
 def _(result: DiagnosisResult) -> Plots:
     """The map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency, by load."""
-    from winchcascade.report.diagnosis_figures import draw_gap_map
+    from winchcascade.report.figures.diagnosis_figures import draw_gap_map
 
     rows = len({(place.channel, place.phase) for place in result.places})
     return {
@@ -271,7 +260,8 @@ def _(result: DiagnosisResult) -> Plots:
 def _waterfalls(found: DiagnosisResult) -> Plot:
     """What each cause costs, by load, of the largest difference alone on one Axes."""
     from winchcascade.diagnosis.load_costs import waterfall_costs
-    from winchcascade.report import cause_costs
+    from winchcascade.report.diagnosis_names import word_of
+    from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 
     if not isinstance(found, ModelDiagnosis):
         raise OptionError(
@@ -282,10 +272,10 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
     if not costs:
         return Plot(list, "a split of an efficiency at a load")
     largest = max(costs, key=lambda one: abs(one.measured - one.as_given))
-    height = 0.6 + cause_costs.BAR * (len(costs[0].parts) + 2)
+    height = 0.6 + BAR * (len(costs[0].parts) + 2)
 
     def draw(axes: list[axes.Axes]) -> None:
-        cause_costs.draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs)
+        draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs, word_of(found))
 
     return Plot(draw, "", len(costs), height, "y")
 
@@ -293,7 +283,8 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
 @plots_of.register(Comparison)
 def _(result: Comparison) -> Plots:
     """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of the whole cascade."""
-    from winchcascade.report.results.comparison import by_metric, draw_differences, rows_of
+    from winchcascade.report.figures.comparison_figures import draw_differences
+    from winchcascade.report.results.comparison import by_metric, rows_of
 
     metrics = list(by_metric(rows_of(result, "eta", whole=False)))
     whole = [name for name in metrics if name == result.overall] or metrics[:1]
@@ -331,42 +322,38 @@ def _drawn(made: Plot, ax: axes.Axes | None) -> Any:
 
 # ---------------------------------------------------------------------------------------------------------------- summaries
 @singledispatch
-def summary_of(result: object) -> str:
+def summary_of(result: object) -> tuple[str, content.Table[Any] | None]:
     """Heading and main table of a result."""
     _refuse("summary_html", result)
 
 
 @summary_of.register(Reduction)
-def _(result: Reduction) -> str:
-    from winchcascade.report.render.page import table_html
+def _(result: Reduction) -> tuple[str, content.Table[Any] | None]:
     from winchcascade.report.results.reduction_tables import cycles_table
 
-    return table_html(repr(result), cycles_table(result, uncertainty(result)))
+    return repr(result), cycles_table(result, uncertainty(result))
 
 
 @summary_of.register(CampaignReduction)
-def _(result: CampaignReduction) -> str:
-    from winchcascade.report.render.page import table_html
+def _(result: CampaignReduction) -> tuple[str, content.Table[Any] | None]:
     from winchcascade.report.results.campaign_tables import budget_table
 
-    return table_html(repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False))
+    return repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False)
 
 
 @summary_of.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> str:
-    from winchcascade.report.render.page import table_html
-    from winchcascade.report.results.diagnosis import main_table
+def _(result: DiagnosisResult) -> tuple[str, content.Table[Any] | None]:
+    from winchcascade.report.results.diagnosis_parts import causes_table
 
-    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)
 
 
 @summary_of.register(Comparison)
-def _(result: Comparison) -> str:
-    from winchcascade.report.render.page import table_html
+def _(result: Comparison) -> tuple[str, content.Table[Any] | None]:
     from winchcascade.report.results.comparison import differences_table, rows_of
 
     heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
-    return table_html(heading, differences_table("efficiencies", rows_of(result, "eta")))
+    return heading, differences_table("efficiencies", rows_of(result, "eta"))
 
 
 # ------------------------------------------------------------------------------------------------------------------ reports

@@ -134,7 +134,6 @@ _RC = {
     "pdf.fonttype": 42,
     "svg.hashsalt": "winchcascade",
     "path.simplify": True,
-    "figure.constrained_layout.use": True,
 }
 
 
@@ -150,19 +149,13 @@ def house_style() -> Iterator[None]:
 
 
 # ------------------------------------------------------------------------------------------------------------------ panels
-def wide_figure(height: float, margins: object = None) -> Figure:  # noqa: ARG001
+def wide_figure(height: float) -> Figure:
     """An empty figure of some height [in], laid out by constrained layout when it is drawn."""
     return Figure((WIDTH, height), layout="constrained")
 
 
 def panel_figure(
-    height: float,
-    rows: int = 1,
-    columns: int = 1,
-    *,
-    share: Literal["", "x", "y", "xy"] = "",
-    margins: object = None,  # noqa: ARG001
-    gaps: object = None,  # noqa: ARG001
+    height: float, rows: int = 1, columns: int = 1, *, share: Literal["", "x", "y", "xy"] = ""
 ) -> tuple[Figure, list[Axes]]:
     """A figure with its panels, row by row.
 
@@ -297,11 +290,8 @@ def patch_entry(text: str, colour: str, **style: Any) -> Entry:
     return Rectangle((0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}), text
 
 
-def legend_above(figure: Figure, entries: Sequence[Entry], line: int = 0) -> None:  # noqa: ARG001
+def legend_above(figure: Figure, entries: Sequence[Entry]) -> None:
     """Set a legend above the panels, as many entries in a line as there is room for."""
-    for legend in figure.legends:
-        entries = [*zip(legend.legend_handles, [text.get_text() for text in legend.texts], strict=True), *entries]
-        legend.remove()
     handles, texts = zip(*entries, strict=True)
     figure.legend(handles, texts, loc="outside upper left", ncols=columns_of(texts))
 
@@ -310,52 +300,15 @@ LINE_OF_LEGEND, KEY = 112, 7
 """Characters of the legend that a figure is wide, and those that a key with its margins takes."""
 
 
-def columns_of(texts: Sequence[str], room: int = LINE_OF_LEGEND) -> int:
-    """Columns of a legend whose longest texts stay within a number of characters.
+def columns_of(texts: Sequence[str]) -> int:
+    """Columns of a legend in as few lines as its width allows, which are filled evenly.
 
-    >>> columns_of(["9 ohm"] * 9), columns_of(["a log with a long name"] * 9), columns_of(["x" * 400] * 3)
+    >>> columns_of(["9 ohm"] * 9), columns_of(["a log with a long name"] * 5), columns_of(["x" * 400] * 3)
     (9, 3, 1)
     """
     lengths = np.array([len(re.sub(r"\\[a-z]+|[${}^_]", "", text)) + KEY for text in texts])
-    for columns in range(len(lengths), 1, -1):
-        if sum(int(part.max()) for part in np.array_split(lengths, columns)) <= room:
-            return columns
-    return 1
-
-
-# ------------------------------------------------------------- for the figures that are not laid out by Matplotlib alone yet
-LINE = 0.17
-
-
-class Margins(NamedTuple):
-    """Of no effect."""
-
-    left: float = 0.09
-    right: float = 0.985
-    head: float = 0.3
-    foot: float = 0.42
-
-    @property
-    def edges(self) -> tuple[float, float]:
-        """Of no effect."""
-        return self.left, self.right
-
-
-def figure_width() -> float:
-    """Width of every figure. [in]"""
-    return WIDTH
-
-
-def text_width(text: str) -> float:
-    """Width of a text, about. [in]"""
-    return 0.06 * len(text)
-
-
-def lines_within(texts: Sequence[str]) -> int:
-    """Lines of a legend."""
-    return -(-len(texts) // columns_of(texts))
-
-
-def axis_label(title: str, unit: str) -> str:
-    """Label of an axis."""
-    return f"{title} ({unit})"
+    fitting = (
+        n for n in range(len(texts), 1, -1) if sum(p.max() for p in np.array_split(lengths, n)) <= LINE_OF_LEGEND
+    )
+    lines = -(-len(texts) // next(fitting, 1))
+    return -(-len(texts) // lines)

@@ -25,8 +25,8 @@ from winchcascade.report.content import (
     section,
     table,
 )
-from winchcascade.report.glossary import short
-from winchcascade.report.wording import load_words, tex
+from winchcascade.report.glossary import short, tex
+from winchcascade.report.wording import load_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
