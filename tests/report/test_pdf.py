@@ -23,9 +23,9 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.content import PAIRS, Cell, Column, Note, Picture, Report, Span, Table, section
 from winchcascade.report.glossary import typeset
-from winchcascade.report.render.publish import publish
 from winchcascade.report.render.page import page_text
 from winchcascade.report.render.pdf import pdf_bytes
+from winchcascade.report.render.publish import publish
 from winchcascade.report.results.drawn_reduction import drawn_report
 from winchcascade.report.results.reduction import reduction_report
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from winchcascade.core.published_table import PublishedTable, load_text, unit_suffix
 from winchcascade.core.published_table import Span as Interval
 from winchcascade.report.content import Column, Measured, Note, Report, Section, Span, Tile, section, table
-from winchcascade.report.digits import upper
+from winchcascade.report.glossary import upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
 from winchcascade.rig.effects.effect import Field
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult

@@ -17,10 +17,9 @@ from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.campaign_file import banner
 from winchcascade.report import content
 from winchcascade.report.content import Column, Measured, Note, Span, Tile, section, shown
-from winchcascade.report.digits import upper
 from winchcascade.report.figures.comparison_figures import MAX_DRAWN, difference_figure
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.glossary import metric, short
+from winchcascade.report.glossary import metric, short, upper
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.wording import load_words
 
