@@ -175,9 +175,10 @@ _FOUND: dict[str, Any] = {}
 
 def waterfall(_: Source) -> str:
     """The waterfall figure of the report of a diagnosis."""
-    from winchcascade.report.cause_costs import waterfall_figure
-    from winchcascade.report.style import house_style
     from winchcascade.report.svg_drawing import svg_text
+
+    from winchcascade.report.cause_costs import waterfall_figure
+    from winchcascade.report.figures.style import house_style
 
     with house_style():
         figure = waterfall_figure(_FOUND["waterfall"])

@@ -24,6 +24,8 @@ function spans(plot, found) {
   }
 }
 
+const plain = (_, values) => values.map((value) => String(+value.toPrecision(6)).replace("-", "−"));
+
 // one plot below the other, with the same time axis, cursor and zoom
 function histories(place, data) {
   const sync = uPlot.sync(place.parentElement.id), plots = [];
@@ -31,10 +33,13 @@ function histories(place, data) {
     const last = k === data.rows.length - 1;
     const axis = { stroke: colour("ink"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid") } };
     const plot = new uPlot({
-      width: place.clientWidth, height: last ? 125 : 92, legend: { live: true },
+      width: place.clientWidth, height: last ? 142 : 98, padding: [20, null, null, null], legend: { live: true },
       cursor: { sync: { key: sync.key }, drag: { x: true, y: false } },
       scales: { x: { time: false } },
-      axes: [{ ...axis, label: last ? "time (s)" : undefined, values: last ? undefined : () => [] , size: last ? 40 : 8 }, { ...axis, label: row.label, size: 60 }],
+      axes: [
+        { ...axis, label: last ? "time (s)" : undefined, values: last ? plain : () => [], size: last ? 40 : 8 },
+        { ...axis, label: row.label, values: plain, size: 60 },
+      ],
       series: [{ label: "t (s)" }, ...row.series.map((one) => ({ label: one.label, stroke: colour(one.colour), width: 1.25, dash: one.dash }))],
       hooks: {
         drawClear: [(drawn) => spans(drawn, data.spans)],

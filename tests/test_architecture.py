@@ -31,7 +31,7 @@ UPWARD = {
     "reduction/reduction_result.py": {*PASSED_ON},
     "diagnosis/diagnosis_result.py": {*PASSED_ON},
     "comparison/comparison_result.py": {*PASSED_ON},
-    "report/campaign_record.py": {*PASSED_ON},
+    "reduction/campaign_reduction.py": {*PASSED_ON},
 }
 """Methods of results that only pass on to `report`, which they import when they are called."""
 
@@ -39,11 +39,8 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 """Modules of the top level: the public names and `python -m winchcascade`."""
 
 PATTERNS = {
-    "interaction": "symbols in labels of Matplotlib",
+    "style": "symbols in labels of Matplotlib",
     "check_record": "characters that XML forbids",
-    "svg_drawing": "SVG and mathematics of Matplotlib",
-    "figure_files": "SVG of Matplotlib",
-    "exports": "names of logs, for names of files; symbols and special characters of LaTeX and Markdown",
     "publish": "symbols of physics, names of fonts, and characters that no report shows",
     "wording": "symbols of physics, signs and units of sentences that are set on a page",
 }

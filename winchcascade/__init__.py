@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration, calibrate
     from winchcascade.ingest.read import read_run
     from winchcascade.reduction.bins import Bin
+    from winchcascade.reduction.campaign_reduction import CampaignReduction
     from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
     from winchcascade.reduction.reduce import reduce
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.report.campaign_record import CampaignReduction
     from winchcascade.report.write_report import write_report
     from winchcascade.rig.baseline import baseline
     from winchcascade.rig.open_rig import load_rig
@@ -70,7 +70,7 @@ __all__ = [
 _HOME = {
     "Bin": "reduction.bins",
     "Calibration": "diagnosis.calibrate",
-    "CampaignReduction": "report.campaign_record",
+    "CampaignReduction": "reduction.campaign_reduction",
     "Comparison": "comparison.comparison_result",
     "CycleResult": "reduction.reduction_result",
     "Finding": "core.run",

@@ -16,10 +16,10 @@ from winchcascade.batch.run_batch import run_batch
 from winchcascade.core.campaign_file import CampaignRun, load_campaign
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.campaign_record import campaign_from, campaign_text
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.campaign import make_campaign_report
-from winchcascade.report.campaign_record import campaign_from, campaign_text
 from winchcascade.report.records import reduction_record
 from winchcascade.report.sheet import Table
 

@@ -19,9 +19,9 @@ from winchcascade.core.run import Run
 from winchcascade.reduction.run_record import WavesRecord
 from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, mean_power, ratio_of_sums
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
+from winchcascade.reduction.wave_record import wave_record, waves_from_record
 from winchcascade.report.content import Note, Section, Span, Table
 from winchcascade.report.results.waves import wave_section
-from winchcascade.report.wave_record import wave_record, waves_from_record
 from winchcascade.rig.kernel import COLUMNS
 
 R_DRUM, SECONDS, GRID = 0.13, 180.0, 1e-3

@@ -14,10 +14,10 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.calibrate import Strain
 from winchcascade.diagnosis.damper_curves import FACTORS, LEAD, damper_curves
 from winchcascade.report.content import Cell, Measured, Report, Table
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.model_figures import damper_histories
 from winchcascade.report.results.calibration import calibration_report
 from winchcascade.report.results.calibration_record import calibration_record
-from winchcascade.report.style import house_style
 from winchcascade.report.write_report import write_report
 
 

@@ -9,12 +9,12 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from test_campaign_report import run
 
-from winchcascade.report.campaign_figures import load_names, look_alike, over_load, repeated, runs_over_speed
-from winchcascade.report.campaign_record import LogSummary
+from winchcascade.reduction.campaign_record import LogSummary
+from winchcascade.report.figures.campaign_figures import load_names, look_alike, over_load, repeated, runs_over_speed
+from winchcascade.report.figures.style import SHORT, columns_within, cut_apart, house_style
 from winchcascade.report.model_account import GROUPS, Account, ComparedCurve, LossBudget
 from winchcascade.report.model_figures import budget_bars, panels, styled_by_load
 from winchcascade.report.model_section import Named, row_names
-from winchcascade.report.style import SHORT, columns_within, cut_apart, house_style
 
 EDGE = 1.0
 """What a text may stick out of a figure. [px]"""

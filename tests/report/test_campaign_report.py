@@ -17,11 +17,8 @@ from page_scripts import check_scripts, markup_of
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import run_batch
-from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.report.best_load import DRAWS, Best, rank_loads
-from winchcascade.report.campaign import MAX_RUNS, make_campaign_report
-from winchcascade.report.campaign_figures import over_load
-from winchcascade.report.campaign_record import (
+from winchcascade.reduction.best_load import DRAWS, Best, rank_loads
+from winchcascade.reduction.campaign_record import (
     CampaignRecord,
     FailedLog,
     LogSummary,
@@ -30,9 +27,12 @@ from winchcascade.report.campaign_record import (
     run_load_text,
     runs_by_load,
 )
+from winchcascade.reduction.efficiency import FIELDS, METRICS
+from winchcascade.report.campaign import MAX_RUNS, make_campaign_report
+from winchcascade.report.figures.campaign_figures import over_load
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.publish import html_text, publish
 from winchcascade.report.sheet import Report, Table
-from winchcascade.report.style import house_style
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 

@@ -36,8 +36,8 @@ from winchcascade.report.diagnosis_figures import (
     sides,
     stage_map,
 )
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.gap_words import signed
-from winchcascade.report.style import house_style
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.open_rig import load_rig
 

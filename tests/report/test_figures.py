@@ -11,16 +11,16 @@ import matplotlib
 import msgspec
 import numpy as np
 import pytest
+from winchcascade.report.svg_drawing import svg_text
 
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report import figures
-from winchcascade.report.style import COLOURS, house_style
-from winchcascade.report.svg_drawing import svg_text
-from winchcascade.report.time_histories import PANELS
+from winchcascade.report.figures import reduction_figures as figures
+from winchcascade.report.figures.histories import PANELS
+from winchcascade.report.figures.style import COLOURS, house_style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -3,8 +3,8 @@
 import pytest
 
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade
+from winchcascade.report.figures.style import Format, figure_format, house_style
 from winchcascade.report.sheet import Picture, Table
-from winchcascade.report.style import Format, figure_format, house_style
 from winchcascade.report.wording import SYMBOL, cascade_figure, cascade_symbols, symbols_section, tex
 
 CASCADES = {

@@ -19,11 +19,12 @@ from undrawn import undrawn
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.core.campaign_file import SIMULATED
+from winchcascade.reduction.campaign_record import campaign_from
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
-from winchcascade.report.campaign_record import campaign_from
 from winchcascade.report.content import Note, Picture, Section, Table
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.model_account import GROUPS, Account, ModelComparison, Regression, account_of, compare
 from winchcascade.report.model_figures import back_emf_figure, budget_bars, damper_sweep
 from winchcascade.report.model_section import (
@@ -37,7 +38,6 @@ from winchcascade.report.model_section import (
     run_section,
 )
 from winchcascade.report.results.drawn_reduction import drawn_report
-from winchcascade.report.style import house_style
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.open_rig import load_rig

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 
 from winchcascade import CampaignReduction, Reduction, open_campaign, read_run, reduce
 from winchcascade.core.errors import OptionError
-from winchcascade.report.style import COLOURS
+from winchcascade.report.figures.style import COLOURS
 
 mpl.use("Agg")
 

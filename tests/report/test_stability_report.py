@@ -11,10 +11,10 @@ from winchcascade.diagnosis.diagnosis_result import RunValue, Stability, Trend
 from winchcascade.report.cause_words import stability_words
 from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_causes import stability_figure
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.report.style import house_style
 
 NUMBERS = (RunValue(0, 0.3, 0.28, 0.32), RunValue(1, 0.5, 0.48, 0.52))
 

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.histories import POINTS, histories_json
-from winchcascade.report.time_histories import envelope
+from winchcascade.report.figures.histories import POINTS, envelope, histories_json
 from winchcascade.report.wording import clock_zero
 
 SLACK = 4

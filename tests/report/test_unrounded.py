@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
 from winchcascade.report.exports import csv_text
+
+from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
 from winchcascade.report.publish import cleaned
 from winchcascade.report.sheet import (
     Limit,

@@ -81,9 +81,9 @@ def write_campaign_loss_map(
     stated = partial(campaign_loss_map_report, found, plan.title, origins, left_out=left_out, command=products.command)
     files = [path]
     if products.reports:
+        from winchcascade.report.figures.style import house_style
         from winchcascade.report.publish import publish
         from winchcascade.report.results_index import INDEX, stated_links
-        from winchcascade.report.style import house_style
 
         pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
         with house_style():

@@ -25,9 +25,9 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, check_type
 from winchcascade.core.jobs import Workers
 from winchcascade.core.late_module import LateModule
+from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.reduce import window_rule
 from winchcascade.reduction.run_record import RunRecord
-from winchcascade.report.campaign_record import CampaignReduction
 
 if TYPE_CHECKING:
     from winchcascade.core import published_table

@@ -16,8 +16,8 @@ from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import run_here
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.store import KeptFiles, State, altered, digest_in, inside
+from winchcascade.reduction.campaign_json import CAMPAIGN_SCHEMA
 from winchcascade.reduction.run_record import FindingRecord, RunRecord, run_record
-from winchcascade.report.campaign_json import CAMPAIGN_SCHEMA
 from winchcascade.tables.check import Check, Factors, check, measured_from_record
 from winchcascade.tables.point_check import check_points
 from winchcascade.tables.point_table import PointTable, open_table

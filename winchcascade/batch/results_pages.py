@@ -36,7 +36,7 @@ def list_diagnosis(folder: Path) -> Path | None:
     ------
     OutputError : the folder cannot be locked
     """
-    from winchcascade.report.campaign_record import campaign_from
+    from winchcascade.reduction.campaign_record import campaign_from
     from winchcascade.report.publish import publish
     from winchcascade.report.results_index import INDEX, results_index
 

@@ -35,18 +35,18 @@ from winchcascade.core.store import (
 )
 from winchcascade.core.version import __version__
 from winchcascade.ingest.read import read_by
-from winchcascade.reduction.efficiency_between_runs import LogEfficiency
-from winchcascade.reduction.montecarlo import uncertainty
-from winchcascade.reduction.reduce import reduce, require_payouts
-from winchcascade.reduction.run_record import CampaignWavesRecord, RunRecord
-from winchcascade.report.campaign_json import campaign_json
-from winchcascade.report.campaign_record import (
+from winchcascade.reduction.campaign_json import campaign_json
+from winchcascade.reduction.campaign_record import (
     CampaignRecord,
     FailedLog,
     LogSummary,
     campaign_from,
     log_summary,
 )
+from winchcascade.reduction.efficiency_between_runs import LogEfficiency
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.reduce import reduce, require_payouts
+from winchcascade.reduction.run_record import CampaignWavesRecord, RunRecord
 from winchcascade.report.records import read_results, reduction_record
 
 ENDINGS = ("html", "pdf", "json")
@@ -389,7 +389,7 @@ def campaign_record(plan: Plan, batch: Batch, state: str, briefs: Mapping[str, B
 
 def _waves(results: Mapping[str, Path]) -> CampaignWavesRecord | UnsetType:
     """The waves of all logs together."""
-    from winchcascade.report.wave_record import campaign_waves, campaign_waves_record
+    from winchcascade.reduction.wave_record import campaign_waves, campaign_waves_record
 
     found = campaign_waves(read_results(results))
     return UNSET if found is None else campaign_waves_record(found)

@@ -71,7 +71,12 @@ def deliver(json: str | None, content: Callable[[], bytes], printed: Printed, *,
 
 
 def write_reports(
-    make: Callable[[], Report | Stated], files: ReportFiles, name: str, *, of: str = "", force: bool
+    make: Callable[[], Report | Stated],
+    files: ReportFiles,
+    name: str,
+    *,
+    of: str = "",
+    force: bool,  # noqa: ARG001
 ) -> None:
     """Write a report as page and PDF, and its figures and tables, as far as they are wanted.
 
@@ -81,9 +86,9 @@ def write_reports(
     name, of : as of `write_report_files`
     """
     if files.wanted:
-        from winchcascade.report.exports import write_report_files
+        from winchcascade.report.render.files import write_report_files
 
-        write_report_files(make, files, name, of=of, force=force)
+        write_report_files(make, files, name, force=force)
 
 
 def report_maker_of(result: object) -> Callable[[], Report | Stated]:

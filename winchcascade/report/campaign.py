@@ -14,32 +14,28 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
 from winchcascade.core.cascade import field_of
-from winchcascade.reduction.run_record import FindingRecord
-from winchcascade.report import campaign_figures as figures
-from winchcascade.report import sheet as content
-from winchcascade.report.best_load import Best, LoadRanking, rank_loads
-from winchcascade.report.campaign_record import (
+from winchcascade.reduction.best_load import Best, LoadRanking, motion_words, rank_loads
+from winchcascade.reduction.campaign_record import (
     CampaignRecord,
     FailedLog,
     LogSummary,
     cascade_of,
-    has_speeds,
-    mixed_windows,
-    motion_words,
-    run_load_text,
     runs_by_load,
     unlike_motion,
-    window_text,
 )
+from winchcascade.reduction.run_record import FindingRecord
+from winchcascade.reduction.wave_record import CampaignWaves, campaign_waves
+from winchcascade.report import sheet as content
+from winchcascade.report.campaign_record import has_speeds, mixed_windows, window_text
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
+from winchcascade.report.figures import campaign_figures as figures
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
 from winchcascade.report.results.waves import campaign_waves_section
 from winchcascade.report.sheet import TableColumn
-from winchcascade.report.style import house_style
-from winchcascade.report.wave_record import CampaignWaves, campaign_waves
-from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, symbols_section, unit_of
+from winchcascade.report.wording import SYMBOL, decimals_of, load_text, metrics_note, symbols_section, unit_of
 
 LISTED = 800
 """Characters of a list of files that is given in full."""
@@ -140,7 +136,7 @@ def _over_load(loaded: Sequence[LogSummary]) -> content.Picture | None:
         + (
             "Where η_pto is highest, most of the line's energy reaches the DC link."
             if unlike is None
-            else f"The points are not of one motion: {motion_words(*unlike, 'Ω')}."
+            else f"The points are not of one motion: {motion_words(*unlike)}."
         ),
         "Points of powers and efficiencies over the load; the values are in the tables.",
     )
@@ -184,7 +180,7 @@ def _model(runs: Sequence[LogSummary], out: Path) -> list[content.Section]:
 
 
 def _name(run: LogSummary) -> str:
-    return run.name if run.load is None else f"{run_load_text(run)} Ω"
+    return run.name if run.load is None else f"{load_text(run.load)} Ω"
 
 
 def _mean(metric: str, run: LogSummary) -> str:
@@ -281,7 +277,7 @@ def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: s
 
 # ---------------------------------------------------------------------------------------------------------- the tables
 _LOG: TableColumn[LogSummary] = TableColumn("Log", text=True, of=lambda run: run.name)
-_LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=run_load_text)
+_LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=lambda run: load_text(run.load))
 _SPEED: TableColumn[LogSummary] = TableColumn("Plateau", "m/s", 3, of=lambda run: run.plateau_speed_mps)
 _WINDOW: TableColumn[LogSummary] = TableColumn("Window", "s", of=window_text)
 _CYCLES: TableColumn[LogSummary] = TableColumn("Cycles", of=lambda run: run.complete)

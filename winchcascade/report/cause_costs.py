@@ -16,8 +16,8 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import number
+from winchcascade.report.figures.style import COLOURS, Margins, panel_figure
 from winchcascade.report.gap_words import has_own_simulation
-from winchcascade.report.style import COLOURS, Margins, panel_figure
 from winchcascade.report.wording import load_words, tex
 
 T = TypeVar("T", Contribution, ContributionPart)

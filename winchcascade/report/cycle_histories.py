@@ -16,11 +16,18 @@ from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
 from winchcascade.report.content import Picture
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
 from winchcascade.report.digits import upper
+from winchcascade.report.figures.histories import plain, repaired_spans, thinned
+from winchcascade.report.figures.style import (
+    COLOURS,
+    LineStyle,
+    Margins,
+    legend_above,
+    line_entry,
+    panel_figure,
+    patch_entry,
+)
 from winchcascade.report.gap_words import NAMES, baseline_words
-from winchcascade.report.histories import plain, thinned
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.style import COLOURS, LineStyle, Margins, legend_above, line_entry, panel_figure, patch_entry
-from winchcascade.report.time_histories import repaired_spans
 from winchcascade.report.wording import load_words
 
 PANEL = 1.15

@@ -16,8 +16,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.stator_current import stator_current
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.cause_words import runs_with_number, shown_as
-from winchcascade.report.gap_words import display_of
-from winchcascade.report.style import (
+from winchcascade.report.figures.style import (
     COLOURS,
     Margins,
     legend_above,
@@ -25,6 +24,7 @@ from winchcascade.report.style import (
     panel_figure,
     patch_entry,
 )
+from winchcascade.report.gap_words import display_of
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change, Effect
 from winchcascade.rig.effects.generator import share_of_k_e

@@ -20,9 +20,7 @@ from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
 from winchcascade.report.digits import upper
-from winchcascade.report.gap_words import NAMES, baseline_words, phase_words, signed
-from winchcascade.report.model_account import COMPARED
-from winchcascade.report.style import (
+from winchcascade.report.figures.style import (
     COLOURS,
     LOAD_COLOURS,
     Dashes,
@@ -36,6 +34,8 @@ from winchcascade.report.style import (
     patch_entry,
     shade_over_speed,
 )
+from winchcascade.report.gap_words import NAMES, baseline_words, phase_words, signed
+from winchcascade.report.model_account import COMPARED
 from winchcascade.report.wording import load_words
 from winchcascade.rig.stages import STAGES
 

@@ -11,7 +11,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.cause_words import set_words
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
 from winchcascade.report.digits import upper
-from winchcascade.report.style import (
+from winchcascade.report.figures.style import (
     COLOURS,
     Margins,
     broken,

@@ -15,18 +15,7 @@ from matplotlib.figure import Figure
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.report.digits import significant
-from winchcascade.report.model_account import (
-    GROUPS,
-    HAUL_IN,
-    NOTHING,
-    SHOWN,
-    SPEED,
-    ComparedCurve,
-    LossBudget,
-    Regression,
-    Sweep,
-)
-from winchcascade.report.style import (
+from winchcascade.report.figures.style import (
     COLOURS,
     LINE,
     LOAD_COLOURS,
@@ -51,6 +40,17 @@ from winchcascade.report.style import (
     samples_entry,
     shade_over_speed,
     text_width,
+)
+from winchcascade.report.model_account import (
+    GROUPS,
+    HAUL_IN,
+    NOTHING,
+    SHOWN,
+    SPEED,
+    ComparedCurve,
+    LossBudget,
+    Regression,
+    Sweep,
 )
 
 MAX_MARKS = 330

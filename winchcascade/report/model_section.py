@@ -17,6 +17,7 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import model_figures as figures
 from winchcascade.report.content import Block, Column, Note, Picture, Section, Table, picture, section, table
 from winchcascade.report.digits import upper
+from winchcascade.report.figures.style import cut_apart
 from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.model_account import (
     ALWAYS,
@@ -33,7 +34,6 @@ from winchcascade.report.model_account import (
     compare_with_baseline,
     quantities,
 )
-from winchcascade.report.style import cut_apart
 from winchcascade.report.wording import load_words
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")

@@ -10,16 +10,16 @@ import numpy as np
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.errors import OptionError, check_choice, check_type
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.campaign_record import CampaignReduction
+from winchcascade.report.figures.style import COLOURS, WIDTH, house_style
 from winchcascade.report.publish import table_html
-from winchcascade.report.style import COLOURS, figure_width, house_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-Plot = Callable[[Any], None]
+Plot = Callable[[Any], object]
 """What draws on one Axes, or on an array of them."""
 
 Share = Literal["col", False]
@@ -33,23 +33,25 @@ def plot_reduction(reduction: Reduction, what: str, ax: Axes | None = None) -> A
     -------
     the Axes; of the histories an array of them, (n,), if none was given: with one given, the powers alone are drawn
     """
-    from winchcascade.report import figures
+    from winchcascade.report.figures import histories
+    from winchcascade.report.figures import reduction_figures as figures
 
     check_choice("plot", what, ("power", "history", "speed", "efficiency"), "plot of this result")
-    powers = figures.powers_of(reduction)
+    powers = histories.powers_of(reduction)
     if what == "history":
-        rows = 1 if ax is not None else figures.history_rows(reduction, powers)
-        draw: Plot = lambda axes: figures.draw_histories(np.ravel(axes).tolist(), reduction, powers)  # noqa: E731
-        return _drawn(draw, ax, rows=rows, height=2.9 if rows == 1 else 1.2, sharex="col")
+        panels = histories.panels_of(reduction, powers)
+        shown = panels if ax is None else panels[-1:]
+        draw: Plot = lambda axes: histories.draw_histories(np.ravel(axes).tolist(), reduction, shown)  # noqa: E731
+        return _drawn(draw, ax, rows=len(shown), height=2.9 if len(shown) == 1 else 1.2, sharex="col")
     efficient = bool(figures.known_ratios(reduction) and reduction.complete)
-    plots: dict[str, tuple[Plot, bool, str]] = {
+    plots: dict[str, tuple[Callable[[Any], object], bool, str]] = {
         "power": (
-            lambda one: figures.one_cycle(one, reduction, powers),
+            lambda one: figures.draw_one_cycle(one, reduction, powers),
             bool(powers and reduction.cycles),
             "a cycle and a power",
         ),
         "speed": (
-            lambda one: figures.over_speed(one, reduction, powers),
+            lambda one: figures.draw_over_speed(one, reduction, powers),
             bool(reduction.bins),
             "the speed of the generator in a complete cycle",
         ),
@@ -68,17 +70,17 @@ def _efficiencies(ax: Axes, reduction: Reduction) -> None:
     """Draw the efficiencies of the complete cycles."""
     from matplotlib.ticker import MaxNLocator
 
-    from winchcascade.report import figures
+    from winchcascade.report.figures import reduction_figures as figures
 
-    figures.trend_panel(ax, reduction, figures.known_ratios(reduction), "1")
+    figures.draw_trend(ax, reduction, figures.known_ratios(reduction), "1")
     ax.set(xlabel="Cycle", ylabel="Efficiency (1)")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 def plot_campaign(campaign: CampaignReduction, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
     """Plot mean powers or efficiencies of the runs over their loads, or the power at the DC link over generator speed."""
-    from winchcascade.report import campaign_figures as figures
-    from winchcascade.report.campaign_record import runs_by_load
+    from winchcascade.reduction.campaign_record import runs_by_load
+    from winchcascade.report.figures import campaign_figures as figures
 
     check_choice("plot", what, ("power", "efficiency", "speed"), "plot of this result")
     runs = [run for run in runs_by_load(campaign.summary.reduced) if not run.open_circuit] or campaign.summary.reduced
@@ -162,7 +164,7 @@ def _drawn(
             import matplotlib.pyplot as plt
 
             _, axes = plt.subplots(
-                rows, 1, figsize=(figure_width(), height * rows), squeeze=False, layout="constrained",
+                rows, 1, figsize=(WIDTH, height * rows), squeeze=False, layout="constrained",
                 facecolor=COLOURS["paper"], sharex=sharex, sharey=sharey,
             )  # fmt: skip
             found = axes[:, 0]
@@ -194,7 +196,7 @@ def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Compa
         from winchcascade.report.results.reduction_tables import cycles_table
 
         return stated_html(repr(result), cycles_table(result, uncertainty(result)))
+    from winchcascade.reduction.campaign_record import runs_by_load
     from winchcascade.report.campaign import logs_efficiencies_table
-    from winchcascade.report.campaign_record import runs_by_load
 
     return table_html(repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced)))

@@ -12,8 +12,8 @@ import msgspec
 
 from winchcascade.core.files import write_content
 from winchcascade.report.content import Report as Stated
+from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.sheet import SUBSCRIPTS, Report, Table, made_at
-from winchcascade.report.style import COLOURS
 
 if TYPE_CHECKING:
     import jinja2

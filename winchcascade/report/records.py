@@ -123,7 +123,7 @@ def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
     if reduction.rig.phases.source != "waves":
         return UNSET
     from winchcascade.reduction.wave_energies import wave_energies
-    from winchcascade.report.wave_record import wave_record
+    from winchcascade.reduction.wave_record import wave_record
 
     return wave_record(wave_energies(reduction))
 

@@ -12,8 +12,8 @@ from winchcascade.core.errors import OptionError
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration
+    from winchcascade.reduction.campaign_reduction import CampaignReduction
     from winchcascade.reduction.reduction_result import Reduction
-    from winchcascade.report.campaign_record import CampaignReduction
     from winchcascade.report.content import Report as Stated
     from winchcascade.report.sheet import Report
 
@@ -70,8 +70,8 @@ def report_of(result: object, *, command: str = "") -> Report:
 
 def _of_calibration(result: Calibration, *, command: str) -> Stated:
     from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.figures.style import house_style
     from winchcascade.report.results.calibration import calibration_report, fit_blocks
-    from winchcascade.report.style import house_style
 
     with house_style():
         return calibration_report(result, fit_blocks(result, damper_curves(result)), command=command)
@@ -85,8 +85,8 @@ def _of_reduction(result: Reduction, *, command: str) -> Stated:
 
 
 def _of_campaign(result: CampaignReduction, *, command: str) -> Report:
+    from winchcascade.reduction.wave_record import campaign_waves
     from winchcascade.report.campaign import campaign_report
-    from winchcascade.report.wave_record import campaign_waves
 
     waves = campaign_waves(result.records.items())
     return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)

@@ -8,11 +8,13 @@ from urllib.parse import quote
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.reduction.campaign_record import CampaignRecord, LogSummary
 from winchcascade.report import sheet as content
-from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
+from winchcascade.report.campaign_record import named_fault
 from winchcascade.report.content import Link
 from winchcascade.report.digits import number
 from winchcascade.report.sheet import number_column, text_column
+from winchcascade.report.wording import load_text
 
 INDEX = "index.html"
 """Name of the page in a results folder."""
@@ -89,7 +91,7 @@ def _files(names: Sequence[str]) -> content.Section:
 def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> content.Section:
     kinds = ", ".join(ending.upper() for ending in endings)
     rows = [
-        (run.name, run_load_text(run), number(run.plateau_speed_mps, 3), f"{run.complete} of {run.cycles}", kinds)
+        (run.name, load_text(run.load), number(run.plateau_speed_mps, 3), f"{run.complete} of {run.cycles}", kinds)
         for run in runs
     ]
     columns = (

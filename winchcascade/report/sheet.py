@@ -236,19 +236,14 @@ class Note(msgspec.Struct, frozen=True, tag="note"):
 
 
 def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
-    """A figure as a block of a report; None for none. In a format that takes figures it is taken, and the block is empty."""
-    from winchcascade.report.interaction import mark
-    from winchcascade.report.style import present_format
-    from winchcascade.report.svg_drawing import svg_text
+    """A figure as a block of a report; None for none."""
+    import io
 
     if figure is None:
         return None
-    take = present_format().take
-    if take is not None:
-        take(name, figure)
-        return Picture(name, caption, alt, "", interactive)
-    marks = mark(figure)
-    return Picture(name, caption, alt, svg_text(figure, name), interactive, marks)
+    out = io.StringIO()
+    figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    return Picture(name, caption, alt, out.getvalue()[out.getvalue().index("<svg") :], interactive)
 
 
 Block = Table | Picture | Note

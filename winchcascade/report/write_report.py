@@ -9,8 +9,8 @@ from winchcascade.core.arguments import FLAG, PATH, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.calibrate import Calibration
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.campaign_record import CampaignReduction
 from winchcascade.rig.simulate import Simulation
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.check import Check

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +14,14 @@ from winchcascade.core.files import write_set
 from winchcascade.core.store import inside, make_one
 from winchcascade.core.version import __version__
 from winchcascade.report.content import Picture, Report, Table
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import typeset
-from winchcascade.report.style import house_style
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from winchcascade.report.report_files import ReportFiles
+    from winchcascade.report.sheet import Report as Older
 
 FIGURE_FORMATS = ("svg", "pdf", "png")
 """Files of a figure."""
@@ -31,6 +34,29 @@ def stem_of(name: str) -> str:
     ('Versuch-3-März', 'report')
     """
     return re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", name)).strip("-._")[:80] or "report"
+
+
+def write_report_files(
+    make: Callable[[], Report | Older], files: ReportFiles, name: str, *, force: bool = False
+) -> None:
+    """Write a report as page and PDF, and its figures and tables into their folders, as far as they are wanted.
+
+    Parameters
+    ----------
+    make : makes the report
+    name : with which the names of the files in the folders begin
+
+    Raises
+    ------
+    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    """
+    from winchcascade.report.publish import publish
+
+    report = make()
+    publish(report, html=files.html, pdf=files.pdf, force=force)
+    for folder, write in ((files.figures, write_figures), (files.tables, write_tables)):
+        if folder is not None and isinstance(report, Report):
+            write(report, folder, name, force=force)
 
 
 def write_tables(report: Report, folder: Path, name: str, *, force: bool = False) -> None:

@@ -8,9 +8,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.report.content import Picture, Report, Section, Table
+from winchcascade.report.figures.style import COLOURS, house_style
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.publish import template_folder
-from winchcascade.report.style import COLOURS, house_style
 
 if TYPE_CHECKING:
     import jinja2
@@ -85,7 +85,7 @@ def _rows(table: Table[Any]) -> dict[str, Any]:
         "body": used.shortened(texts[:count]),
         "below": texts[count:],
         "left": left,
-        "wide": len(used.columns) > 4,
+        "fixed": all(len(row[0]) <= LONG for row in texts),
     }
 
 

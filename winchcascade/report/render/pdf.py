@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 
 from winchcascade.report.content import Block, Picture, Report, Table
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.publish import _fonts, fonts_for, lacking_letters, template_folder
 from winchcascade.report.sheet import made_at
-from winchcascade.report.style import house_style
 
 
 def pdf_bytes(report: Report) -> bytes:

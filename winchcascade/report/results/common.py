@@ -54,16 +54,15 @@ def provenance(rows: Sequence[tuple[str, Cell]], command: str = "") -> Section:
 
 def histories(reduction: Reduction) -> Section:
     """Channels and powers over the whole log, phases shaded. Called within the style of figures."""
-    from winchcascade.report import figures
-    from winchcascade.report.histories import histories_json
+    from winchcascade.report.figures.histories import SHADED_CYCLES, histories_json, time_histories
 
-    shaded = len(reduction.cycles) <= figures.SHADED_CYCLES and bool(reduction.cycles)
+    shaded = len(reduction.cycles) <= SHADED_CYCLES and bool(reduction.cycles)
     caption = "Channels and powers over the whole log." + (" Shaded: payout and hold." if shaded else "")
     caption += " At the lower edge: repaired stretches." if reduction.run.gaps else ""
     return section(
         "histories", "Time histories",
         picture(
-            figures.time_histories(reduction, figures.powers_of(reduction)), "histories", caption,
+            time_histories(reduction), "histories", caption,
             "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
             histories_json(reduction),
         ),

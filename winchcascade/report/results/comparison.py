@@ -21,9 +21,9 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.report import content
 from winchcascade.report.content import Column, Measured, Note, Span, Tile, section, shown
 from winchcascade.report.digits import upper
+from winchcascade.report.figures.style import COLOURS, WIDTH, cut_apart, evenly, house_style, label_panel, look_of
 from winchcascade.report.glossary import metric, short, typeset
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.report.style import COLOURS, WIDTH, cut_apart, evenly, house_style, label_panel, look_of
 from winchcascade.report.wording import load_words, tex
 
 LISTED = 6

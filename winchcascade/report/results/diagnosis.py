@@ -46,6 +46,7 @@ from winchcascade.report.content import (
 )
 from winchcascade.report.cycle_histories import cycle_picture
 from winchcascade.report.digits import upper
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import (
     NAMES,
@@ -71,7 +72,6 @@ from winchcascade.report.results.diagnosis_parts import (
     residual,
 )
 from winchcascade.report.sheet import file_digest
-from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report import figures
 from winchcascade.report.content import Picture, Report, picture
+from winchcascade.report.figures import reduction_figures as figures
+from winchcascade.report.figures.histories import powers_of
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.results.common import histories
 from winchcascade.report.results.loss_surface import loss_map_pictures, loss_map_section
 from winchcascade.report.results.reduction import reduction_report, stated_text, waves_of
 from winchcascade.report.results.waves import wave_picture
-from winchcascade.report.style import house_style
 from winchcascade.report.wording import span_word
 
 
@@ -44,14 +45,14 @@ def drawn_report(
 
 def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | None]:
     """Figures of a reduction by their names."""
-    powers, repeats = figures.powers_of(reduction), reduction.rig.phases.repeats
+    powers, repeats = powers_of(reduction), reduction.rig.phases.repeats
     given = [m for m, mean in reduction.mean.items() if m.startswith("energy") and mean is not None]
     means = {m: stated_text(reduction, found, m) for m in given}
     best, worst, words = None, None, ""
     if reduction.extremes is not None:
         high, low, name = reduction.extremes
         best, worst, words = high.cycle, low.cycle, f" Best and worst by {name}."
-    over_speed = f"; right: of all complete {span_word(reduction)}s, with means in bins" if reduction.bins else ""
+    over_speed = f"; over speed: of all complete {span_word(reduction)}s, with means in bins" if reduction.bins else ""
     made = (
         picture(
             figures.window_flow(reduction, means), "flow",

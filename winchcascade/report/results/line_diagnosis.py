@@ -34,6 +34,7 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.digits import upper
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.finding_words import finding_words
 from winchcascade.report.gap_words import phase_words, probability_words, share_words
 from winchcascade.report.results.common import data_note, provenance
@@ -47,7 +48,6 @@ from winchcascade.report.results.diagnosis_parts import (
     residual,
 )
 from winchcascade.report.sheet import file_digest
-from winchcascade.report.style import house_style
 
 KILO = figures.KILO
 

@@ -69,7 +69,7 @@ def loss_map_section(found: LossMap, drawn: Sequence[Picture | None] = ()) -> Se
 
 def loss_map_pictures(found: LossMap) -> list[Picture | None]:
     """Heat map and efficiencies as blocks. Called within the style of figures."""
-    from winchcascade.report.loss_map_figures import efficiency_figure, loss_figure
+    from winchcascade.report.figures.loss_map_figures import efficiency_figure, loss_figure
 
     into, out = found.points.stages
     return [

@@ -14,10 +14,10 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.content import Column, Note, Report, Tile, section, shown, table
-from winchcascade.report.figures import powers_of
+from winchcascade.report.figures.histories import powers_of
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import STAGE_PLACES
 from winchcascade.report.results.common import data_note, histories, provenance
-from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words
 from winchcascade.rig.simulate import Simulation
 

@@ -12,6 +12,7 @@ import numpy as np
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.wave_bootstrap import DRAWS, SEED, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies, classes_of_payout
+from winchcascade.reduction.wave_record import CampaignWaves, LogWaves
 from winchcascade.report.content import (
     Block,
     Column,
@@ -26,7 +27,6 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.glossary import short
-from winchcascade.report.wave_record import CampaignWaves, LogWaves
 from winchcascade.report.wording import load_words, tex
 
 if TYPE_CHECKING:
@@ -193,8 +193,8 @@ def wave_picture(found: WaveEnergies, cascade: Cascade) -> Picture | None:
 
 def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     """Energies and efficiencies of the waves over their payout; None without waves."""
-    from winchcascade.report.figures import stage_of
-    from winchcascade.report.style import COLOURS, label_panel, look_of, panel_figure
+    from winchcascade.report.figures.reduction_figures import stage_of
+    from winchcascade.report.figures.style import COLOURS, label_panel, look_of, panel_figure
 
     if not found.cycle.size or not np.isfinite(found.payout).all():
         return None

@@ -11,7 +11,7 @@ from matplotlib.patches import Polygon
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.loss_points import LossPoints, columns_at
-from winchcascade.report.style import COLOURS, Margins, panel_figure
+from winchcascade.report.figures.style import COLOURS, panel_figure
 
 DOTS = 1500
 """Points that are drawn at most; of more, an even selection."""
@@ -19,21 +19,19 @@ DOTS = 1500
 LEVELS = 12
 """Steps of colour, and lines of constant power, at most."""
 
-_MARGINS = Margins(left=0.09, right=0.97)
-
 _HEAT = LinearSegmentedColormap.from_list("loss", ["#fff3d6", "#f2a65a", "#b8432f", "#4a1230"])
 _GOOD = LinearSegmentedColormap.from_list("efficiency", ["#4a1230", "#3a7fc4", "#8fd3b6", "#fdf3b4"])
 
 
 def loss_figure(found: LossMap) -> Figure:
     """Heat map of the surface within the hull of the points, with the points."""
-    figure, (axes,) = panel_figure(3.4, margins=_MARGINS)
+    figure, (axes,) = panel_figure(3.4)
     points = found.points
     if len(found.hull) >= 3:
         torque, speed = np.meshgrid(found.torque, found.speed, indexing="ij")
         heat = axes.contourf(speed, torque, columns_at(torque, speed) @ found.surface.values, LEVELS, cmap=_HEAT)
         heat.set_clip_path(Polygon(found.hull[:, ::-1], transform=axes.transData))
-        figure.colorbar(heat, ax=axes, pad=0.02).set_label("Loss (W)")
+        figure.colorbar(heat, ax=axes).set_label("Loss (W)")
     rows = _selection(points)
     axes.plot(points.speed[rows], points.torque[rows], "o", ms=2.2, mew=0.4, mfc="none", mec=COLOURS["ink"])
     axes.set(xlabel="Speed of the shaft (rad/s)", ylabel="Torque (N·m)")
@@ -42,7 +40,7 @@ def loss_figure(found: LossMap) -> Figure:
 
 def efficiency_figure(points: LossPoints) -> Figure:
     """Efficiency at the operating points, with lines of constant power."""
-    figure, (axes,) = panel_figure(3.4, margins=_MARGINS)
+    figure, (axes,) = panel_figure(3.4)
     taken = points.power_in - points.stored
     eta = np.divide(points.power_out, taken, out=np.full(taken.size, np.nan), where=taken > 0.0)
     rows = _selection(points)
@@ -53,7 +51,7 @@ def efficiency_figure(points: LossPoints) -> Figure:
             points.speed[rows], points.torque[rows], c=eta[rows], s=10, cmap=_GOOD, edgecolors=COLOURS["ink"],
             linewidths=0.2, zorder=3,
         )  # fmt: skip
-        figure.colorbar(dots, ax=axes, pad=0.02).set_label("Efficiency (1)")
+        figure.colorbar(dots, ax=axes).set_label("Efficiency (1)")
     axes.set(xlabel="Speed of the shaft (rad/s)", ylabel="Torque (N·m)")
     return figure
 

@@ -13,26 +13,22 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from winchcascade.core.cascade import field_of
 from winchcascade.core.run import Signal
-from winchcascade.report.campaign_record import LogSummary, cascade_of, rule_of, run_load_text
-from winchcascade.report.figures import stage_of
-from winchcascade.report.style import (
+from winchcascade.reduction.campaign_record import LogSummary, cascade_of, rule_of
+from winchcascade.report.figures.reduction_figures import stage_of
+from winchcascade.report.figures.style import (
     COLOURS,
-    LINE,
     LOAD_COLOURS,
     MARK_SIZE,
-    Margins,
-    columns_within,
     cut_apart,
     evenly,
     label_panel,
-    lines_within,
+    legend_above,
     load_style,
     look_of,
     panel_figure,
     readable,
-    text_width,
 )
-from winchcascade.report.wording import tex
+from winchcascade.report.wording import load_text, tex
 
 DRAWN_RUNS = 12
 """Runs that share one panel at most; of more, an even selection."""
@@ -40,11 +36,8 @@ DRAWN_RUNS = 12
 Bins = Mapping[str, Sequence[Mapping[str, float]]]
 """Bins of each run by its name, their known values by the names of the dataset."""
 
-_PANEL, _APART = 2.4, 0.05
-"""Width between the first and the last load in a panel, and space between two numbers under it. [in]"""
-
-_LEGEND = {"handle": 2.6, "gap": 2.0}
-"""Length of a key, and space between two columns, of the legend over speed, in sizes of its font."""
+APART = 0.06
+"""Loads that are nearer to each other than this share of a logarithmic axis have one number."""
 
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
 
@@ -60,8 +53,7 @@ def over_load(runs: Sequence[LogSummary]) -> Figure | None:
     """Draw mean powers and efficiencies over the load, with 95 % intervals; over the runs' order where loads are unknown."""
     if not runs:
         return None
-    margins = Margins(left=0.095, head=0.435, foot=0.493)
-    figure, (left, right) = panel_figure(2.9, 1, 2, margins=margins, gaps={"wspace": 0.26})
+    figure, (left, right) = panel_figure(2.9, 1, 2)
     draw_over_load(left, runs, "power")
     draw_over_load(right, runs, "efficiency")
     return figure
@@ -129,7 +121,7 @@ def _points(ax: Axes, runs: Sequence[LogSummary], names: Sequence[str], unit: st
         ax.set_xticks(x, [f"{k:g}" for k in x])
     ax.set_xlabel("Load resistance (Ω)" if at is not None else "Log, in the order of the table")
     if columns:
-        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.07), borderaxespad=0.0, columnspacing=1.0)
+        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 1.0))
     return unit
 
 
@@ -145,15 +137,11 @@ def _label_loads(ax: Axes, loads: Sequence[float]) -> None:
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(FixedLocator(loads))
     ax.xaxis.set_minor_locator(NullLocator())
-    inches = _PANEL / math.log(loads[-1] / loads[0])
-    texts: list[str] = []
-    end = -math.inf
+    whole, named = math.log(loads[-1] / loads[0]), list[float]()
     for load in loads:
-        at, half = inches * math.log(load / loads[0]), 0.5 * text_width(f"{load:g}")
-        free = at - half > end
-        texts.append(f"{load:g}" if free else "")
-        end = at + half + _APART if free else end
-    ax.set_xticklabels(texts)
+        if not named or math.log(load / named[-1]) > APART * whole:
+            named.append(load)
+    ax.set_xticklabels([f"{load:g}" if load in named else "" for load in loads])
 
 
 def drawn_runs(runs: Sequence[LogSummary]) -> list[LogSummary]:
@@ -168,7 +156,7 @@ def load_names(runs: Sequence[LogSummary]) -> list[str]:
 
 def _load(run: LogSummary, unknown: str) -> str:
     """Load of a run with its unit, or what it is called where that is unknown."""
-    return unknown if run.load is None else f"{run_load_text(run)}{' Ω' * math.isfinite(run.load)}"
+    return unknown if run.load is None else f"{load_text(run.load)}{' Ω' * math.isfinite(run.load)}"
 
 
 def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
@@ -179,15 +167,12 @@ def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
         return None
     names = [name for run, name in zip(drawn_runs(runs), _entries(runs), strict=True) if run.name in shown]
     place = {name: k for k, name in enumerate(dict.fromkeys(names))}
-    head = 0.27 + LINE * lines_within(list(place), **_LEGEND)
-    margins = Margins(left=0.085, head=head, foot=0.46)
-    figure, axes = panel_figure(head + 2.42, 1, len(fields), margins=margins, gaps={"wspace": 0.34})
+    figure, axes = panel_figure(2.9, 1, len(fields))
     for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
         unit = _curves(ax, names, [_curve(found, field) for found in shown.values()], unit)
         label_panel(ax, "abc"[k], title, x="Generator speed (rpm)", unit=unit)
     first = dict(zip(reversed(names), reversed(axes[0].lines), strict=True))
-    columns, gap = columns_within(list(place), **_LEGEND), _LEGEND["gap"]
-    figure.legend([first[name] for name in place], list(place), loc="upper right", ncols=columns, columnspacing=gap)
+    legend_above(figure, [(first[name], name) for name in place])
     return figure
 
 

@@ -7,8 +7,8 @@ from msgspec import UNSET
 
 from winchcascade.core.campaign_file import joint_origin, origin_record
 from winchcascade.core.version import __version__
-from winchcascade.report.best_load import ranking_record
-from winchcascade.report.campaign_record import CampaignRecord, window_rules
+from winchcascade.reduction.best_load import ranking_record
+from winchcascade.reduction.campaign_record import CampaignRecord, window_rules
 
 CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
 

@@ -7,13 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from winchcascade.report.campaign_record import (
-    LogSummary,
-    cascade_of,
-    motion_words,
-    run_load_text,
-    unlike_motion,
-)
+from winchcascade.reduction.campaign_record import SPEED_ALIKE, LogSummary, cascade_of, unlike_motion
 
 SEED = 20260
 """Seed of the draws from which the probability follows that a load is the best."""
@@ -49,12 +43,18 @@ def rank_loads(runs: Sequence[LogSummary]) -> LoadRanking:
     if len({run.load_ohm for run in given}) < 2:
         return LoadRanking(None, "no two loads have an efficiency with its uncertainty", ends)
     if ends is None or len(known) < len(speeds):
-        lacking = run_load_text(given[speeds.index(None)])
-        return LoadRanking(None, f"plateau speed unknown at {lacking} Ω; loads are compared at one motion", ends)
+        lacking = given[speeds.index(None)].load_ohm
+        return LoadRanking(None, f"plateau speed unknown at {lacking:g} ohm; loads are compared at one motion", ends)
     unlike = unlike_motion(given)
     if unlike is not None:
-        return LoadRanking(None, motion_words(*unlike, "Ω"), ends)
+        return LoadRanking(None, motion_words(*unlike), ends)
     return LoadRanking(_best(given), "", ends)
+
+
+def motion_words(slow: LogSummary, fast: LogSummary) -> str:
+    """Plateau speeds of the slowest and the fastest of some logs with a load, and what follows from them."""
+    ends = " to ".join(f"{run.plateau_speed_mps:.2f} m/s at {run.load_ohm:g} ohm" for run in (slow, fast))
+    return f"plateau speeds differ, {ends}; loads are compared at one motion, within {100 * SPEED_ALIKE:g} %"
 
 
 def _compared(runs: Sequence[LogSummary]) -> list[LogSummary]:
@@ -98,6 +98,6 @@ def ranking_record(runs: Sequence[LogSummary]) -> dict[str, object]:
         }
     return {
         "best_load": best,
-        "best_load_reason": ranking.reason or None,
+        "best_load_reason": ranking.reason.replace("ohm", "Ω") or None,
         "plateau_speeds_mps": ranking.speeds,
     }
