@@ -128,7 +128,7 @@ reduce fixtures/campaign/r36ohm.csv --parquet tables
 show tables/r36ohm.csv.cycles.parquet tables/r36ohm.csv.bins.parquet
 reduce fixtures/campaign/open_circuit.csv --json open_circuit.json
 reduce fixtures/campaign/r4p5ohm.csv --json r4p5ohm.json
-reduce fixtures/campaign/r36ohm.csv --window auto --json auto.json
+reduce fixtures/campaign/r36ohm.csv --window auto
 reduce fixtures/campaign/r36ohm.csv --window payout --json payout.json
 reduce fixtures/campaign/r36ohm.csv --rig kitepower
 reduce fixtures/damaged_logs/dropouts.csv --window 5.48 --load-ohm 36 --json dropouts.json > dropouts
@@ -156,7 +156,7 @@ check steps.json --against points.toml --json points_check.json
 BATCH = """
 batch fixtures/campaign --out out --excel --jobs 1 --reports none > campaign
 batch fixtures/campaign --out out --excel --jobs 1 --reports none > campaign_again
-show out/campaign.json out/runs/r36ohm.csv.json out/campaign.xlsx
+show out/campaign.json out/campaign.xlsx
 show out/dataset/runs.parquet out/dataset/cycles.parquet out/dataset/bins.parquet out/dataset/findings.parquet
 batch fixtures/damaged_logs --out damaged-out --jobs 1 --reports none
 show damaged-out/campaign.json
@@ -166,7 +166,7 @@ show mixed/campaign.json
 
 TABLES = """
 check fixtures/campaign --against hsu2026-table2 --jobs 1 --json check.json --html check.html > check
-check fixtures/campaign --against wrong.toml --jobs 1 --json wrong.json
+check fixtures/campaign --against wrong.toml --jobs 1
 batch fixtures/campaign --out out --jobs 1 --reports none
 check out --against hsu2026-table2 --tolerance deviation=0 --tolerance uncertainty=0.1 --json tolerances.json
 check out/runs/r18ohm.csv.json --against hsu2026-table2 --json one_log.json
@@ -184,7 +184,7 @@ compare fixtures/campaign/r36ohm.csv out/runs/r36ohm.csv.json --max-drop 0.01 --
 MODEL = """
 calibrate fixtures/campaign/open_circuit.csv --write rig.toml --json calibrate.json --html calibrate.html > calibrate
 simulate fixtures/campaign/r36ohm.csv --out simulated.csv --html simulate.html > simulate
-reduce simulated.csv --window 5.48 --json simulated.json
+reduce simulated.csv --window 5.48
 simulate fixtures/campaign/r36ohm.csv --with copper_heating.r_s_change=0.2 --out effect.csv
 simulate fixtures/campaign/open_circuit.csv --rig rig.toml --out open.csv
 simulate --profile profile.csv --load-ohm 9 --out profiled.csv
@@ -192,7 +192,7 @@ show simulated.csv effect.csv open.csv profiled.csv
 simulate fixtures/damaged_logs/dropouts.csv --load-ohm 36 --out dropouts.csv
 simulate fixtures/damaged_logs/header_only.csv --load-ohm 36 --out header_only.csv
 show dropouts.csv
-calibrate fixtures/damaged_logs/dropouts.csv --load-ohm inf --json calibrate_dropouts.json
+calibrate fixtures/damaged_logs/dropouts.csv --load-ohm inf
 """
 
 PHYSICS = """
@@ -211,7 +211,7 @@ blind deal --cases 2 --seed 1 --out trial --jobs 1 > deal
 show trial/case-0001/campaign.toml trial/case-0001/open_circuit.csv
 blind diagnose trial --jobs 1
 show trial/diagnoses/case-0001.json
-blind score trial --json score.json --html score.html > score
+blind score trial --json score.json > score
 """
 
 EARLIER = """
@@ -219,8 +219,6 @@ check kept/0.1.0/results --against hsu2026-table2 --json check.json
 batch short --out kept/0.1.0/results --jobs 1 --reports none --excel
 show kept/0.1.0/results/campaign.json
 blind score kept/0.1.0/trial --json score.json
-blind diagnose kept/0.1.0/trial --jobs 1
-show kept/0.1.0/trial/diagnoses/case-0001.json
 """
 
 DEMO = """

@@ -40,7 +40,8 @@ def present(group: Group) -> dict[str, Any] | None:
         found: dict[str, Any] = {"codes.txt": ""}
         for line in filter(None, group.lines.splitlines()):
             for name, content in _outputs(place, line):
-                found[name] = found.get(name, "") + content if isinstance(content, str) else content
+                if content is not None:
+                    found[name] = found.get(name, "") + content if isinstance(content, str) else content
         return found
 
 

@@ -80,9 +80,9 @@ class Workplace:
         return code, self.plain(out + (f"--- stderr\n{err}" if err else ""))
 
     def content(self, path: Path) -> Any:
-        """Give the content of a file that a command wrote: a text, or thinned data."""
+        """Give the content of a file that a command wrote: a text, or thinned data; None where it wrote none."""
         if not path.is_file():
-            return {"not written": str(path)}
+            return None
         found = CONTENTS[path.suffix](path)
         return self.plain(found) if path.suffix == ".html" else thin(self._plain_data(found))
 

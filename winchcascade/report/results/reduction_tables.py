@@ -167,14 +167,14 @@ MEANS = (
     _phase("v_max", "payout", "speed_max", "m/s", 2),
     _phase("F", "plateau", "force", "N", 0),
     _phase("τ", "plateau", "torque", "N.m", 1),
-    *(_phase(f"P_{s}", "plateau", f"power_{s}", "W", 0) for s in ("line", "mech", "gen")),
+    *(_phase(f"P_{s} plateau", "plateau", f"power_{s}", "W", 0) for s in ("line", "mech", "gen")),
     _phase("F_hold", "hold", "force", "N", 0),
     _phase("τ_hold", "hold", "torque", "N.m", 1),
     _phase("p_hold", "hold", "pressure", "kg/cm2", 2),
     _phase("v haul-in", "haul_in", "speed_max", "m/s", 2),
     _phase("F_mean", "haul_in", "force", "N", 0),
     _phase("F_min", "haul_in", "force_min", "N", 0),
-    _phase("E_line", "haul_in", "energy_line", "J", 0),
+    _phase("E_line haul-in", "haul_in", "energy_line", "J", 0),
 )
 """Time means over plateau and hold, then numbers of the haul-in."""
 
