@@ -7,6 +7,7 @@ from typing import IO, Any
 import pytest
 from matplotlib.figure import Figure
 
+
 @contextmanager
 def undrawn() -> Iterator[None]:
     """Within this context every figure of a report that is made in this process is an empty drawing."""

@@ -27,12 +27,9 @@ from winchcascade.core.jobs import Workers
 from winchcascade.core.scratch import scratch_file
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.publish import publish
 from winchcascade.report.records import reduction_json
-from winchcascade.report.sheet import Note, Report, Section
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
-NOTE = (Section("note", "Note", (Note("Nothing."),)),)
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}
 COPIES = 4
 """Logs of the calls that are cut short: enough that some are done and some are not."""
@@ -134,7 +131,7 @@ def summary(out: Path) -> dict[str, dict[str, object]]:
 def test_a_result_is_that_of_reduce(campaign: Path, done: Path) -> None:
     for name in LOGS:
         record = json.loads((done / "runs" / f"{name}.json").read_bytes())
-        assert record.pop("batch")["reports"] == []
+        assert record.pop("batch")["files"] == {}
         assert record == json.loads(winchcascade("reduce", campaign / name, "--json", "-").stdout)
 
 
@@ -193,24 +190,6 @@ def test_all_reports_are_page_and_pdf_and_a_further_call_adds_the_pdf(page: Path
 @pytest.mark.slow
 def test_a_repeatable_build_gives_the_same_reports(page: Path, tmp_path: Path) -> None:
     assert contents(with_reports(tmp_path, "html")) == contents(page)
-
-
-def test_the_report_of_a_log_leads_to_a_diagnosis_that_is_in_the_folder(tmp_path: Path, out: Path) -> None:
-    log = FIXTURES / "campaign" / "r9ohm.csv"
-    pages = [out / "runs" / "r9ohm.csv.html", out / "campaign.html"]
-
-    def links() -> list[set[str]]:
-        return [set(re.findall(r'href="([^"]*diagnosis.html)"', page.read_text(encoding="utf-8"))) for page in pages]
-
-    batch(log, out=out, reports=["html"])
-    assert links() == [set(), set()]
-    (out / "diagnosis.html").write_text("<p>notes of the operator</p>", encoding="utf-8")
-    batch(log, out=out, reports=["html"])
-    assert links() == [set(), set()]  # not a page of this tool
-    publish(Report("Diagnosis of a campaign", "t", "", (), (), NOTE), html=out / "diagnosis.html", force=True)
-    batch(log, out=out, reports=["html"])
-    assert links() == [{"../diagnosis.html"}, {"diagnosis.html"}]
-    assert batch(log, out=out, reports=["html"])[0].kept == 1
 
 
 def test_links_of_the_page_lead_to_files(tmp_path: Path, out: Path) -> None:
@@ -447,12 +426,12 @@ def test_reports_that_find_no_room_leave_the_results_that_are_finished(campaign:
     assert contents(done).keys() == before.keys()
 
 
-def test_an_option_with_which_no_log_can_be_used_leaves_the_results_that_are_finished(
-    campaign: Path, done: Path
-) -> None:
+def test_a_log_that_cannot_be_read_now_leaves_the_result_that_is_finished(campaign: Path, done: Path) -> None:
     before = (done / "runs" / "r9ohm.csv.json").read_bytes()
-    (campaign / "campaign.toml").write_text('[[run]]\nfile = "r9ohm.csv"\nload_ohm = 9\ncycles = [90, 99]\n')
+    (campaign / "r9ohm.csv").rename(campaign / "elsewhere")
     assert list(batch(campaign, out=done)[0].faults) == ["r9ohm.csv"]
+    (campaign / "elsewhere").rename(campaign / "r9ohm.csv")
+    assert redone(campaign, out=done) == []
     assert (done / "runs" / "r9ohm.csv.json").read_bytes() == before
 
 
@@ -536,7 +515,9 @@ def test_a_folder_that_holds_something_else_is_rejected_and_used_with_force(camp
     assert (out / "thesis.txt").read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", ["campaign.json", "campaign.html", "campaign.xlsx", "runs/r9ohm.csv.json"])
+@pytest.mark.parametrize(
+    "name", ["campaign.json", "index.html", "campaign.html", "campaign.xlsx", "runs/r9ohm.csv.json"]
+)
 def test_a_file_that_this_tool_did_not_write_is_not_replaced(campaign: Path, out: Path, name: str) -> None:
     (out / "runs").mkdir(parents=True)  # a name that other people give their folders too
     (out / name).write_text("mine")

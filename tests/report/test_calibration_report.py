@@ -12,7 +12,8 @@ from winchcascade import Calibration, calibrate
 from winchcascade.core.files import json_bytes
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.calibrate import Strain
-from winchcascade.diagnosis.damper_curves import FACTORS, LEAD, damper_curves
+from winchcascade.diagnosis.damper_curves import FACTORS, damper_curves
+from winchcascade.diagnosis.model_comparison import LEAD
 from winchcascade.report.content import Cell, Measured, Report, Table
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.model_figures import damper_histories

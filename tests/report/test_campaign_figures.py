@@ -9,10 +9,12 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from test_campaign_report import run
 
+from winchcascade.diagnosis.compared_curves import ComparedCurve
+from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
+from winchcascade.diagnosis.model_account import Account
 from winchcascade.reduction.campaign_record import LogSummary
 from winchcascade.report.figures.campaign_figures import load_names, look_alike, over_load, repeated, runs_over_speed
 from winchcascade.report.figures.style import SHORT, columns_within, cut_apart, house_style
-from winchcascade.report.model_account import GROUPS, Account, ComparedCurve, LossBudget
 from winchcascade.report.model_figures import budget_bars, panels, styled_by_load
 from winchcascade.report.model_section import Named, row_names
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from diagnosed import diagnosed
 
+from winchcascade.diagnosis.model_account import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import LEAD, SimulatedCycle, cycle_gaps, largest_gap
 from winchcascade.report.content import Picture
 from winchcascade.report.cycle_histories import cycle_picture, histories_json
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.model_account import COMPARED
 
 VDC, FORCE = CHANNELS.index("vdc"), CHANNELS.index("force")
 

@@ -5,9 +5,9 @@ import re
 import pytest
 from diagnosed import SUSPECTS, made_logs
 
+from winchcascade.diagnosis.cause_numbers import cause_numbers, tolerance_of
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.report.content import Measured
-from winchcascade.report.diagnosis_causes import cause_rows, tolerance_of
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import causes_table
 from winchcascade.report.results.effects import effects_report
@@ -48,4 +48,4 @@ def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(mon
     assert isinstance(row["found"], Measured)
     assert row["found"].value == pytest.approx(1e-3 * cause.parameters["offset"].value)
     assert tolerance_of(found, PRESSURE_ZERO) > 0.0
-    assert [row.name for row in cause_rows(found)] == ["offset"]
+    assert [row.name for row in cause_numbers(found)] == ["offset"]

@@ -19,22 +19,22 @@ from undrawn import undrawn
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.core.campaign_file import SIMULATED
+from winchcascade.diagnosis.loss_budget import GROUPS
+from winchcascade.diagnosis.model_account import Account, Modelled, Regression, account_of, modelled
+from winchcascade.diagnosis.model_comparison import ModelComparison, compare
 from winchcascade.reduction.campaign_record import campaign_from
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.content import Note, Picture, Section, Table
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.model_account import GROUPS, Account, ModelComparison, Regression, account_of, compare
 from winchcascade.report.model_figures import back_emf_figure, budget_bars, damper_sweep
 from winchcascade.report.model_section import (
     GENERATOR,
     LOSSES,
     TETHER,
-    Modelled,
     Named,
     campaign_section,
-    modelled,
     run_section,
 )
 from winchcascade.report.results.drawn_reduction import drawn_report

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.core.addresses import local_copy
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.ingest.read import read_by
@@ -24,9 +23,7 @@ if TYPE_CHECKING:
 
 def points_of(work: Work) -> LossPoints:
     """Operating points of one log, which is read and reduced anew. Raises as `loss_points`."""
-    with local_copy(work.address) as path:
-        run = read_by(path, work.settings)
-    found = loss_points(reduce(run))
+    found = loss_points(reduce(read_by(Path(work.path), work.settings)))
     return msgspec.structs.replace(found, logs=(work.name,))
 
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import msgspec
-from msgspec.structs import replace
 
 from winchcascade.batch.plan import Plan, make_plan
 from winchcascade.core.arguments import (
@@ -27,7 +25,6 @@ from winchcascade.core.jobs import Workers
 from winchcascade.core.late_module import LateModule
 from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.reduce import window_rule
-from winchcascade.reduction.run_record import RunRecord
 
 if TYPE_CHECKING:
     from winchcascade.core import published_table
@@ -85,18 +82,13 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         ------
         OptionError : no further process can be started
         """
-        from winchcascade.batch.run_batch import run_batch
+        from winchcascade.batch.reductions import campaign_record, reduce_plan, with_findings_between
 
         check_arguments("reduce", ("jobs", jobs, PROCESSES))
-        with TemporaryDirectory(prefix="winchcascade-") as folder:
-            batch = run_batch(self.plan, Path(folder) / "results", workers=Workers(jobs))
-            records = {
-                name: msgspec.json.decode(path.read_bytes(), type=RunRecord) for name, path in batch.results.items()
-            }
-        more = {name: tuple(f for of, f in batch.summary.between if of == name) for name in records}
-        records = {name: replace(record, quality=record.quality + more[name]) for name, record in records.items()}
+        found, faults = reduce_plan(self.plan, Workers(jobs))
+        summary = campaign_record(self.plan, found.items(), faults)
         cascades = tuple(work.settings.rig.cascade for work in self.plan.work)
-        return CampaignReduction(batch.summary, records, cascades)
+        return CampaignReduction(summary, with_findings_between(found, summary.between), cascades)
 
     def diagnose(
         self,

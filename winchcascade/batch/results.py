@@ -6,18 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
-from msgspec.structs import replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import Plan, make_plan
-from winchcascade.batch.run_batch import Order, reduce_log
+from winchcascade.batch.reductions import reduce_plan, with_findings_between
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
-from winchcascade.core.jobs import run_here
+from winchcascade.core.jobs import Workers
 from winchcascade.core.published_table import PublishedTable
-from winchcascade.core.store import KeptFiles, State, altered, digest_in, inside
+from winchcascade.core.store import Kept, State, altered, digest_in, inside
 from winchcascade.reduction.campaign_json import CAMPAIGN_SCHEMA
-from winchcascade.reduction.run_record import FindingRecord, RunRecord, run_record
+from winchcascade.reduction.run_record import RunRecord, run_record
 from winchcascade.tables.check import Check, Factors, check, measured_from_record
 from winchcascade.tables.point_check import check_points
 from winchcascade.tables.point_table import PointTable, open_table
@@ -50,7 +49,7 @@ class _Summary(msgspec.Struct):
     """What is needed of the record of a batch; version 0.1.0 wrote none with digests."""
 
     runs: list[_Run]
-    store: KeptFiles = KeptFiles()
+    store: Kept = Kept()
 
 
 def input_files(target: Path) -> list[str]:
@@ -64,7 +63,7 @@ def input_files(target: Path) -> list[str]:
     if target.suffix == ".toml" or (target.is_dir() and not _is_batch(target)):
         work = make_plan([str(target)]).work
         listed = target / CAMPAIGN_FILE if target.is_dir() else target
-        return [str(listed), *(one.address for one in work), *(one.settings.rig.path for one in work)]
+        return [str(listed), *(one.path for one in work), *(one.settings.rig.path for one in work)]
     return [str(path) for path in (target, folder / "campaign.json", folder / CAMPAIGN_FILE, *folder.glob("runs/*"))]
 
 
@@ -137,12 +136,10 @@ def _of_batch(folder: Path) -> Results:
 
 def campaign_results(plan: Plan, jobs: int) -> Results:
     """Reduce the logs of a plan. Raises LogError for one that cannot be used."""
-    found: dict[int, RunRecord] = {}
-    for outcome in run_here(reduce_log, [Order(work) for work in plan.work], workers=jobs):
-        if outcome.value is None:
-            raise LogError(f"{outcome.fault}")
-        found[outcome.place] = run_record(outcome.value.files["json"], outcome.value.name)
-    return Results(_together({plan.work[k].name: found[k] for k in sorted(found)}), whole=True)
+    records, faults = reduce_plan(plan, Workers(jobs))
+    for fault in faults.values():
+        raise LogError(fault)
+    return Results(_together(records), whole=True)
 
 
 def check_results(
@@ -161,7 +158,5 @@ def check_results(
 
 def _together(records: Mapping[str, RunRecord]) -> tuple[tuple[str, RunRecord], ...]:
     """The records of a campaign, each with the findings that its log has beside the others."""
-    more: dict[str, tuple[FindingRecord, ...]] = {}
-    for name, finding in findings_between([log_efficiency(name, record) for name, record in records.items()]):
-        more[name] = (*more.get(name, ()), finding)
-    return tuple((name, replace(one, quality=(*one.quality, *more.get(name, ())))) for name, one in records.items())
+    between = findings_between([log_efficiency(name, record) for name, record in records.items()])
+    return tuple(with_findings_between(records, between).items())

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 
 from winchcascade.cli.options import (
@@ -23,6 +24,7 @@ from winchcascade.cli.options import (
 from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports, written
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
+from winchcascade.core.store import present
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ TargetsArgument = Annotated[
     list[str],
     typer.Argument(
         metavar="TARGET...",
-        help="The logs: a campaign.toml, a folder, a pattern, single logs, or addresses such as s3://...",
+        help="The logs: a campaign.toml, a folder, a pattern, or single logs.",
         show_default=False,
     ),
 ]
@@ -114,7 +116,7 @@ def demo_command(
 ) -> None:
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()
-    from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, has_diagnosis, keep_diagnosis
+    from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.campaign_record import campaign_text, fault_text
@@ -123,15 +125,17 @@ def demo_command(
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()
     plan = make_plan([str(campaign)])
-    products = Products(REPORTS["all"], workbook=True, command=given_command(), beside=DIAGNOSIS_FILES)
+    products = Products(REPORTS["all"], workbook=True, command=given_command())
     diagnosis = partial(diagnosis_of, campaign, products.command, count)
-    kept = not force and has_diagnosis(results, campaign)
+    kept = not force and present(results, diagnosis_output(campaign)).kept
     with run_behind(diagnosis, processes=1 if kept else count) as diagnosed:  # beside the batch, which takes less time
         with Progress(plan.title) as watch:
             batch = run_batch(plan, results, products, workers=Workers(max(count - 1, 1)), force=force, watch=watch)
         text = campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered)
         show(text, failures=fault_text(batch.summary, batch.folder), flush=True)
         with status_line(f"diagnosing {plan.title}") as on_progress:
-            found, files = keep_diagnosis(campaign, results, diagnosed, force=force, on_progress=on_progress)
-    show(diagnosis_lines(found, files))
+            if not kept:
+                write_diagnosis(results, diagnosed(), force=force, on_progress=on_progress)
+    found = msgspec.json.decode((results / "diagnosis.json").read_bytes(), type=dict[str, object])
+    show(diagnosis_lines(found, [results / name for name in DIAGNOSIS_FILES]))
     raise typer.Exit(1 if batch.faults else 0)

@@ -25,7 +25,7 @@ from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked, json_bytes
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
-from winchcascade.core.store import make_one
+from winchcascade.core.store import locked, make_one
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
@@ -102,8 +102,8 @@ def diagnose_command(
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
     from winchcascade.batch.demo import DIAGNOSIS_FILES
-    from winchcascade.batch.results_pages import list_diagnosis
-    from winchcascade.report.model_export import check_export, write_export
+    from winchcascade.batch.results_pages import write_index
+    from winchcascade.diagnosis.model_export import check_export, write_export
     from winchcascade.report.render.terminal import terminal_text
     from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.screen import status_line
@@ -132,7 +132,9 @@ def diagnose_command(
     deliver(json, lambda: json_bytes(diagnosis_record(found)), printed, force=force)
     made = [path for path in (report.html, report.pdf, Path(json or "-")) if path is not None]
     for folder in {path.parent for path in made if path.name in DIAGNOSIS_FILES}:
-        list_diagnosis(folder)
+        if (folder / "index.html").is_file() and is_marked(folder / "index.html"):
+            with locked(folder, lambda _: None):
+                write_index(folder)
 
 
 def _listed(campaign: Path, simulated: Path | None) -> Campaign:

@@ -75,8 +75,8 @@ def write_reports(
     files: ReportFiles,
     name: str,
     *,
-    of: str = "",
-    force: bool,  # noqa: ARG001
+    of: str = "",  # noqa: ARG001
+    force: bool,
 ) -> None:
     """Write a report as page and PDF, and its figures and tables, as far as they are wanted.
 

@@ -11,21 +11,17 @@ from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
+from winchcascade.diagnosis.model_comparison import LEAD, LONGEST, between
 from winchcascade.diagnosis.nuisances import with_quantity
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.simulate import simulate
+from winchcascade.rig.parts import Model
+from winchcascade.rig.simulate import Simulation, simulate
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration
 
 FACTORS = (0.0, 0.5, 1.0, 1.5, 2.0)
 """Dampers that are simulated, over the calibrated one. [1]"""
-
-LEAD = 2.0
-"""The simulated part of the log begins before its onset by this. [s]"""
-
-LONGEST = 200.0
-"""Longest part of a log that is simulated. [s]"""
 
 
 class DamperCurves(msgspec.Struct, frozen=True):
@@ -51,29 +47,35 @@ def calibrated_rig(calibration: Calibration) -> Rig:
     return rig
 
 
+def tensions(run: Run, model: Model, known: Simulation | None = None) -> list[Signal]:
+    """Line tension simulated with `FACTORS` times the damper of a model, (n,) each. [N]
+
+    Parameters
+    ----------
+    known : simulation of the model itself, where there is one
+    """
+    found = []
+    for factor in FACTORS:
+        shaft = msgspec.structs.replace(model.drivetrain, b_rotor=factor * model.drivetrain.b_rotor)
+        own = known if factor == 1.0 else None
+        found.append((own or simulate(run, msgspec.structs.replace(model, drivetrain=shaft))).run.channels["force"])
+    return found
+
+
 def damper_curves(calibration: Calibration) -> DamperCurves | None:
     """Simulate the first payout with the calibrated rig and other dampers; None where no rig can have its numbers."""
     if not calibration.settled:
         return None
     (onset, braking), *others = calibration.payouts
-    run = _part(calibration.run, onset - LEAD, min([onset + LONGEST, *(begin - LEAD for begin, _ in others)]))
+    run = between(calibration.run, onset - LEAD, min([onset + LONGEST, *(begin - LEAD for begin, _ in others)]))
     try:
         model = baseline(calibrated_rig(calibration))
         if model.drivetrain.b_rotor <= 0.0:
             return None
-        dampers = tuple(factor * model.drivetrain.b_rotor for factor in FACTORS)
-        shafts = [msgspec.structs.replace(model.drivetrain, b_rotor=damper) for damper in dampers]
-        simulations = [simulate(run, msgspec.structs.replace(model, drivetrain=shaft)) for shaft in shafts]
+        forces = tuple(tensions(run, model))
     except RigError:
         return None
-    forces = tuple(simulation.run.channels["force"] for simulation in simulations)
+    dampers = tuple(factor * model.drivetrain.b_rotor for factor in FACTORS)
     payout, log = (run.t >= onset) & (run.t <= braking), run.channels["force"]
     rms = tuple(float(np.sqrt(np.mean((force - log)[payout] ** 2))) for force in forces)
     return DamperCurves(run, onset, dampers, forces, rms)
-
-
-def _part(run: Run, begin: float, end: float) -> Run:
-    """A log between two instants. [s]"""
-    rows = slice(*np.searchsorted(run.t, (begin, end)).tolist())
-    channels = {name: x[rows] for name, x in run.channels.items()}
-    return msgspec.structs.replace(run, t=run.t[rows], channels=channels, samples=run.t[rows].size)

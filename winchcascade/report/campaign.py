@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
 from winchcascade.core.cascade import field_of
+from winchcascade.diagnosis.model_account import Account
 from winchcascade.reduction.best_load import Best, LoadRanking, motion_words, rank_loads
 from winchcascade.reduction.campaign_record import (
     CampaignRecord,
@@ -30,7 +31,6 @@ from winchcascade.report.campaign_record import has_speeds, mixed_windows, windo
 from winchcascade.report.digits import NumberText, interval_text, percent, stated, with_uncertainty
 from winchcascade.report.figures import campaign_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
 from winchcascade.report.results.waves import campaign_waves_section

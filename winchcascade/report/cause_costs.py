@@ -4,25 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import TypeVar
 
-import msgspec
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from winchcascade.diagnosis.contributions import leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.diagnosis.load_costs import OTHER, waterfall_costs
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import number
 from winchcascade.report.figures.style import COLOURS, Margins, panel_figure
 from winchcascade.report.gap_words import has_own_simulation
 from winchcascade.report.wording import load_words, tex
-
-T = TypeVar("T", Contribution, ContributionPart)
-
-PERCENT = 100.0
 
 NAMES = {"tolerances": "tolerances", "model_form": "model form", "residual": "residual"}
 """Parts that are no cause."""
@@ -32,27 +26,6 @@ NO_ENERGY = {
     "entry": "costs no energy: it changes a stated number, not the rig",
 }
 """What is said of a cause that does not cost energy, by its kind."""
-
-
-def load_costs(found: ModelDiagnosis, metric: str | None) -> list[Contribution]:
-    """The split of an efficiency at every load, from the largest resistance to the smallest: means of its runs [%, points].
-
-    The errors of runs of one load are mostly the same, so the bounds of a part are means too.
-    """
-    runs = loaded_part(found.contributions, metric)
-    loads = sorted({run.load for run in runs if run.load is not None}, reverse=True)
-    return [_mean_costs([run for run in runs if run.load == load]) for load in loads]
-
-
-def _mean_costs(runs: Sequence[Contribution]) -> Contribution:
-    parts = tuple(_mean(alike, "value", "low", "high") for alike in zip(*(run.parts for run in runs), strict=True))
-    return msgspec.structs.replace(_mean(runs, "as_given", "measured"), parts=parts)
-
-
-def _mean(alike: Sequence[T], *fields: str) -> T:
-    """The first of some contributions or parts with the means of some fields, in percent."""
-    means = {name: PERCENT * sum(getattr(one, name) for one in alike) / len(alike) for name in fields}
-    return msgspec.structs.replace(alike[0], **means)
 
 
 def part_name(found: ModelDiagnosis, part: ContributionPart) -> str:
@@ -103,35 +76,6 @@ def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
     for ax in panels[len(table) :]:
         ax.set_visible(False)
     return figure
-
-
-SHOWN = 4
-"""Causes with a bar of their own, those that cost most; the others are added up."""
-
-OTHER = "other causes"
-
-
-def waterfall_costs(found: ModelDiagnosis) -> list[Contribution]:
-    """The split of the leading efficiency at each load, with the smallest causes as one part. [%, points]"""
-    table = load_costs(found, leading_metric(found.contributions))
-    count = len(found.causes)
-    if not table or count <= SHOWN + 1:
-        return table
-    largest = sorted(range(count), key=lambda k: -max(abs(costs.parts[k].value) for costs in table))
-    kept, rest = sorted(largest[:SHOWN]), largest[SHOWN:]
-    return [
-        msgspec.structs.replace(
-            costs,
-            parts=(*(costs.parts[k] for k in kept), _sum([costs.parts[k] for k in rest]), *costs.parts[count:]),
-        )
-        for costs in table
-    ]
-
-
-def _sum(parts: Sequence[ContributionPart]) -> ContributionPart:
-    """Some causes as one part."""
-    low, value, high = (sum(getattr(part, name) for part in parts) for name in ("low", "value", "high"))
-    return ContributionPart(OTHER, "physical", value, low, high)
 
 
 def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution]) -> None:

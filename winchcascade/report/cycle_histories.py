@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.model_account import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
 from winchcascade.report.content import Picture
@@ -27,7 +28,6 @@ from winchcascade.report.figures.style import (
     patch_entry,
 )
 from winchcascade.report.gap_words import NAMES, baseline_words
-from winchcascade.report.model_account import COMPARED
 from winchcascade.report.wording import load_words
 
 PANEL = 1.15

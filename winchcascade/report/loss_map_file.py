@@ -15,9 +15,9 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
+from winchcascade.core.matlab_file import matlab_bytes
 from winchcascade.core.version import __version__
 from winchcascade.reduction.loss_map import LossMap
-from winchcascade.report.matlab_file import matlab_bytes
 
 SCHEMA = "winchcascade/loss_map/1"
 

@@ -13,7 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
+from winchcascade.diagnosis.compared_curves import HAUL_IN, ComparedCurve
 from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
+from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
+from winchcascade.diagnosis.model_account import Regression, Sweep
 from winchcascade.report.digits import significant
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -41,17 +44,51 @@ from winchcascade.report.figures.style import (
     shade_over_speed,
     text_width,
 )
-from winchcascade.report.model_account import (
-    GROUPS,
-    HAUL_IN,
-    NOTHING,
-    SHOWN,
-    SPEED,
-    ComparedCurve,
-    LossBudget,
-    Regression,
-    Sweep,
-)
+
+SPEED = "Generator speed (rpm)"
+
+
+class Shown(NamedTuple):
+    """How a quantity is shown: its title, its unit, what a caption states of its panel, the label of what it is drawn over, and
+    a symbol for a bare axis.
+    """
+
+    title: str
+    unit: str
+    what: str
+    over: str = SPEED
+    symbol: str = ""
+
+
+SHOWN = {
+    "pressure_kgcm2": Shown(
+        "Gas pressure, gauge", "kg/cm²", "gas pressure over displacement (haul-ins dashed)", "Line displacement (m)"
+    ),
+    "force_n": Shown(
+        "Line tension", "N", "line tension over line velocity (haul-ins left of zero)", "Line velocity (m/s)"
+    ),
+    "power_gen_w": Shown("Power at the DC link", "W", "power at the DC link over generator speed"),
+    "torque_nm": Shown("Torque of the PTO shaft", "N·m", "torque of the PTO shaft over generator speed"),
+    "vdc_v": Shown("Voltage of the DC link", "V", "voltage of the DC link over generator speed"),
+    "idc_a": Shown("Current of the DC link", "A", "current of the DC link over generator speed"),
+    "resistance_ohm": Shown("Apparent resistance", "Ω", "apparent resistance Vdc / Idc over generator speed"),
+    "loss_w": Shown(
+        "Electrical-side loss",
+        "W",
+        "electrical-side loss P_mech − P_gen (Eq. 11 of Hsu et al. 2026) without stored energy over generator speed",
+    ),
+    "eta_gen": Shown(
+        "Electrical-stage efficiency",
+        "1",
+        "efficiency of the electrical stage, mean P_gen over mean P_mech of each bin (Eq. 6) without stored energy over "
+        "generator speed",
+        symbol=r"$\eta_\mathrm{gen}$",
+    ),
+}
+"""Curves by their name in written files, in the order of the paper's Figs 13 to 17."""
+
+NOTHING = 5e-4
+"""A share of the energy of the line below this is not named. [1]"""
 
 MAX_MARKS = 330
 """Markers in a row of panels, about at most: of several logs with many bins each has its turn."""
@@ -103,7 +140,7 @@ def panels(
 
     Parameters
     ----------
-    names : of `model_account.SHOWN`
+    names : of `SHOWN`
     word : what the logs are called
     rated : speed of the generator above which a panel over speed is shaded [rpm]
     gear : adds an axis above with the speed of the drum, which is slower by this

@@ -8,40 +8,25 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
 from matplotlib.figure import Figure
 from msgspec.structs import replace
 
 from winchcascade.core.rig_file import Rig
-from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.diagnosis.compared_curves import samples_of
+from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
+from winchcascade.diagnosis.model_account import COMPARED, Account, ChannelDifference, Modelled
+from winchcascade.diagnosis.model_comparison import ModelComparison
 from winchcascade.report import model_figures as figures
 from winchcascade.report.content import Block, Column, Note, Picture, Section, Table, picture, section, table
 from winchcascade.report.digits import upper
 from winchcascade.report.figures.style import cut_apart
 from winchcascade.report.glossary import CHANNELS
-from winchcascade.report.model_account import (
-    ALWAYS,
-    COMPARED,
-    GROUPS,
-    NOTHING,
-    SHOWN,
-    Account,
-    ChannelDifference,
-    LossBudget,
-    ModelComparison,
-    abscissas,
-    account_of,
-    compare_with_baseline,
-    quantities,
-)
+from winchcascade.report.model_figures import NOTHING, SHOWN
 from winchcascade.report.wording import load_words
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")
 GENERATOR = ("torque_nm", "vdc_v", "idc_a", "resistance_ohm")
 LOSSES = ("loss_w", "eta_gen")
-
-CLOUD = 500
-"""Samples of a log that are drawn in each panel at most; of more, an even selection."""
 
 MAX_NAMES = 3
 """Logs of a campaign that a reason for not being simulated names."""
@@ -51,21 +36,6 @@ UNKNOWN = ChannelDifference(math.nan, math.nan)
 
 FINE = 2000.0
 """With less energy of the line than this a budget has a decimal. [J]"""
-
-
-class Modelled(NamedTuple):
-    """A comparison with what is kept of it; without one the account gives the reason."""
-
-    comparison: ModelComparison | None
-    account: Account
-
-
-def modelled(reduction: Reduction) -> Modelled:
-    """Compare a log with the model that its rig file gives."""
-    found = compare_with_baseline(reduction)
-    if isinstance(found, ModelComparison):
-        return Modelled(found, account_of(found))
-    return Modelled(None, Account(why=found.why, word=reduction.run.origin.word))
 
 
 # ---------------------------------------------------------------------------------------------------------- of one log
@@ -94,7 +64,7 @@ def _run_pictures(comparison: ModelComparison, account: Account) -> list[Picture
     shown = [(TETHER, "model-tether"), (GENERATOR, "model-generator"), (LOSSES, "model-losses")]
     if account.open_circuit:
         shown = [((*TETHER, "vdc_v"), "model-tether")]
-    drawn, dots = [figures.Drawn("", account.curves)], clouds(comparison)
+    drawn, dots = [figures.Drawn("", account.curves)], samples_of(comparison)
     return [
         _panels(
             name, words, drawn, names, figures.panels(drawn, names, word=account.word, rated=account.rated, clouds=dots)
@@ -109,17 +79,6 @@ def _panels(
     """Picture of some panels, whose caption begins with what they show."""
     given = figures.given_names(drawn, names)
     return _picture(figure, name, f"{shown_words(given)} {words}") if given else None
-
-
-def clouds(comparison: ModelComparison) -> figures.Clouds:
-    """Samples of the log that stand behind its curves, in the units of the curves; an even selection of many."""
-    log, found = quantities(comparison, comparison.run), {}
-    for name, (x, own, *_) in abscissas(comparison).items():
-        if name in log:
-            rows = np.flatnonzero(own | comparison.haul_in if name == "pressure_kgcm2" else own)
-            rows = rows[:: max(1, -(-rows.size // CLOUD))]
-            found[name] = (x[rows], log[name][rows])
-    return found
 
 
 def _open_circuit(account: Account) -> list[Block | None]:
@@ -275,6 +234,9 @@ def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], account
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
+ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "diodes", "dc")
+"""Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
+
 _LESS = "Log - simulation over the payouts: mean (bias) and root mean square (rms)."
 
 CHANNEL_DIFFERENCES: tuple[Column[tuple[str, ChannelDifference]], ...] = (

@@ -101,6 +101,7 @@ def plot_diagnosis(found: DiagnosisResult, what: str, ax: Axes | None = None) ->
     difference alone is drawn
     """
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.load_costs import waterfall_costs
     from winchcascade.report import cause_costs
     from winchcascade.report.diagnosis_figures import draw_gap_map
 
@@ -114,7 +115,7 @@ def plot_diagnosis(found: DiagnosisResult, what: str, ax: Axes | None = None) ->
             f"plot({what!r}): this diagnosis has no model, which could split an efficiency by its causes; expected 'map', or a "
             "rig file with all numbers of the rig."
         )
-    costs = cause_costs.waterfall_costs(found)
+    costs = waterfall_costs(found)
     _require(what, "" if costs else "a split of an efficiency at a load")
     if ax is not None:
         costs = [max(costs, key=lambda one: abs(one.measured - one.as_given))]

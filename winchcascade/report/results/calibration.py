@@ -188,7 +188,7 @@ def _regression(calibration: Calibration) -> str:
 
 def fit_blocks(calibration: Calibration, curves: DamperCurves | None) -> list[Block | None]:
     """Figs 11 and 12: tension with several dampers, and the regression of the back-EMF. Called within the style of figures."""
-    from winchcascade.report.model_account import Regression
+    from winchcascade.diagnosis.model_account import Regression
     from winchcascade.report.model_figures import back_emf_figure, damper_histories
 
     r, word = calibration.regression, calibration.run.origin.word

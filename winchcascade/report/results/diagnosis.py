@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.diagnosis.block_series import Sides, most_telling, sides
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
@@ -20,11 +21,12 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.load_costs import load_costs
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_words as words
-from winchcascade.report.cause_costs import given_head, load_costs, no_energy_words, part_name, waterfall_figure
+from winchcascade.report.cause_costs import given_head, no_energy_words, part_name, waterfall_figure
 from winchcascade.report.cause_words import (
     check_words,
     minor_words,
@@ -86,7 +88,7 @@ def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
 
 @house_style()
 def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
-    both, word = figures.sides(found), words.word_of(found)
+    both, word = sides(found), words.word_of(found)
     return Report(
         kind="Diagnosis of a campaign",
         title=f"{found.title}: {words.VERDICTS[found.verdict].lower()}",
@@ -337,8 +339,8 @@ def _misfit(of: str) -> Column[tuple[str, Shrunk]]:
     return Column(of, cell, own_digits=True)
 
 
-def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
-    log = figures.most_telling(found)
+def _how_far(found: ModelDiagnosis, both: Sides, word: str) -> Section:
+    log = most_telling(found)
     run = found.data.logs[log].run
     shrunk = () if found.closure is None else found.closure.channels.items()
     return section(
@@ -367,7 +369,7 @@ def _how_far(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
     )  # fmt: skip
 
 
-def _speed(found: ModelDiagnosis, both: figures.Sides, word: str) -> Section:
+def _speed(found: ModelDiagnosis, both: Sides, word: str) -> Section:
     return section(
         "speed", "Current, torque and power over speed",
         picture(

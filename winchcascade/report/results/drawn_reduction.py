@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from winchcascade.diagnosis.model_account import Modelled, modelled
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
@@ -9,7 +10,7 @@ from winchcascade.report.content import Picture, Report, picture
 from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import powers_of
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.model_section import Modelled, modelled, run_section
+from winchcascade.report.model_section import run_section
 from winchcascade.report.results.common import histories
 from winchcascade.report.results.loss_surface import loss_map_pictures, loss_map_section
 from winchcascade.report.results.reduction import reduction_report, stated_text, waves_of

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.core.campaign_file import Origin
+from winchcascade.diagnosis.model_comparison import ModelComparison, compare_with_baseline
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.model_account import ModelComparison, compare_with_baseline
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
 
-FIXTURES = Path(__file__).parents[2] / "fixtures"
+FIXTURES = Path(__file__).parents[1] / "fixtures"
 KGCM2 = 98066.5
 
 LOGS: dict[str, tuple[str, float, float | str]] = {

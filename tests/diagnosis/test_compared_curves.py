@@ -10,17 +10,12 @@ from compared import KGCM2, LOGS, before_braking, binned, compared, reduced
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
+from winchcascade.diagnosis.compared_curves import CURVES, HAUL_IN, MIN_BIN_SAMPLES
+from winchcascade.diagnosis.damper_curves import FACTORS
+from winchcascade.diagnosis.loss_budget import GROUPS
+from winchcascade.diagnosis.model_account import Account, account_of
+from winchcascade.diagnosis.model_comparison import ModelComparison
 from winchcascade.reduction.bins import stored_powers
-from winchcascade.report.model_account import (
-    DAMPERS,
-    GROUPS,
-    HAUL_IN,
-    MIN_BIN_SAMPLES,
-    SHOWN,
-    Account,
-    ModelComparison,
-    account_of,
-)
 from winchcascade.rig.simulate import LEDGER
 
 KEPT = 5.1e-5
@@ -122,7 +117,7 @@ def test_in_open_circuit_nothing_that_needs_a_current_is_reported(accounts: dict
     assert set(account.differences) == {"vdc", "pressure", "force"}
     assert account.budget is not None
     assert set(account.budget.log) == {"line"}
-    assert set(accounts["18 ohm"].curves) == {*SHOWN, HAUL_IN}
+    assert set(accounts["18 ohm"].curves) == set(CURVES)
 
 
 def test_differences_are_log_minus_simulation_over_the_payouts(
@@ -152,13 +147,13 @@ def test_the_sweep_holds_the_rigs_own_damper_and_more_damper_takes_more_force(
 ) -> None:
     c, sweep = comparisons["open circuit"], accounts["open circuit"].sweep
     assert sweep is not None
-    assert (sweep.factors, sweep.nominal) == (DAMPERS, 7.5e-4)
+    assert (sweep.factors, sweep.nominal) == (FACTORS, 7.5e-4)
     rpm = c.run.channels["velocity"] / 0.13 * 50.0 * 30.0 / math.pi
     rows = before_braking(c)
     own = binned(rows, rpm, c.simulation.run.channels["force"], 100.0, MIN_BIN_SAMPLES)
     log = binned(rows, rpm, c.run.channels["force"], 100.0, MIN_BIN_SAMPLES)
     assert sweep.rpm == pytest.approx(list(own))
-    assert sweep.simulated[DAMPERS.index(1.0)] == pytest.approx(list(own.values()), rel=KEPT)
+    assert sweep.simulated[FACTORS.index(1.0)] == pytest.approx(list(own.values()), rel=KEPT)
     assert sweep.log == pytest.approx(list(log.values()), rel=KEPT)
     fast = np.array(sweep.rpm) > 2000.0
     forces = np.array(sweep.simulated)[:, fast]

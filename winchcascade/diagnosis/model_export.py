@@ -11,12 +11,12 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
+from winchcascade.core.matlab_file import matlab_bytes
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.rig_text import corrected_rig
-from winchcascade.report.matlab_file import matlab_bytes
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, number_of, path_in_rig, rolloff_curve
 

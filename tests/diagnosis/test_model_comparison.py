@@ -9,10 +9,17 @@ from compared import compared, reduced
 
 from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import CLOCK
+from winchcascade.diagnosis.model_comparison import (
+    LONGEST,
+    SLOWEST,
+    LeftOut,
+    ModelComparison,
+    compare,
+    compare_with_baseline,
+)
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.model_account import LONGEST, SLOWEST, LeftOut, ModelComparison, compare, compare_with_baseline
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.open_rig import load_rig

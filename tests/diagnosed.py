@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run
     from winchcascade.rig.simulate import Simulation
 
-FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
+FIXTURES = Path(__file__).parents[1] / "fixtures" / "campaign"
 LOGS = {"r18ohm.csv": 18.0, "r4p5ohm.csv": 4.5}
 NOISE = {"pressure": 1500.0, "force": 8.0, "torque": 0.5, "vdc": 0.15, "idc": 0.012}
 """Standard deviation of the noise of a sample, SI units."""

@@ -1,0 +1,67 @@
+"""What each cause costs in efficiency, load by load: the contributions of the runs as means over the runs of a load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import msgspec
+
+from winchcascade.diagnosis.contributions import leading_metric, loaded_part
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+
+T = TypeVar("T", Contribution, ContributionPart)
+
+PERCENT = 100.0
+
+MAX_PARTS = 7
+"""Maximum number of parts of a waterfall; the causes that cost least are added up."""
+
+OTHER = "other causes"
+"""Effect of the part that adds up several causes."""
+
+
+def load_costs(found: ModelDiagnosis, metric: str | None) -> list[Contribution]:
+    """The split of an efficiency at every load, from the largest resistance to the smallest: means of its runs [%, points].
+
+    The errors of runs of one load are mostly the same, so the bounds of a part are means too.
+    """
+    runs = loaded_part(found.contributions, metric)
+    loads = sorted({run.load for run in runs if run.load is not None}, reverse=True)
+    return [_mean_costs([run for run in runs if run.load == load]) for load in loads]
+
+
+def _mean_costs(runs: Sequence[Contribution]) -> Contribution:
+    parts = tuple(_mean(alike, "value", "low", "high") for alike in zip(*(run.parts for run in runs), strict=True))
+    return msgspec.structs.replace(_mean(runs, "as_given", "measured"), parts=parts)
+
+
+def _mean(alike: Sequence[T], *fields: str) -> T:
+    """The first of some contributions or parts with the means of some fields, in percent."""
+    means = {name: PERCENT * sum(getattr(one, name) for one in alike) / len(alike) for name in fields}
+    return msgspec.structs.replace(alike[0], **means)
+
+
+def waterfall_costs(found: ModelDiagnosis) -> list[Contribution]:
+    """The split of the leading efficiency at each load in `MAX_PARTS` parts at most. [%, points]"""
+    table = load_costs(found, leading_metric(found.contributions))
+    count = len(found.causes)
+    if not table or len(table[0].parts) <= MAX_PARTS:
+        return table
+    own = MAX_PARTS - 1 - (len(table[0].parts) - count)
+    largest = sorted(range(count), key=lambda k: -max(abs(costs.parts[k].value) for costs in table))
+    kept, rest = sorted(largest[:own]), largest[own:]
+    return [
+        msgspec.structs.replace(
+            costs,
+            parts=(*(costs.parts[k] for k in kept), _sum([costs.parts[k] for k in rest]), *costs.parts[count:]),
+        )
+        for costs in table
+    ]
+
+
+def _sum(parts: Sequence[ContributionPart]) -> ContributionPart:
+    """Some causes as one part."""
+    low, value, high = (sum(getattr(part, name) for part in parts) for name in ("low", "value", "high"))
+    return ContributionPart(OTHER, "physical", value, low, high)
