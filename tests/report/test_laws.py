@@ -29,7 +29,7 @@ ODD = 'a <b>log<i> & "q" {{ 7*7 }} #x $y$ *z* '
 """How the names of logs begin."""
 
 TITLE = (
-    "<b>bold</b> <script>alert(1)</script> & &amp; \"double\" {{ 7*7 }} {% raw %} {# no #} #let x = 1 $x^2$ *star* "
+    '<b>bold</b> <script>alert(1)</script> & &amp; "double" {{ 7*7 }} {% raw %} {# no #} #let x = 1 $x^2$ *star* '
     "_low_ @ref `code` </style> --> ]]> ${1} https://example.org/ 測試 <img src=x onerror=alert(1)>"
 )
 """What a page, a template or a typesetter might take for something else than the title of a campaign."""
@@ -144,7 +144,12 @@ def test_a_pdf_states_every_cell_and_every_caption(pages: list[Made]) -> None:
         whole = squeezed("".join(read))
         for table in tables(report):
             rows = [*table.shortened(table.texts[: len(table.items)]), *table.texts[len(table.items) :]]
-            absent = [cell for row in rows for cell in row if not set(squeezed(cell)) & set("測") and squeezed(cell) not in whole]
+            absent = [
+                cell
+                for row in rows
+                for cell in row
+                if not set(squeezed(cell)) & set("測") and squeezed(cell) not in whole
+            ]
             assert absent == [], (report.kind, table.id)
         assert [one.caption for one in pictures(report) if squeezed(one.caption) not in whole] == []
         assert min(len(text.strip().splitlines()) for text in read) > 2
@@ -164,7 +169,9 @@ def test_files_hold_the_numbers_in_full(pages: list[Made], tmp_path: Path) -> No
 
 # ----------------------------------------------------------------------------------------------------------- the content
 def test_no_text_holds_a_minus_zero_or_a_value_of_the_language(pages: list[Made]) -> None:
-    wrong = re.compile(r"(?<![\w.)])[-\u2212]0(\.0+)?(?![\w.])|\bnan\b|\bNone\b(?! of|\.)|\bNaN\b|[\[(]'|Measured\(|Span\(")
+    wrong = re.compile(
+        r"(?<![\w.)])[-\u2212]0(\.0+)?(?![\w.])|\bnan\b|\bNone\b(?! of|\.)|\bNaN\b|[\[(]'|Measured\(|Span\("
+    )
     for report, _ in pages:
         assert [text for text in texts(report) if wrong.search(text)] == [], report.kind
 
