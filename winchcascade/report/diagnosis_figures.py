@@ -43,6 +43,7 @@ from winchcascade.report.figures.style import (
     shade_over_speed,
 )
 from winchcascade.report.gap_words import NAMES, baseline_words, phase_words, signed
+from winchcascade.report.wording import load_words
 from winchcascade.rig.stages import STAGES
 
 FULL = 20.0
