@@ -1,6 +1,6 @@
 """Which commands are called, and what is stored of them: groups of lines, each group in a folder of its own.
 
-A line is a command, or `show FILE ...`. The exit code of every command is stored in `codes.txt`; the file that follows an
+A line is a command, `show FILE ...`, or `list FOLDER` for the names of its files. The exit code of every command is stored in `codes.txt`; the file that follows an
 option of `STORED`, and each that is shown, under its own name; what is printed in `NAME.txt` where `> NAME` ends the line.
 """
 
@@ -45,7 +45,7 @@ blind score --help > help
 --version
 effects > effects
 effects stribeck > effect
-rig > rigs
+rig
 rig hsu2026
 rig kitepower
 """
@@ -127,13 +127,12 @@ reduce fixtures/campaign/r36ohm.csv --json r36ohm.json --html r36ohm.html > r36o
 reduce fixtures/campaign/r36ohm.csv --parquet tables
 show tables/r36ohm.csv.cycles.parquet tables/r36ohm.csv.bins.parquet
 reduce fixtures/campaign/open_circuit.csv --json open_circuit.json
-reduce fixtures/campaign/r4p5ohm.csv --json r4p5ohm.json
 reduce fixtures/campaign/r36ohm.csv --window auto
-reduce fixtures/campaign/r36ohm.csv --window payout --json payout.json
+reduce fixtures/campaign/r36ohm.csv --window payout
 reduce fixtures/campaign/r36ohm.csv --rig kitepower
 reduce fixtures/damaged_logs/dropouts.csv --window 5.48 --load-ohm 36 --json dropouts.json > dropouts
 reduce fixtures/damaged_logs/no_torque.csv --window 5.48 --load-ohm 36 --json no_torque.json
-reduce fixtures/damaged_logs/aborted.csv --window 5.48 --load-ohm 36 --json aborted.json
+reduce fixtures/damaged_logs/aborted.csv --window 5.48 --load-ohm 36
 reduce fixtures/damaged_logs/labview.tdms --window 5.48 --load-ohm 36
 reduce fixtures/damaged_logs/semicolon_comma.csv --window 5.48 --load-ohm 36
 reduce fixtures/damaged_logs/truncated.csv --window 5.48 --load-ohm 36
@@ -142,8 +141,8 @@ reduce fixtures/damaged_logs/units_row.csv --window 5.48 --load-ohm 36
 
 BENCHES = """
 reduce dyno.csv --rig dyno.toml --json steps.json --loss-map loss_map.json > steps
-reduce motor.csv --rig motor.toml --json motor.json
-reduce dyno.csv --rig whole.toml --json whole.json
+reduce motor.csv --rig motor.toml
+reduce dyno.csv --rig whole.toml
 reduce sea_1.csv --rig waves.toml --load-ohm 36 --json waves.json --html waves.html > waves
 reduce dyno.csv --rig dyno.toml --html steps.html
 batch sea.toml --out sea --reports none --jobs 1
@@ -156,6 +155,7 @@ check steps.json --against points.toml --json points_check.json
 BATCH = """
 batch fixtures/campaign --out out --excel --jobs 1 --reports none > campaign
 batch fixtures/campaign --out out --excel --jobs 1 --reports none > campaign_again
+list out
 show out/campaign.json out/campaign.xlsx
 show out/dataset/runs.parquet out/dataset/cycles.parquet out/dataset/bins.parquet out/dataset/findings.parquet
 batch fixtures/damaged_logs --out damaged-out --jobs 1 --reports none
@@ -176,7 +176,7 @@ audit wrong.toml --json audit_wrong.json
 
 COMPARE = """
 compare fixtures/campaign worn --jobs 1 --max-drop 0.0137 --json compare.json --html compare.html > compare
-compare fixtures/campaign worn --jobs 1 --same-sensors --max-drop 0.02 --json same_sensors.json
+compare fixtures/campaign worn --jobs 1 --same-sensors --max-drop 0.02
 batch worn --out out --jobs 1 --reports none
 compare fixtures/campaign/r36ohm.csv out/runs/r36ohm.csv.json --max-drop 0.01 --json logs.json
 """
@@ -197,11 +197,11 @@ calibrate fixtures/damaged_logs/dropouts.csv --load-ohm inf
 
 PHYSICS = """
 audit hsu2026-table2 --physics --json physics.json > physics
-audit wrong.toml --physics --json wrong.json
+audit wrong.toml --physics
 """
 
 DIAGNOSE = """
-diagnose two --withhold 18 --predictions predicted --jobs 1 --json two_loads.json --html two_loads.html > two_loads
+diagnose two --withhold 18 --predictions predicted --jobs 1 --json two_loads.json > two_loads
 show predicted/before/r18ohm.csv predicted/after/r18ohm.csv
 diagnose damaged --jobs 1 --suspect ke_rolloff --suspect line_drag --json damaged.json
 """
@@ -223,16 +223,17 @@ blind score kept/0.1.0/trial --json score.json
 
 DEMO = """
 demo --out demo --jobs 1 > demo
+list demo
 show demo/results/campaign.html demo/results/index.html demo/results/diagnosis.html demo/results/diagnosis.json
 """
 
 KITE = """
 reduce kite/20191008_0001.csv --rig kitepower --json log.json
+check log.json --against hsu2026-table2
 reduce kite/ground_station_cycles_01_43.csv --rig kitepower --json cycles.json
 reduce kite/2019-10-08-short_flight_summary.csv --rig kitepower
 batch kite/20191008_0001.csv kite/20191008_0004.csv --rig kitepower --out kite-out --jobs 1 --reports none
 show kite-out/campaign.json
-check log.json --against hsu2026-table2
 simulate kite/20191008_0001.csv --rig kitepower --load-ohm 9 --out s.csv
 calibrate kite/20191008_0001.csv --rig kitepower --load-ohm inf
 diagnose kite --jobs 1 --json line.json --html line.html > line
@@ -241,7 +242,7 @@ diagnose kite --jobs 1 --json line.json --html line.html > line
 LABELS = """
 diagnose labelled/copper_heating_and_line_drag --jobs 1 --json pair.json
 diagnose labelled/torque_gain --jobs 1 --json gain.json
-compare labelled/copper_heating_and_line_drag labelled/torque_gain --jobs 1 --json compare.json
+compare labelled/copper_heating_and_line_drag labelled/torque_gain --jobs 1
 """
 
 GROUPS: dict[str, Group] = {

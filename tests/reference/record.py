@@ -52,6 +52,10 @@ def _outputs(place: Workplace, line: str) -> Iterator[tuple[str, Any]]:
     if words[0] == "show":
         yield from (_named(place, file) for file in words[1:])
         return
+    if words[0] == "list":
+        files = sorted(str(path) for path in Path(words[1]).rglob("*") if path.is_file())
+        yield f"{words[1]}-files.txt", "".join(f"{file}\n" for file in files)
+        return
     code, text = place.run(*words)
     yield "codes.txt", f"{code} {command}\n"
     if printed:
