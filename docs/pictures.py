@@ -192,7 +192,7 @@ def waterfall(_: Source) -> str:
 def campaign_source() -> Source:
     """Tiles, sentences and tables of the report of the campaign."""
     from winchcascade import open_campaign
-    from winchcascade.report.write_report import write_report
+    from winchcascade.report.views import write_report
 
     result = open_campaign(ROOT / CAMPAIGN).reduce()
     folder = Path(tempfile.mkdtemp())

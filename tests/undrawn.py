@@ -1,5 +1,6 @@
 """Reports without their drawings, for tests that look at something else: drawing takes most of the time of a page."""
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO, Any
@@ -12,8 +13,8 @@ from matplotlib.figure import Figure
 def undrawn() -> Iterator[None]:
     """Within this context every figure of a report that is made in this process is an empty drawing."""
 
-    def savefig(_figure: Figure, out: IO[str], **_options: Any) -> None:
-        out.write(EMPTY)
+    def savefig(_figure: Figure, out: IO[Any], **_options: Any) -> None:
+        out.write(EMPTY.encode() if isinstance(out, io.BytesIO) else EMPTY)
 
     with pytest.MonkeyPatch.context() as changed:
         changed.setattr(Figure, "savefig", savefig)

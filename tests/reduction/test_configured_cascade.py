@@ -114,7 +114,7 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
     by_hand = float(np.trapezoid(run.channels["pressure"][rows] * 1e-3, run.t[rows]))
     assert cycle.metrics.energy_oilside == pytest.approx(by_hand, rel=0.02)
     report = drawn_report(result, uncertainty(result))
-    assert "P_oilside" in terminal_text(report)
+    assert "E_oilside" in terminal_text(report)
     publish(report, html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
     page = (tmp_path / "a.html").read_text()
     assert "oilside: the oil" in page

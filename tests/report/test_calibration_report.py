@@ -19,7 +19,7 @@ from winchcascade.report.figures.style import house_style
 from winchcascade.report.model_figures import damper_histories
 from winchcascade.report.results.calibration import calibration_report
 from winchcascade.report.results.calibration_record import calibration_record
-from winchcascade.report.write_report import write_report
+from winchcascade.report.views import write_report
 
 
 @cache

@@ -371,7 +371,7 @@ def test_simulated_logs_and_findings_are_said(bare: Path) -> None:
     report = make_campaign_report(summary(*runs), bare)
     points = {p.about: p for p in report.points}
     assert points["Data"].text == "1 not measured, 1 not stated. A dream."
-    assert report.banner == "1 of 2 logs are not measured: A dream."
+    assert report.banner == "1 of 2 logs are not measured."
     assert points["Findings"].text == "In 1 of 2 logs: slack line, stuck."
 
 

@@ -190,7 +190,7 @@ def test_reports_are_written_by_the_ending_of_their_names(campaign: Path, tmp_pa
     ):
         write_report(reduction, tmp_path / "x.docx")
     with pytest.raises(OptionError, match=r"Run has no report; expected the result of reduce"):
-        write_report(reduction.run, tmp_path / "x.html")  # type: ignore[arg-type]
+        write_report(reduction.run, tmp_path / "x.html")
 
 
 def test_a_campaign_is_diagnosed_as_by_the_command(tmp_path: Path) -> None:

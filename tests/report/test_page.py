@@ -59,11 +59,11 @@ def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(tmp_path: Path) -> Non
     head, *rows = CLEAN.read_text().splitlines()
     column = '"column ' + WORDS.replace('"', '""') + '"'
     log.write_text("\n".join([f"{head},{column}", *(f"{row},1.5" for row in rows)]) + "\n")
-    names = ("name", "title", "source", "note", "instrument", "from")
+    names = ("name", "title", "source", "note", "from")
     texts = {name: json.dumps(f"{name} {WORDS}", ensure_ascii=False) for name in names}
     rig_file.write_text(
         'based_on = "hsu2026"\n' + "".join(f"{name} = {texts[name]}\n" for name in names[:4])
-        + f'[sensors.force]\nunit = "N"\nhigh = 20000.0\naccuracy_full_scale = 0.002\ninstrument = {texts["instrument"]}\n'
+        + f'[sensors.force]\nunit = "N"\nhigh = 20000.0\naccuracy_full_scale = 0.002\n'
         f"source = {texts['from']}\n"
     )  # fmt: skip
     rig = load_rig(rig_file)

@@ -82,11 +82,11 @@ def test_texts_of_a_log_and_its_rig_appear_as_they_are(tmp_path: Path) -> None:
     log = tmp_path / f"log {MARKUP.replace('/', '')[:100]}.csv"
     head, *rows = CLEAN.read_text().splitlines()
     log.write_text("\n".join([f'{head},"odd #x $y$ *z*"', *(f"{row},1.5" for row in rows)]) + "\n")
-    names = ("name", "title", "source", "note", "instrument", "from")
+    names = ("name", "title", "source", "note", "from")
     texts = {name: json.dumps(f"{name} {MARKUP}") for name in names}
     rig = parse_rig(
         'based_on = "hsu2026"\n' + "".join(f"{name} = {texts[name]}\n" for name in names[:4])
-        + f'[sensors.force]\nunit = "N"\nhigh = 20000.0\naccuracy_full_scale = 0.002\ninstrument = {texts["instrument"]}\n'
+        + f'[sensors.force]\nunit = "N"\nhigh = 20000.0\naccuracy_full_scale = 0.002\n'
         f"source = {texts['from']}\n",
         "rig #x.toml",
     )  # fmt: skip

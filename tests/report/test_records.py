@@ -1,11 +1,9 @@
 """Written files: the fields that other programs rely on."""
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -13,7 +11,7 @@ from winchcascade import read_run, reduce
 from winchcascade.core.rig_toml import parse_rig
 from winchcascade.reduction.bins import STORES
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.frames import Row, arrow_schema, arrow_table, write_parquet
+from winchcascade.report.frames import write_parquet
 from winchcascade.report.records import reduction_json
 
 NINE = {
@@ -119,24 +117,6 @@ def test_parquet_holds_the_same_rows_as_the_json(reduction: Reduction, tmp_path:
     assert [{k: v for k, v in b.items() if k not in ("run", "log", "load_ohm")} for b in bins] == record["bins"]
     assert findings == []
     assert {c["load_ohm"] for c in cycles} == {36.0}
-
-
-def test_the_arrow_table_of_rows_is_the_one_that_arrow_makes_of_them() -> None:
-    schema = arrow_schema(
-        {"text": str, "number": float, "count": int, "true": bool, "absent": float}, {"about": "rows"}
-    )
-    mixed: list[Row] = [
-        {"text": "Ωm, 風", "number": 1.5, "count": 3, "true": True, "more": "no column"},
-        {"text": None, "number": math.inf, "count": None, "true": None},
-        {"text": "", "number": math.nan, "count": -(2**40), "true": False},
-        {"number": None, "true": True},
-        *({"text": f"{k}", "number": 0.1 * k, "count": k, "true": k % 3 == 0} for k in range(9)),
-    ]
-    for rows in (mixed, mixed[4:], mixed[:1], []):
-        ours, theirs = arrow_table(rows, schema), pa.Table.from_pylist(rows, schema=schema)
-        ours.validate(full=True)
-        assert ours.schema.equals(theirs.schema, check_metadata=True)
-        assert repr(ours.to_pylist()) == repr(theirs.to_pylist())  # of which nan is no equal
 
 
 def test_parquet_of_a_log_without_cycles_keeps_its_columns(tmp_path: Path) -> None:

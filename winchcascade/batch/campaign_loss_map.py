@@ -80,11 +80,11 @@ def write_campaign_loss_map(
     if products.reports:
         from winchcascade.report.figures.style import house_style
         from winchcascade.report.publish import publish
-        from winchcascade.report.results_index import INDEX, stated_links
+        from winchcascade.report.results.campaign_index import INDEX, links_to
 
         pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
         with house_style():
-            report = stated(loss_map_pictures(found), stated_links(["campaign.html", INDEX]))
+            report = stated(loss_map_pictures(found), links_to(["campaign.html", INDEX]))
         publish(report, html=pages.get("html"), pdf=pages.get("pdf"))
         files += pages.values()
     return f"\n{terminal_text(stated(), files)}"

@@ -15,7 +15,7 @@ from winchcascade.core.cascade import Cascade
 from winchcascade.core.plain_text import cell_text
 from winchcascade.core.version import __version__
 from winchcascade.reduction.run_record import FindingRecord, RunRecord
-from winchcascade.report.frames import RUN_ENDS, Row, arrow_table, table_rows, table_schema
+from winchcascade.report.frames import RUN_ENDS, Row, table_rows, table_schema
 from winchcascade.report.sheet import made_at
 
 TABLES = ("runs", "cycles", "bins", "findings")
@@ -143,7 +143,7 @@ def _by_load(row: Row) -> tuple[int, float, str]:
     """Order of the logs: by load, then those in open circuit and those whose load is unknown."""
     load = row["load_ohm"]
     known = isinstance(load, float) and math.isfinite(load)
-    return (0 if known else 1, float(load) if known else 0.0, str(row["run"]))  # type: ignore[arg-type]
+    return (0 if known else 1, float(load) if known else 0.0, str(row["run"]))
 
 
 def _chart(book: Any, sheet: Any, columns: Sequence[int], *, loaded: int, rows: int) -> None:
@@ -180,6 +180,7 @@ def write_dataset(
     between : findings that one log has beside the others, each with the name of its log
     cascades : those of the rigs of the logs
     """
+    import pyarrow as pa
     from pyarrow import parquet
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -187,7 +188,7 @@ def write_dataset(
     schemas = {table: table_schema(table, about, cascades) for table in TABLES}
 
     def flush(writer: Any, table: str, rows: list[Row]) -> None:
-        writer.write_table(arrow_table(rows, schemas[table]))
+        writer.write_table(pa.Table.from_pylist(rows, schema=schemas[table]))
         rows.clear()
 
     with ExitStack() as stack:

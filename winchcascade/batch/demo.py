@@ -65,16 +65,16 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     from winchcascade.core.campaign_file import load_campaign
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
+    from winchcascade.report.results.campaign_index import INDEX, links_to
     from winchcascade.report.results.diagnosis import diagnosis_report
     from winchcascade.report.results.diagnosis_record import as_json
-    from winchcascade.report.results_index import INDEX, stated_links
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     set_threads(threads)
     output = diagnosis_output(campaign)
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
     report = diagnosis_report(found, command=command)
-    report = msgspec.structs.replace(report, links=stated_links(["campaign.html", INDEX]))
+    report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
     files = {"diagnosis.html": page_text(report).encode(), "diagnosis.pdf": pdf_bytes(report)}
     digests = {name: digest_of(content) for name, content in files.items()}
     made_by = {"key": output.key, "files": digests}

@@ -172,7 +172,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         OutputError : the files cannot be written, or are not this tool's own and `force` does not allow to replace them
         """
         from winchcascade.batch.run_batch import DATASET, REPORTS, Products, run_batch
-        from winchcascade.report.write_report import write_report
+        from winchcascade.report.views import write_report
 
         check_arguments("report", ("path", path, PATH), ("jobs", jobs, PROCESSES), ("force", force, FLAG))
         path = Path(path)

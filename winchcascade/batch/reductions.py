@@ -72,12 +72,12 @@ def _reports(
     from winchcascade.diagnosis.model_account import modelled
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
+    from winchcascade.report.results.campaign_index import INDEX, links_to
     from winchcascade.report.results.drawn_reduction import drawn_report
-    from winchcascade.report.results_index import INDEX, stated_links
 
     model = modelled(reduction)
     report = drawn_report(reduction, found, model=model, command=command)
-    report = replace(report, links=stated_links(["campaign.html", INDEX], above=True))
+    report = replace(report, links=links_to(["campaign.html", INDEX], above=True))
     files = {"html": page_text(report).encode()} if "html" in endings else {}
     return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {}), model.account
 

@@ -19,7 +19,7 @@ def write_index(folder: Path) -> Path | None:
     OutputError : a page is there that this tool did not write, or a link
     """
     from winchcascade.report.publish import publish
-    from winchcascade.report.results_index import INDEX, MEANINGS, results_index
+    from winchcascade.report.results.campaign_index import INDEX, MEANINGS, results_index
 
     record = inside(folder, "campaign.json")
     if not isinstance(kept(record, "store"), Kept):
@@ -33,5 +33,8 @@ def write_index(folder: Path) -> Path | None:
     endings = [
         e for e in ("html", "pdf", "json") if all((runs / f"{run.name}.{e}").is_file() for run in campaign.reduced)
     ]
-    publish(results_index(campaign, files, endings), html=folder / INDEX)
+    diagnosis = None
+    if "diagnosis.json" in files:
+        diagnosis = msgspec.json.decode((folder / "diagnosis.json").read_bytes(), type=dict[str, object])
+    publish(results_index(campaign, files, endings, diagnosis), html=folder / INDEX)
     return folder / INDEX

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
+from msgspec.structs import replace
 
 from winchcascade.cli.options import (
     NO_REPORT,
@@ -21,14 +23,18 @@ from winchcascade.cli.options import (
     report_options,
     valued_option,
 )
-from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports, written
+from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
 from winchcascade.core.store import present
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
-    from winchcascade.report.sheet import Report
+    from winchcascade.batch.run_batch import Batch
+    from winchcascade.report.content import Report
+
+MAX_ALTERED = 5
+"""Altered files that are named."""
 
 TargetsArgument = Annotated[
     list[str],
@@ -77,7 +83,6 @@ def batch_command(
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
-    from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.screen import Progress
 
     if reports not in REPORTS:
@@ -93,18 +98,42 @@ def batch_command(
         batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
 
     def make() -> Report:
-        from winchcascade.report.campaign import make_campaign_report
+        from winchcascade.report.results.drawn_campaign import written_campaign
 
-        return make_campaign_report(batch.summary, out, command=products.command)
+        return written_campaign(batch.summary, out, command=products.command)
 
     write_reports(make, report, "campaign", of=f"campaign {plan.title}", force=force)
-    text = campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered)
-    show(text + written(report.by_option), failures=fault_text(batch.summary, out))
+    _show(batch, [path for path in report.by_option.values() if path is not None])
     if loss_map is not None:
         from winchcascade.batch.campaign_loss_map import write_campaign_loss_map
 
         show(write_campaign_loss_map(plan, batch, products, loss_map, workers=workers, force=force))
     raise typer.Exit(1 if batch.faults else 0)
+
+
+def _show(batch: Batch, files: Sequence[Path]) -> None:
+    """Print what the logs of a campaign give, and what was written."""
+    from winchcascade.report.content import Note
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.campaign import campaign_report, fault_notes
+
+    notes = [Note(f"{batch.kept} logs are kept from an earlier call.", "Kept")] if batch.kept else []
+    if batch.altered:
+        more = f" and {len(batch.altered) - MAX_ALTERED} more" if len(batch.altered) > MAX_ALTERED else ""
+        text = f"made again, as its digest did not match: {', '.join(batch.altered[:MAX_ALTERED])}{more}"
+        notes.append(Note(text, "Altered", "warn"))
+    stated = campaign_report(batch.summary)
+    text = terminal_text(
+        replace(stated, points=[*stated.points, *notes]), list(dict.fromkeys([*_files_in(batch.folder), *files]))
+    )
+    failures = "".join(f"failed: {note.text}\n" for note in fault_notes(batch.summary.failed))
+    show(text, failures=failures, flush=True)
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """What the folder of a batch holds for a reader."""
+    names = ("index.html", "campaign.html", "campaign.pdf", "campaign.xlsx", "campaign.json", "dataset", "runs")
+    return [folder / name for name in names if (folder / name).exists()]
 
 
 def demo_command(
@@ -119,7 +148,6 @@ def demo_command(
     from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
-    from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.results.diagnosis_lines import diagnosis_lines
     from winchcascade.report.screen import Progress, status_line
 
@@ -131,8 +159,7 @@ def demo_command(
     with run_behind(diagnosis, processes=1 if kept else count) as diagnosed:  # beside the batch, which takes less time
         with Progress(plan.title) as watch:
             batch = run_batch(plan, results, products, workers=Workers(max(count - 1, 1)), force=force, watch=watch)
-        text = campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered)
-        show(text, failures=fault_text(batch.summary, batch.folder), flush=True)
+        _show(batch, [])
         with status_line(f"diagnosing {plan.title}") as on_progress:
             if not kept:
                 write_diagnosis(results, diagnosed(), force=force, on_progress=on_progress)

@@ -147,12 +147,12 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
 
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
     """The report, with links to the pages of a batch beside it."""
+    from winchcascade.report.results.campaign_index import INDEX, links_to
     from winchcascade.report.results.diagnosis import diagnosis_report
-    from winchcascade.report.results_index import INDEX, stated_links
 
     folder = Path() if html is None else html.parent
     pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
-    return replace(diagnosis_report(found, command=given_command()), links=stated_links(pages))
+    return replace(diagnosis_report(found, command=given_command()), links=links_to(pages))
 
 
 def _files(

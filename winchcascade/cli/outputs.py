@@ -86,14 +86,14 @@ def write_reports(
     name, of : as of `write_report_files`
     """
     if files.wanted:
-        from winchcascade.report.render.files import write_report_files
+        from winchcascade.report.render.folders import write_report_files
 
         write_report_files(make, files, name, force=force)
 
 
 def report_maker_of(result: object) -> Callable[[], Report | Stated]:
     """What makes the report of a result of a command, with the command."""
-    from winchcascade.report.report_files import report_of
+    from winchcascade.report.views import report_of
 
     return partial(report_of, result, command=given_command())
 

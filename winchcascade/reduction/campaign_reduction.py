@@ -3,32 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from winchcascade.core.cascade import Cascade
-from winchcascade.core.late_module import LateModule
-from winchcascade.core.run import Units
+from winchcascade.core.viewed import Viewed
 from winchcascade.reduction.campaign_record import CampaignRecord
 from winchcascade.reduction.run_record import RunRecord
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib import axes
-else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
-CampaignTable = Literal["runs", "cycles", "bins", "findings"]
-"""Tables of a campaign as frames."""
-
-CampaignPlot = Literal["power", "efficiency", "speed"]
-"""Plots of a campaign."""
-
-
-class CampaignReduction(msgspec.Struct, frozen=True):
+class CampaignReduction(Viewed, frozen=True):
     """Reductions of the runs of a campaign.
 
     Parameters
@@ -63,21 +47,3 @@ class CampaignReduction(msgspec.Struct, frozen=True):
             ]
             for name, record in self.records.items()
         }
-
-    def to_pandas(self, table: CampaignTable = "runs", units: Units = "si") -> pd.DataFrame:
-        """One table as a frame with the columns of the dataset: a row for each run, or the cycles, bins or findings of all."""
-        from winchcascade.report.frames import campaign_frame
-
-        return campaign_frame(self.records, table, units, self.cascades)
-
-    def plot(self, what: CampaignPlot, ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
-        """Plot mean powers or efficiencies of the runs over their loads, or the power over generator speed; gives the Axes."""
-        from winchcascade.report.plots import plot_campaign
-
-        return plot_campaign(self, what, ax)
-
-    def _repr_html_(self) -> str:
-        """Efficiencies of the runs as a table, for notebooks."""
-        from winchcascade.report.plots import summary_html
-
-        return summary_html(self)

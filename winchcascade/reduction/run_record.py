@@ -5,6 +5,7 @@ Versions before the present one lack some of it: what has a default here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
@@ -54,6 +55,11 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
     simulated: bool | None
     about: str | None
     repairs: Repairs = "on"
+
+    @property
+    def load(self) -> float | None:
+        """The load, inf for an open circuit, None for none or an unknown one. [ohm]"""
+        return math.inf if self.open_circuit else self.load_ohm
 
 
 class RepairRecord(msgspec.Struct, frozen=True):

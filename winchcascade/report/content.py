@@ -24,11 +24,15 @@ Tone = Literal["plain", "good", "warn"]
 
 
 class Measured(NamedTuple):
-    """A value with its standard uncertainty, which decides its digits; `shown` with it where `both`."""
+    """A value with its standard uncertainty, which decides its digits; `shown` with it where `both`.
+
+    `alone`: it has decimals of its own in a column whose other numbers have theirs in common.
+    """
 
     value: float | None
     u: float | None = None
     both: bool = False
+    alone: bool = False
 
 
 class Span(NamedTuple):
@@ -101,9 +105,8 @@ def common_places(cells: Iterable[Cell]) -> int | None:
     >>> common_places([Measured(0.5, 0.011), Measured(0.25, 0.0048), "text"])
     4
     """
-    allowed = sorted(
-        places(cell.u) for cell in cells if isinstance(cell, Measured | Span) and cell.u is not None and known(cell.u)
-    )
+    weighed = [cell for cell in cells if isinstance(cell, Span) or (isinstance(cell, Measured) and not cell.alone)]
+    allowed = sorted(places(cell.u) for cell in weighed if cell.u is not None and known(cell.u))
     return min(allowed[-1], allowed[len(allowed) // 2] + 1) if allowed else None
 
 
@@ -112,7 +115,7 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
     """Column of a table: name, what its cell is for the item of a row, unit, and decimals.
 
     `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `own_digits`: rows differ in quantity or
-    unit, so that each number has its own decimals.
+    unit, so that each number has its own decimals. `link` is the address that a cell leads to on a page.
     """
 
     name: str
@@ -122,29 +125,28 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
     brief: bool = True
     signed: bool = False
     own_digits: bool = False
+    link: Callable[[T], str] | None = None
 
     def texts(self, cells: Sequence[Cell]) -> list[str]:
         """Cells as they are shown, with decimals in common."""
         common = None if self.own_digits else common_places(cells)
-        if common is None:
-            return [shown(cell, self.decimals, signed=self.signed) for cell in cells]
-        plain = [cell[:-1] if isinstance(cell, Span) else cell for cell in cells]
-        return [
-            number_text(cell.value, common, signed=self.signed)
-            + (f" +- {number_text(cell.u, common)}" if cell.both and known(cell.u) else "")
-            if isinstance(cell, Measured)
-            else shown(Span(*bare), common, signed=self.signed)
-            if isinstance(bare, tuple)
-            else shown(cell, self.decimals, signed=self.signed)
-            for cell, bare in zip(cells, plain, strict=True)
-        ]
+        return [self._text(cell, common) for cell in cells]
+
+    def _text(self, cell: Cell, common: int | None) -> str:
+        if common is None or not isinstance(cell, Measured | Span) or (isinstance(cell, Measured) and cell.alone):
+            return shown(cell, self.decimals, signed=self.signed)
+        text = shown(cell._replace(u=None), common, signed=self.signed)
+        return (
+            f"{text} +- {number_text(cell.u, common)}"
+            if isinstance(cell, Measured) and cell.both and known(cell.u)
+            else text
+        )
 
 
 class Table(msgspec.Struct, Generic[T], frozen=True):
     """A row for each item; rows `below` summarise. `brief` tables stand in a terminal too.
 
-    `limit` is how many rows are shown at most, the first and the last half of them; files hold all. `links` are addresses of
-    the first cells.
+    `limit` is how many rows are shown at most, the first and the last half of them; files hold all.
     """
 
     id: str
@@ -155,7 +157,6 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
     note: str = ""
     brief: bool = True
     limit: int = 60
-    links: Sequence[str] = ()
 
     @property
     def cells(self) -> list[list[Cell]]:
@@ -175,12 +176,17 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
         rows = self.cells[: len(self.items)] or self.cells
         return [any(isinstance(row[k], str) for row in rows) for k in range(len(self.columns))]
 
-    def shortened(self, rows: Sequence[Sequence[str]]) -> list[list[str]]:
-        """Texts of rows up to the limit, with one row that counts what is left out."""
+    @property
+    def addresses(self) -> list[list[str]]:
+        """What the cells of the items lead to, "" where they do not."""
+        return [[column.link(item) if column.link else "" for column in self.columns] for item in self.items]
+
+    def shortened(self, rows: Sequence[Sequence[str]], *, counted: bool = True) -> list[list[str]]:
+        """Texts of rows up to the limit, with one row in place of what is left out, which counts it if `counted`."""
         count, half = len(self.items), self.limit // 2
         if count <= self.limit + 1:
             return [list(row) for row in rows]
-        more = [f"... {count - 2 * half} more", *[""] * (len(self.columns) - 1)]
+        more = [f"... {count - 2 * half} more" if counted else "", *[""] * (len(self.columns) - 1)]
         return [*map(list, rows[:half]), more, *map(list, rows[count - half :])]
 
     def used(self) -> Table[T]:

@@ -121,7 +121,7 @@ def _points(ax: Axes, runs: Sequence[LogSummary], names: Sequence[str], unit: st
         ax.set_xticks(x, [f"{k:g}" for k in x])
     ax.set_xlabel("Load resistance (Ω)" if at is not None else "Log, in the order of the table")
     if columns:
-        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 1.0))
+        ax.legend(loc="best")
     return unit
 
 

@@ -234,7 +234,7 @@ def _flow(reduction: Reduction, bars: Sequence[_Bar], texts: Mapping[str, str]) 
     ratios = {pair: name for name, pair in reduction.rig.cascade.all_ratios.items()}
     for k, ((bar, _), (following, _)) in enumerate(pairwise(known)):
         eta = ratios.get((following.metric, bar.metric), "")
-        goes_on = "" if (value := mean.get(eta)) is None else f"{tex(eta)} = {value:.3f}"
+        goes_on = "" if mean.get(eta) is None else f"{tex(eta)} = {texts.get(eta) or number_text(mean[eta], 3)}"
         lost = mean.get(bar.leaving) or energies[k] - energies[k + 1]
         share = f"{number_text(lost)} J, {100 * lost / energies[0]:.1f} % of {tex(known[0][0].metric)}"
         ends = places[k] + _WIDE, places[k + 1]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.report.content import Picture, Report, Section, Table
-from winchcascade.report.figures.style import COLOURS, house_style
+from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.publish import template_folder
+from winchcascade.report.render.drawing import drawn
 
 if TYPE_CHECKING:
     import jinja2
@@ -83,24 +83,21 @@ def _rows(table: Table[Any]) -> dict[str, Any]:
     return {
         "columns": list(zip(used.columns, left, strict=True)),
         "body": used.shortened(texts[:count]),
+        "addresses": used.shortened(used.addresses, counted=False),
         "below": texts[count:],
         "left": left,
         "fixed": all(len(row[0]) <= LONG for row in texts),
     }
 
 
-@house_style()
 def _svg(picture: Picture) -> Markup:
     """A figure as SVG whose ids are its own and whose colours are those of the page."""
     from markupsafe import Markup
 
-    out = io.StringIO()
-    picture.figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
-    text = re.sub(r"<metadata>.*?</metadata>", "", out.getvalue(), flags=re.DOTALL)
+    text = re.sub(r"<metadata>.*?</metadata>", "", drawn(picture.figure).decode(), flags=re.DOTALL)
     text = re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{picture.id}-", text[text.index("<svg") :])
-    text = re.sub(
-        r'(<svg[^>]*?) width="[^"]*"', r"\1", re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1), count=1
-    )
+    for size in ("width", "height"):
+        text = re.sub(rf'(<svg[^>]*?) {size}="[^"]*"', r"\1", text, count=1)
     for name, colour in COLOURS.items():
         text = text.replace(colour, f"var(--{name})")
     return Markup(text)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from winchcascade.report.content import Block, Picture, Report, Table
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.publish import _fonts, fonts_for, lacking_letters, template_folder
+from winchcascade.report.render import drawing
 from winchcascade.report.sheet import made_at
 
 
@@ -63,7 +62,7 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
 
 def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
     if isinstance(block, Picture):
-        svg = _svg(block) if drawn else ""
+        svg = drawing.drawn(block.figure).decode() if drawn else ""
         return {"type": "picture", "caption": _text(block.caption), "alt": _text(block.alt), "svg": svg}
     if isinstance(block, Table):
         used = block.used()
@@ -80,10 +79,3 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
             "summary": len(texts) - count,
         }
     return {"type": "note", "about": _text(block.about), "text": _text(block.text)}
-
-
-@house_style()
-def _svg(picture: Picture) -> str:
-    out = io.StringIO()
-    picture.figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
-    return out.getvalue()

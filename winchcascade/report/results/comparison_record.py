@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -66,16 +66,6 @@ def difference_record(one: Difference) -> dict[str, Any]:
         "interval_95_repeatability": one.interval_repeatability,
         "cycles": [one.cycles_a, one.cycles_b],
     }
-
-
-def difference_rows_of(found: Comparison) -> list[Mapping[str, Any]]:
-    """A row for each difference, for frames."""
-    return [
-        {"run": runs.label, "load_ohm": runs.load, "metric": field_of(one.metric), **difference_record(one)}
-        | dict(zip(("low_95", "high_95"), one.interval or (None, None), strict=True))
-        for runs in found.runs
-        for one in runs.differences
-    ]
 
 
 def _side(side: ComparedSide) -> dict[str, Any]:

@@ -30,8 +30,8 @@ class _Outcome(msgspec.Struct, frozen=True):
     closure: _ShareClosed | None
 
 
-def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
-    """Verdict, causes and files of a diagnosis in few lines.
+def diagnosis_note(record: Mapping[str, object]) -> Note:
+    """Verdict and causes of a diagnosis.
 
     Parameters
     ----------
@@ -40,6 +40,10 @@ def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
     found = msgspec.convert(record, _Outcome)
     names = ", ".join(f"{cause.label} ({cause.effect})" for cause in found.causes)
     closed = "" if found.closure is None else f"{share_words(found.closure.share_closed)} of the gap closed"
-    text = "; ".join(part for part in (names, closed) if part)
-    title = f"diagnosis: {VERDICTS[found.verdict].lower()}"
-    return terminal_text(Report("Diagnosis", title, points=[Note(text, "Causes")]), files)
+    text = "; ".join(part for part in (VERDICTS[found.verdict], names, closed) if part)
+    return Note(text, "Diagnosis", "good" if found.verdict in ("no_gap", "explained") else "warn")
+
+
+def diagnosis_lines(record: Mapping[str, object], files: Sequence[Path]) -> str:
+    """Verdict, causes and files of a diagnosis in few lines; the record is that of `diagnosis_note`."""
+    return terminal_text(Report("Diagnosis", "Diagnosis", points=[diagnosis_note(record)]), files)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from winchcascade.diagnosis.model_account import Modelled, modelled
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.montecarlo import Uncertainty
@@ -16,6 +18,9 @@ from winchcascade.report.results.loss_surface import loss_map_pictures, loss_map
 from winchcascade.report.results.reduction import reduction_report, stated_text, waves_of
 from winchcascade.report.results.waves import wave_picture
 from winchcascade.report.wording import span_word
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @house_style()
@@ -47,40 +52,36 @@ def drawn_report(
 def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | None]:
     """Figures of a reduction by their names."""
     powers, repeats = powers_of(reduction), reduction.rig.phases.repeats
-    given = [m for m, mean in reduction.mean.items() if m.startswith("energy") and mean is not None]
-    means = {m: stated_text(reduction, found, m) for m in given}
-    best, worst, words = None, None, ""
-    if reduction.extremes is not None:
-        high, low, name = reduction.extremes
-        best, worst, words = high.cycle, low.cycle, f" Best and worst by {name}."
-    over_speed = f"; over speed: of all complete {span_word(reduction)}s, with means in bins" if reduction.bins else ""
-    made = (
-        picture(
-            figures.window_flow(reduction, means), "flow",
+    means = {m: stated_text(reduction, found, m) for m, mean in reduction.mean.items() if mean is not None}
+    best, worst = (c.cycle for c in reduction.extremes[:2]) if reduction.extremes else (None, None)
+    over_speed = f"; right: of all complete {span_word(reduction)}s, with means in bins" if reduction.bins else ""
+    flow = "Flow diagram of the energies, which are in the table."
+    made: dict[str, tuple[Figure | None, str, str]] = {
+        "flow": (
+            figures.window_flow(reduction, means),
             f"Where the energy goes in the window, {'mean of the' if repeats else 'all'} complete cycles.",
-            "Flow diagram of the energies, which are in the table.",
+            flow,
         ),
-        picture(
-            figures.cycle_flow(reduction, means), "cycle-flow", "Where the energy goes from onset to next onset.",
-            "Flow diagram of the energies, which are in the table.",
-        ),
-        picture(
-            figures.power_streams(reduction, powers), "streams",
+        "cycle-flow": (figures.cycle_flow(reduction, means), "Where the energy goes from onset to next onset.", flow),
+        "streams": (
+            figures.power_streams(reduction, powers),
             f"Powers of a cycle; dashed: integration window{over_speed}.",
             "Line plot of the powers over time, and dots with binned means over generator speed.",
         ),
-        picture(
-            figures.overlaid(reduction, powers, best, worst) if repeats else None, "overlaid",
-            f"Cycles from their onsets on; dashed: end of the window.{words}",
+        "overlaid": (
+            figures.overlaid(reduction, powers, best, worst) if repeats else None,
+            "Cycles from their onsets on; dashed: end of the window.",
             "Line plots of the cycles laid over each other.",
         ),
-        picture(
-            figures.trend(reduction), "trend", "Complete cycles one after the other.",
+        "trend": (
+            figures.trend(reduction),
+            "Complete cycles one after the other.",
             "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
         ),
-        picture(
-            figures.uncertainty_bars(found.budget), "variance", "Shares of the variance of each mean.",
+        "variance": (
+            figures.uncertainty_bars(found.budget),
+            "Shares of the variance of each mean.",
             "Bars of the shares of the variance; the numbers are in the budget.",
         ),
-    )  # fmt: skip
-    return {one.id: one for one in made if one is not None}
+    }
+    return {name: picture(figure, name, *words) for name, (figure, *words) in made.items()}

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.core.cascade import Cascade
-from winchcascade.core.run import Run
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
-from winchcascade.report.content import Block, Measured, Note, Picture, Report, Section, Span, Tile, section, shown
+from winchcascade.report.content import (
+    Measured,
+    Note,
+    Picture,
+    Report,
+    Section,
+    Span,
+    Tile,
+    number_text,
+    section,
+    shown,
+)
 from winchcascade.report.digits import upper
 from winchcascade.report.glossary import metric
 from winchcascade.report.results.common import data_note, provenance
@@ -19,14 +29,11 @@ from winchcascade.report.results.reduction_tables import (
     bins_table,
     budget_table,
     cycles_table,
-    decimals_of,
     directions_table,
     findings_table,
-    mean_cell,
+    metric_decimals,
     net_table,
-    phase_means_table,
-    phases_table,
-    sensors_table,
+    phases_tables,
     uncertainty_table,
 )
 from winchcascade.report.results.waves import wave_section
@@ -60,15 +67,34 @@ def reduction_report(
     drawn : figures by their names, as `drawn_reduction` makes them; a terminal needs none
     more : sections by their names: `histories`, `model`, and `loss-map`
     """
-    figure, further = (drawn or {}).get, more or {}
+    run, rig, figure = reduction.run, reduction.rig, (drawn or {}).get
     waves = waves or waves_of(reduction)
+    further = {name: [more[name]] if more and name in more else [] for name in ("histories", "loss-map", "model")}
+    parts = ", ".join(f"{name} {100.0 * share:.0f} % {sensor}" for name, share, sensor in decisive(found.budget))
+    unsure = upper("; ".join(not_known(found.budget)))
+    about = (
+        ("load unknown" if "vdc" in run.channels else "")
+        if run.load is None
+        else f"{load_words(run.load, 'ohm', before='load ')} ({run.load_source})",
+        measured_load_words(reduction.measured_load, "ohm"),
+        f"rig {rig.name}",
+        f"window {window_words(reduction.window)}",
+        run.about,
+    )
     return Report(
         kind="Reduction of a log",
-        title=_title(reduction.run),
-        subtitle=" · ".join(filter(None, _about(reduction))),
-        tiles=_tiles(reduction, found) if waves is None else _wave_tiles(waves, reduction.rig.cascade),
-        points=_points(reduction, found),
+        title=run.name + ("" if run.table is None else f", table {run.table!r}"),
+        subtitle=" · ".join(filter(None, about)),
+        tiles=_tiles(reduction, found) if waves is None else _wave_tiles(waves, rig.cascade),
+        points=[
+            data_note([run.origin]),
+            *_outcome(reduction),
+            Note(f"Most of it: {parts}.", "Variance") if parts else None,
+            Note(f"{unsure}.", "Accuracy", "warn" if found.budget.unknown else "plain") if unsure else None,
+            Note(rig.note, "Rig note") if rig.note else None,
+        ],
         sections=[
+            section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),
             *([] if waves is None else [wave_section(waves, figure("wave-energies"))]),
             section(
                 "results", "Energies and efficiencies",
@@ -78,21 +104,18 @@ def reduction_report(
                 "whole-cycles", "Whole cycles",
                 figure("cycle-flow"), net_table(reduction, found), *_net_notes(reduction), folded=True,
             ),
-            *_given(further, "histories"),
-            *_given(further, "loss-map"),
-            section("phases", "Phases", phases_table(reduction, found), phase_means_table(reduction, found), folded=True),
+            *further["histories"], *further["loss-map"],
+            section("phases", "Phases", *phases_tables(reduction), folded=True),
             section("cycles", "Cycles beside each other", figure("overlaid"), figure("trend"), folded=True),
             section("powers", "Power over time and generator speed", figure("streams"), bins_table(reduction), folded=True),
-            *_given(further, "model"),
+            *further["model"],
             section(
                 "uncertainty", "Uncertainty",
-                figure("variance"), uncertainty_table(reduction, found), budget_table(reduction, found),
-                sensors_table(reduction), folded=True,
+                figure("variance"), uncertainty_table(reduction, found), budget_table(reduction, found), folded=True,
             ),
-            section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),
             provenance(_sources(reduction, found), command),
         ],
-        banner=banner([reduction.run.origin]),
+        banner=banner([run.origin]),
     )  # fmt: skip
 
 
@@ -101,48 +124,16 @@ def waves_of(reduction: Reduction) -> WaveEnergies | None:
     return wave_energies(reduction) if reduction.rig.phases.source == "waves" else None
 
 
-def _given(sections: Mapping[str, Section], *names: str) -> list[Section]:
-    return [sections[name] for name in names if name in sections]
-
-
-def _title(run: Run) -> str:
-    seconds = float(run.t[-1] - run.t[0])
-    lasts = (
-        f"{seconds:.1f} s"
-        if seconds < 600
-        else f"{seconds / 60:.1f} min"
-        if seconds < 7200
-        else f"{seconds / 3600:.1f} h"
-    )
-    table = "" if run.table is None else f", table {run.table!r}"
-    return f"{run.name}{table}: {run.samples} samples at {run.fs:.6g} Hz, {lasts}"
-
-
-def _about(reduction: Reduction) -> Sequence[str]:
-    """Load as stated and as measured, rig, window and campaign."""
-    run, rig = reduction.run, reduction.rig
-    unknown = "load unknown" if "vdc" in run.channels else ""
-    drum = "" if rig.r_drum is None else f" (drum radius {rig.r_drum:g} m)"
-    return (
-        unknown if run.load is None else f"{load_words(run.load, 'ohm', before='load ')} ({run.load_source})",
-        measured_load_words(reduction.measured_load, "ohm"),
-        f"rig {rig.name}{drum}",
-        f"window {window_words(reduction.window)}",
-        run.about,
-    )
-
-
 # ---------------------------------------------------------------------------------------------------- the first screen
 def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
     cascade, repeats = reduction.rig.cascade, reduction.rig.phases.repeats
     etas = (*cascade.neighbours[:2], cascade.overall) if len(cascade.stages) > 2 else tuple(cascade.ratios)
     given = [m for m in (*etas, *cascade.energies) if reduction.mean[m] is not None][:3]
-    each = ", per cycle" if repeats else ""
     return [
         Tile(
             m,
-            _called(cascade, m) if m in cascade.ratios else f"{metric(m).label}{each}",
+            _called(cascade, m) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
             f"{stated_text(reduction, found, m)} {metric(m).unit}".strip(),
             _interval(found, m) if repeats else "all cycles together",
         )
@@ -152,8 +143,8 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
 
 def stated_text(reduction: Reduction, found: Uncertainty, name: str) -> str:
     """Mean of a metric over the cycles as it is stated, or where these do not repeat, of all together."""
-    cell = mean_cell(reduction, found, name) if reduction.rig.phases.repeats else Measured(reduction.total[name])
-    return shown(cell, decimals_of(reduction, [name]))
+    of = reduction.mean if reduction.rig.phases.repeats else reduction.total
+    return number_text(of[name], metric_decimals(reduction, found, name))
 
 
 def _called(cascade: Cascade, eta: str) -> str:
@@ -173,13 +164,12 @@ def _interval(found: Uncertainty, name: str) -> str:
 
 def _wave_tiles(found: WaveEnergies, cascade: Cascade) -> list[Tile]:
     """Efficiencies of all waves together, and mean powers of the record where there are fewer than three."""
-    none = "too few waves for an interval"
     etas = [
         Tile(
             name,
             _called(cascade, name),
             shown(eta.value, 3),
-            f"95 %: {shown(Span(*eta.interval), 3)}" if eta.interval else none,
+            f"95 %: {shown(Span(*eta.interval), 3)}" if eta.interval else "too few waves for an interval",
         )
         for name, eta in found.efficiency.items()
         if eta.value is not None
@@ -191,41 +181,26 @@ def _wave_tiles(found: WaveEnergies, cascade: Cascade) -> list[Tile]:
     return [*etas, *powers][:3]
 
 
-def _points(reduction: Reduction, found: Uncertainty) -> list[Note | None]:
-    """What a reader must know first."""
+def _outcome(reduction: Reduction) -> list[Note]:
+    """How many cycles are complete, which are the best and the worst, what is wrong with the log, and what to do next."""
     n, of = len(reduction.complete), len(reduction.cycles)
-    parts = ", ".join(f"{name} {100.0 * share:.0f} % {sensor}" for name, share, sensor in decisive(found.budget))
-    unsure = upper("; ".join(not_known(found.budget)))
     kinds = Counter(finding.kind.replace("_", " ") for finding in reduction.quality)
     named = ", ".join(kind + (f" ({times})" if times > 1 else "") for kind, times in kinds.items())
-    lost = reduction.lost_share
-    bridged = f"; {100.0 * lost:.2g} % of the time bridged" if lost else ""
+    bridged = f"; {100.0 * reduction.lost_share:.2g} % of the time bridged" if reduction.lost_share else ""
+    extremes = ""
+    if reduction.extremes is not None:
+        best, worst, name = reduction.extremes
+        extremes = f"; {name} is highest in cycle {best.cycle}, lowest in cycle {worst.cycle}"
+    correct = "Correct what the findings name in the log or in the rig file, and reduce it again."
+    compare = "`winchcascade diagnose` on the campaign finds why log and model differ."
     return [
-        data_note([reduction.run.origin]),
-        Note(f"{n} of {of} complete.", "Cycles", "plain" if n == of else "warn", brief=n < of),
-        _extremes(reduction),
-        Note(f"Most of it: {parts}.", "Variance") if parts else None,
-        Note(f"{unsure}.", "Accuracy", "warn" if found.budget.unknown else "plain") if unsure else None,
+        Note(f"{n} of {of} complete{extremes}.", "Cycles", "plain" if n == of else "warn", brief=n < of),
         Note(f"{upper(named)}{bridged}.", "Findings", "warn") if kinds else Note("None.", "Findings", "good"),
-        Note(reduction.rig.note, "Rig note") if reduction.rig.note else None,
-    ]  # fmt: skip
+        Note(correct if kinds else compare, "Next", brief=False),
+    ]
 
 
-def _extremes(reduction: Reduction) -> Note | None:
-    """The best and the worst cycle, with as many digits as show how they differ."""
-    if reduction.extremes is None:
-        return None
-    best, worst, name = reduction.extremes
-    high, low = (cycle.metrics.value(name) for cycle in (best, worst))
-    values = [shown(Measured(value, (high - low) / 3.0 or None), 4) for value in (high, low)]
-    return Note(
-        f"Cycle {best.cycle} with {name} = {values[0]}, cycle {worst.cycle} with {values[1]}.",
-        "Best and worst",
-        brief=False,
-    )
-
-
-def _net_notes(reduction: Reduction) -> list[Block]:
+def _net_notes(reduction: Reduction) -> list[Note]:
     """Why cycles have no net energies."""
     reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.has_net else []
     more = [f"{len(reasons) - LISTED_REASONS} more reasons"] if len(reasons) > LISTED_REASONS else []
@@ -234,18 +209,15 @@ def _net_notes(reduction: Reduction) -> list[Block]:
 
 def _sources(reduction: Reduction, found: Uncertainty) -> list[tuple[str, str | None]]:
     """Where every number comes from, so that it can be made again."""
-    run, rig, measured = reduction.run, reduction.rig, reduction.measured_load
+    run, rig = reduction.run, reduction.rig
     return [
         ("Log", run.path or run.name),
-        ("Table in the log", run.table),
         ("SHA-256 of the log", run.sha256),
-        ("Load", load_words(run.load, "ohm", unknown="unknown")),
-        ("Vdc / Idc", None if measured is None else f"{shown(Measured(measured.ohm, measured.u, both=True))} ohm"),
+        ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("What the rig is", rig.title),
         ("Source of the rig's numbers", rig.source),
         ("SHA-256 of the rig file", file_digest(rig.path)),
         ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
-        ("Integration window", window_words(reduction.window)),
         ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
     ]

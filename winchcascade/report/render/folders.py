@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 import unicodedata
 from collections.abc import Callable, Iterator
@@ -12,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import write_set
 from winchcascade.core.store import inside, make_one
-from winchcascade.core.version import __version__
 from winchcascade.report.content import Picture, Report, Table
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import typeset
+from winchcascade.report.render.drawing import MARK, drawn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,14 +74,14 @@ def write_figures(report: Report, folder: Path, name: str, *, force: bool = Fals
     """Write each figure of a report as SVG, PDF and PNG into a folder, all or none; errors as of `write_tables`."""
     pictures = [*([report.lead] if report.lead else []), *(b for b in report.blocks if isinstance(b, Picture))]
     _write(
-        {f"{stem_of(name)}_{one.id}.{ending}": _drawn(one, ending) for one in pictures for ending in FIGURE_FORMATS},
+        {
+            f"{stem_of(name)}_{one.id}.{ending}": drawn(one.figure, ending)
+            for one in pictures
+            for ending in FIGURE_FORMATS
+        },
         folder,
         force=force,
     )
-
-
-MARK = f"winchcascade/{__version__}"
-"""What every such file holds but a CSV, which counts as this tool's own beside its Markdown."""
 
 
 def _write(contents: dict[str, bytes], folder: Path, *, force: bool) -> None:
@@ -95,19 +93,8 @@ def _write(contents: dict[str, bytes], folder: Path, *, force: bool) -> None:
             raise OutputError(
                 f"{path}: exists and was not written by winchcascade; choose another folder or add --force."
             )
-    write_set(parts)
-
-
-@house_style()
-def _drawn(picture: Picture, ending: str) -> bytes:
-    out = io.BytesIO()
-    about: dict[str, dict[str, str | None]] = {
-        "svg": {"Date": None, "Creator": MARK},
-        "pdf": {"CreationDate": None, "Creator": MARK},
-        "png": {"Software": MARK},
-    }
-    picture.figure.savefig(out, format=ending, dpi=300, metadata=about[ending])
-    return out.getvalue()
+    if parts:
+        write_set(parts)
 
 
 def _texts(table: Table[Any]) -> Iterator[tuple[str, bytes]]:

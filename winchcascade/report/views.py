@@ -1,0 +1,420 @@
+"""Results in Python: tables as frames, plots on your own Axes or new ones, summaries for notebooks, and report files.
+
+What a result has is registered for its class: `tables_of`, `plots_of`, `summary_of` and `report_of`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial, singledispatch
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn
+
+import numpy as np
+
+from winchcascade.comparison.comparison_result import Comparison
+from winchcascade.core.arguments import FLAG, PATH, check_arguments
+from winchcascade.core.errors import OptionError, check_choice, check_type
+from winchcascade.core.late_module import LateModule
+from winchcascade.core.run import Run
+from winchcascade.core.viewed import Units
+from winchcascade.diagnosis.calibrate import Calibration
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.reduction.campaign_record import runs_by_load
+from winchcascade.reduction.campaign_reduction import CampaignReduction
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report import frames
+from winchcascade.rig.simulate import Simulation
+from winchcascade.tables.audit import Audit
+from winchcascade.tables.check import Check
+from winchcascade.tables.point_audit import PointAudit
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib import axes
+
+    from winchcascade.report import content
+else:
+    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
+
+Tables = Mapping[str, Callable[[], "pd.DataFrame"]]
+"""What makes the tables of a result, by their names; the first is the main one."""
+
+
+class Plot(NamedTuple):
+    """A plot: what draws it on its Axes, and what the result `lacks` for it, empty for nothing.
+
+    Parameters
+    ----------
+    rows : number of Axes
+    height : of each [in]
+    share : axis that the rows have in common
+    """
+
+    draw: Callable[[list[axes.Axes]], object]
+    lacks: str = ""
+    rows: int = 1
+    height: float = 2.9
+    share: Literal["x", "y", ""] = ""
+
+
+Plots = Mapping[str, Callable[[], Plot]]
+"""What makes the plots of a result, by their names; the first is the main one."""
+
+
+def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
+    """One table of a result as a frame, with the names and units of the written files; the first one if none is named.
+
+    Raises
+    ------
+    OptionError : the result has no such table
+    """
+    if units not in ("si", "display"):
+        raise OptionError(f"to_pandas(units={units!r}): no such units; expected 'si' or 'display'.")
+    tables = tables_of(result, units)
+    table = table if table != "" else next(iter(tables))
+    check_choice("to_pandas", table, list(tables), "table")
+    return tables[table]()
+
+
+def plot(result: object, what: str = "", ax: axes.Axes | None = None) -> Any:
+    """Draw one plot of a result, the first one if none is named; gives the Axes, of a plot with several an array of them, (n,).
+
+    Parameters
+    ----------
+    ax : what is drawn on, and the most telling part of a plot with several Axes alone; new ones of pyplot if not given
+
+    Raises
+    ------
+    OptionError : the result has no such plot, or nothing to draw
+    """
+    plots = plots_of(result)
+    what = what if what != "" else next(iter(plots))
+    check_choice("plot", what, list(plots), "plot of this result")
+    made = plots[what]()
+    if made.lacks:
+        raise OptionError(f"plot({what!r}): the result has nothing to draw; expected {made.lacks}.")
+    return _drawn(made, ax)
+
+
+def summary_html(result: object) -> str:
+    """The heading and the main table of a result as HTML without scripts; every text is escaped."""
+    return summary_of(result)
+
+
+def write_report(result: object, path: str | Path, *, force: bool = False) -> Path:
+    """Write the report of a result of any command as a page (.html) or a PDF (.pdf).
+
+    Parameters
+    ----------
+    force : replace a file that this tool did not write
+
+    Raises
+    ------
+    OptionError : another ending, or a result that has no report
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    """
+    from winchcascade.report.publish import publish
+
+    check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
+    path = Path(path)
+    ending = path.suffix.casefold()
+    if ending not in (".html", ".pdf"):
+        raise OptionError(f"{path}: no ending of a report; expected a name that ends in .html or .pdf.")
+    report = report_of(result)
+    publish(report, html=path if ending == ".html" else None, pdf=path if ending == ".pdf" else None, force=force)
+    return path
+
+
+def _refuse(call: str, result: object) -> NoReturn:
+    """Report that a result of another kind is needed: OptionError."""
+    what = {"write_report": "report", "summary_html": "summary"}.get(call, call)
+    raise OptionError(
+        f"{call}: {type(result).__name__} has no {what}; expected the result of reduce, compare, calibrate, simulate, audit, "
+        "or of open_campaign(...).reduce(), .diagnose() or .check()."
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------------- tables
+@singledispatch
+def tables_of(result: object, units: Units) -> Tables:  # noqa: ARG001
+    """Tables of a result as frames."""
+    _refuse("frame", result)
+
+
+@tables_of.register(Run)
+def _(result: Run, units: Units) -> Tables:
+    return {"channels": lambda: frames.run_frame(result, units)}
+
+
+@tables_of.register(Reduction)
+def _(result: Reduction, units: Units) -> Tables:
+    cascades = [result.rig.cascade]
+    rows = {name: partial(_rows_of, result, name) for name in ("cycles", "bins", "findings")}
+    made: dict[str, Callable[[], pd.DataFrame]] = {
+        name: partial(frames.table_frame, name, of, cascades, units) for name, of in rows.items()
+    }
+    return made | {"channels": lambda: frames.samples_frame(result, units)}
+
+
+def _rows_of(reduction: Reduction, table: str) -> list[frames.Row]:
+    return frames.reduction_rows(reduction)[table]
+
+
+@tables_of.register(CampaignReduction)
+def _(result: CampaignReduction, units: Units) -> Tables:
+    def rows(table: str) -> list[frames.Row]:
+        return [row for name, record in result.records.items() for row in frames.table_rows(name, record)[table]]
+
+    return {
+        name: partial(frames.table_frame, name, partial(rows, name), result.cascades, units)
+        for name in ("runs", "cycles", "bins", "findings")
+    }
+
+
+@tables_of.register(DiagnosisResult)
+def _(result: DiagnosisResult, units: Units) -> Tables:
+    names = ("causes", "contributions", "map", "stability")
+    return {name: partial(frames.diagnosis_frame, result, name, units) for name in names}
+
+
+@tables_of.register(Comparison)
+def _(result: Comparison, units: Units) -> Tables:
+    return {"differences": lambda: frames.comparison_frame(result, units)}
+
+
+# -------------------------------------------------------------------------------------------------------------------- plots
+@singledispatch
+def plots_of(result: object) -> Plots:
+    """Plots of a result; one with several Axes draws its most telling part on a single one."""
+    _refuse("plot", result)
+
+
+@plots_of.register(Reduction)
+def _(result: Reduction) -> Plots:
+    """Powers of one cycle, histories of the log, powers over generator speed, efficiencies of the cycles."""
+    from winchcascade.report.figures import histories
+    from winchcascade.report.figures import reduction_figures as figures
+
+    powers, ratios = histories.powers_of(result), figures.known_ratios(result)
+    panels = histories.panels_of(result, powers)
+    return {
+        "power": lambda: Plot(
+            lambda axes: figures.draw_one_cycle(axes[0], result, powers),
+            "" if powers and result.cycles else "a cycle and a power",
+        ),
+        "history": lambda: Plot(
+            lambda axes: histories.draw_histories(axes, result, panels[-len(axes) :]),
+            rows=len(panels),
+            height=2.9 if len(panels) == 1 else 1.2,
+            share="x",
+        ),
+        "speed": lambda: Plot(
+            lambda axes: figures.draw_over_speed(axes[0], result, powers),
+            "" if result.bins else "the speed of the generator in a complete cycle",
+        ),
+        "efficiency": lambda: Plot(
+            lambda axes: _draw_efficiencies(axes[0], result, ratios),
+            "" if ratios and result.complete else "an efficiency of a complete cycle",
+        ),
+    }
+
+
+def _draw_efficiencies(ax: axes.Axes, reduction: Reduction, ratios: Sequence[str]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    from winchcascade.report.figures import reduction_figures as figures
+
+    figures.draw_trend(ax, reduction, ratios, "1")
+    ax.set(xlabel="Cycle", ylabel="Efficiency (1)")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+
+@plots_of.register(CampaignReduction)
+def _(result: CampaignReduction) -> Plots:
+    """Mean powers or efficiencies of the runs over their loads, power at the DC link over generator speed."""
+    from winchcascade.report.figures import campaign_figures as figures
+
+    reduced = result.summary.reduced
+    runs = [run for run in runs_by_load(reduced) if not run.open_circuit] or reduced
+    bins = {name: found for name, found in result.bins.items() if found}
+    lacks = "" if runs else "a run that could be reduced"
+    return {
+        "power": lambda: Plot(lambda axes: figures.draw_over_load(axes[0], runs, "power"), lacks),
+        "efficiency": lambda: Plot(lambda axes: figures.draw_over_load(axes[0], runs, "efficiency"), lacks),
+        "speed": lambda: Plot(
+            lambda axes: figures.draw_power_over_speed(axes[0], runs, bins),
+            lacks or ("" if bins else "the speed of the generator in a run"),
+        ),
+    }
+
+
+@plots_of.register(DiagnosisResult)
+def _(result: DiagnosisResult) -> Plots:
+    """The map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency, by load."""
+    from winchcascade.report.diagnosis_figures import draw_gap_map
+
+    rows = len({(place.channel, place.phase) for place in result.places})
+    return {
+        "map": lambda: Plot(
+            lambda axes: draw_gap_map(axes[0], result),
+            "" if result.places else "a place with a gap that can be weighed",
+            height=0.6 + 0.235 * rows,
+        ),
+        "waterfall": lambda: _waterfalls(result),
+    }
+
+
+def _waterfalls(found: DiagnosisResult) -> Plot:
+    """What each cause costs, by load, of the largest difference alone on one Axes."""
+    from winchcascade.diagnosis.load_costs import waterfall_costs
+    from winchcascade.report import cause_costs
+
+    if not isinstance(found, ModelDiagnosis):
+        raise OptionError(
+            "plot('waterfall'): this diagnosis has no model, which could split an efficiency by its causes; expected 'map', or "
+            "a rig file with all numbers of the rig."
+        )
+    costs = waterfall_costs(found)
+    if not costs:
+        return Plot(list, "a split of an efficiency at a load")
+    largest = max(costs, key=lambda one: abs(one.measured - one.as_given))
+    height = 0.6 + cause_costs.BAR * (len(costs[0].parts) + 2)
+
+    def draw(axes: list[axes.Axes]) -> None:
+        cause_costs.draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs)
+
+    return Plot(draw, "", len(costs), height, "y")
+
+
+@plots_of.register(Comparison)
+def _(result: Comparison) -> Plots:
+    """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of the whole cascade."""
+    from winchcascade.report.results.comparison import by_metric, draw_differences, rows_of
+
+    metrics = list(by_metric(rows_of(result, "eta", whole=False)))
+    whole = [name for name in metrics if name == result.overall] or metrics[:1]
+    lacks = "" if metrics else "an efficiency that both sides have"
+
+    def draw(axes: list[axes.Axes]) -> None:
+        draw_differences(axes, result, whole if len(axes) == 1 else metrics)
+
+    return {"efficiency": lambda: Plot(draw, lacks, len(metrics), height=1.5, share="x")}
+
+
+def _drawn(made: Plot, ax: axes.Axes | None) -> Any:
+    """Draw on the given Axes, or on new ones of a figure of pyplot, which notebooks show."""
+    from winchcascade.report.figures.style import COLOURS, WIDTH, house_style
+
+    with house_style():
+        if ax is None:
+            import matplotlib.pyplot as plt
+
+            _, grid = plt.subplots(
+                made.rows, 1, figsize=(WIDTH, made.height * made.rows), squeeze=False, layout="constrained",
+                facecolor=COLOURS["paper"], sharex="col" if made.share == "x" else False,
+                sharey="col" if made.share == "y" else False,
+            )  # fmt: skip
+            found = grid[:, 0]
+        else:
+            check_type("plot, ax", ax, axes.Axes, "matplotlib")
+            found = np.array([ax], dtype=object)
+        made.draw(found.tolist())
+        title = found[0].get_title(loc="left")
+        if len(found) == 1 and title.startswith("("):  # the letter of a panel among others
+            found[0].set_title(title.partition(") ")[2], loc="left", pad=3)
+    return found[0] if len(found) == 1 else found
+
+
+# ---------------------------------------------------------------------------------------------------------------- summaries
+@singledispatch
+def summary_of(result: object) -> str:
+    """Heading and main table of a result."""
+    _refuse("summary_html", result)
+
+
+@summary_of.register(Reduction)
+def _(result: Reduction) -> str:
+    from winchcascade.report.render.page import table_html
+    from winchcascade.report.results.reduction_tables import cycles_table
+
+    return table_html(repr(result), cycles_table(result, uncertainty(result)))
+
+
+@summary_of.register(CampaignReduction)
+def _(result: CampaignReduction) -> str:
+    from winchcascade.report.render.page import table_html
+    from winchcascade.report.results.campaign_tables import budget_table
+
+    return table_html(repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False))
+
+
+@summary_of.register(DiagnosisResult)
+def _(result: DiagnosisResult) -> str:
+    from winchcascade.report.render.page import table_html
+    from winchcascade.report.results.diagnosis import main_table
+
+    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+
+
+@summary_of.register(Comparison)
+def _(result: Comparison) -> str:
+    from winchcascade.report.render.page import table_html
+    from winchcascade.report.results.comparison import differences_table, rows_of
+
+    heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
+    return table_html(heading, differences_table("efficiencies", rows_of(result, "eta")))
+
+
+# ------------------------------------------------------------------------------------------------------------------ reports
+@singledispatch
+def report_of(result: object, *, command: str = "") -> content.Report:  # noqa: ARG001
+    """Make the report of a result.
+
+    Parameters
+    ----------
+    command : as it was given, to be given again
+    """
+    _refuse("write_report", result)
+
+
+@report_of.register(Reduction)
+def _(result: Reduction, *, command: str = "") -> content.Report:
+    from winchcascade.report.results.drawn_reduction import drawn_report
+
+    return drawn_report(result, uncertainty(result), command=command)
+
+
+@report_of.register(Calibration)
+def _(result: Calibration, *, command: str = "") -> content.Report:
+    from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.figures.style import house_style
+    from winchcascade.report.results.calibration import calibration_report, fit_blocks
+
+    with house_style():
+        return calibration_report(result, fit_blocks(result, damper_curves(result)), command=command)
+
+
+def _late(name: str) -> Callable[..., content.Report]:
+    """A function of `results`, which is imported with all that it draws by when it is called."""
+
+    def called(result: object, *, command: str = "") -> content.Report:
+        report: content.Report = resolve_name(f"winchcascade.report.results.{name}")(result, command=command)
+        return report
+
+    return called
+
+
+for _kind, _name in {
+    Audit: "audits:audit_report",
+    CampaignReduction: "drawn_campaign:reduced_campaign",
+    Check: "checks:check_report",
+    Comparison: "comparison:comparison_report",
+    DiagnosisResult: "diagnosis:diagnosis_report",
+    PointAudit: "audits:audit_report",
+    Simulation: "simulation:simulation_report",
+}.items():
+    report_of.register(_kind, _late(_name))
