@@ -1,7 +1,8 @@
 """Which commands are called, and what is stored of them: groups of lines, each group in a folder of its own.
 
-A line is a command, `show FILE ...`, or `list FOLDER` for the names of its files. The exit code of every command is stored in `codes.txt`; the file that follows an
-option of `STORED`, and each that is shown, under its own name; what is printed in `NAME.txt` where `> NAME` ends the line.
+A line is a command, `show FILE ...`, or `list FOLDER` for the names of its files. The exit code of every command is stored
+in `codes.txt`; the file that follows an option of `STORED`, and each that is shown, under its own name; what is printed in
+`NAME.txt` where `> NAME` ends the line.
 """
 
 from typing import NamedTuple

@@ -75,7 +75,7 @@ class _Page(HTMLParser):
         self._line = ""
         self._hidden = 0
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag: str, _attributes: list[tuple[str, str | None]]) -> None:
         self._hidden += tag in _HIDDEN
         if tag in {"td", "th"}:
             self._line += " | " if self._line else ""

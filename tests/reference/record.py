@@ -14,6 +14,7 @@ import sys
 import tarfile
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ def _outputs(place: Workplace, line: str) -> Iterator[tuple[str, Any]]:
     yield "codes.txt", f"{code} {command}\n"
     if printed:
         yield f"{printed}.txt", f"$ winchcascade {command}\n{text}"
-    yield from (_named(place, file) for option, file in zip(words, words[1:], strict=False) if option in STORED)
+    yield from (_named(place, file) for option, file in pairwise(words) if option in STORED)
 
 
 def _named(place: Workplace, file: str) -> tuple[str, Any]:

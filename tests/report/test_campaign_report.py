@@ -14,6 +14,7 @@ import numpy as np
 import pypdf
 import pytest
 from page_scripts import check_scripts, markup_of
+from winchcascade.report.campaign import MAX_RUNS, make_campaign_report
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import run_batch
@@ -28,7 +29,6 @@ from winchcascade.reduction.campaign_record import (
     runs_by_load,
 )
 from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.report.campaign import MAX_RUNS, make_campaign_report
 from winchcascade.report.figures.campaign_figures import over_load
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.publish import html_text, publish

@@ -16,7 +16,7 @@ from page_reader import PageReader
 
 from winchcascade.report.content import Note, Picture, Report, Table
 from winchcascade.report.glossary import typeset
-from winchcascade.report.render.files import write_tables
+from winchcascade.report.render.folders import write_tables
 from winchcascade.report.render.pdf import pdf_bytes
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.screen import PIPE, Screen, use_screen
@@ -178,8 +178,8 @@ def test_no_text_holds_a_minus_zero_or_a_value_of_the_language(pages: list[Made]
 
 def test_every_block_has_a_name_of_its_own_a_caption_and_words_for_its_drawing(pages: list[Made]) -> None:
     for report, _ in pages:
-        blocks = [*tables(report), *pictures(report)]
-        assert Counter(block.id for block in blocks).most_common(1)[0][1] == 1 if blocks else True, report.kind
+        blocks: list[Table[object] | Picture] = [*tables(report), *pictures(report)]
+        assert max(Counter(block.id for block in blocks).values(), default=1) == 1, report.kind
         assert len({one.id for one in report.sections}) == len(report.sections)
         assert [block.id for block in blocks if not block.caption.endswith((".", ":", "?"))] == []
         assert [one.id for one in pictures(report) if len(one.alt) < 10] == []

@@ -67,12 +67,8 @@ def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(tmp_path: Path) -> Non
         f"source = {texts['from']}\n"
     )  # fmt: skip
     rig = load_rig(rig_file)
-    reduction = reduce(
-        read_run(log, rig=rig, load=36.0, load_source=f"given {WORDS}", about=f"about {WORDS}"), rig=rig
-    )
-    page = PageReader(
-        page_text(drawn_report(reduction, uncertainty(reduction, draws=200), command=f"command {WORDS}"))
-    )
+    reduction = reduce(read_run(log, rig=rig, load=36.0, load_source=f"given {WORDS}", about=f"about {WORDS}"), rig=rig)
+    page = PageReader(page_text(drawn_report(reduction, uncertainty(reduction, draws=200), command=f"command {WORDS}")))
     shown = " ".join(page.shown.split())
     assert page.faults == page.requests() == []
     for name in (*names, "about", "command", "given"):
