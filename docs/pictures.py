@@ -5,6 +5,7 @@ of the page of a campaign by Chromium. `sources.json` holds the data behind each
 results.
 """
 
+import io
 import json
 import shutil
 import subprocess
@@ -156,7 +157,8 @@ def waterfall_source() -> Source:
     """What each cause costs in efficiency at each load, and the diagnosis that it comes from."""
     from winchcascade import open_campaign
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.report.cause_costs import part_name, waterfall_costs
+    from winchcascade.diagnosis.load_costs import waterfall_costs
+    from winchcascade.report.figures.cause_figures import part_name
 
     found = open_campaign(ROOT / CAMPAIGN).diagnose()
     assert isinstance(found, ModelDiagnosis)
@@ -175,15 +177,15 @@ _FOUND: dict[str, Any] = {}
 
 def waterfall(_: Source) -> str:
     """The waterfall figure of the report of a diagnosis."""
-    from winchcascade.report.svg_drawing import svg_text
-
-    from winchcascade.report.cause_costs import waterfall_figure
+    from winchcascade.report.figures.cause_figures import waterfall_figure
     from winchcascade.report.figures.style import house_style
 
     with house_style():
-        figure = waterfall_figure(_FOUND["waterfall"])
+        figure = waterfall_figure(_FOUND["waterfall"], "log")
         assert figure is not None
-        svg = svg_text(figure, "waterfall")
+        out = io.StringIO()
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    svg = out.getvalue()[out.getvalue().index("<svg") :]
     begin = svg.index(">") + 1
     return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}\n'
 

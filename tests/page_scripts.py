@@ -3,7 +3,7 @@
 import json
 import re
 
-from winchcascade.report.publish import template_folder
+from winchcascade.report.render.fonts import template_folder
 
 SCRIPT = re.compile(r"<script([^>]*)>(.*?)</script\b[^>]*>", re.DOTALL | re.IGNORECASE)
 DATA = re.compile(r' type="application/json"(?: class="marks"| id="traces")')

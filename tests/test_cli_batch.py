@@ -231,7 +231,7 @@ def test_a_result_never_replaces_a_file_of_the_batch_or_campaign_it_is_made_from
 
 def test_two_results_of_one_name_are_rejected(out: Path, table: Path, tmp_path: Path) -> None:
     same = ("--json", tmp_path / "x", "--junit", tmp_path / "x")
-    assert "--junit and --json both name" in one_sentence("check", out, "--against", table, *same)
+    assert "--json and --junit both name" in one_sentence("check", out, "--against", table, *same)
     assert not (tmp_path / "x").exists()
 
 

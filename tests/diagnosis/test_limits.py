@@ -15,7 +15,7 @@ from winchcascade.diagnosis.diagnosis_result import Reported
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.solve import Bounds
-from winchcascade.report.cause_words import range_words
+from winchcascade.report.diagnosis_names import range_words
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 

@@ -26,7 +26,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_li
 from winchcascade.diagnosis.line.line_selection import LONGER, _error_of_span, coefficients, moments_of
 from winchcascade.ingest.read import read_run
 from winchcascade.report.content import Table
-from winchcascade.report.gap_words import signed
+from winchcascade.report.diagnosis_names import signed
 from winchcascade.report.render.page import page_text
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
@@ -291,7 +291,7 @@ def test_the_command_writes_all_that_it_offers(campaign: Path) -> None:
     assert (record["seed"], record["verdict"]) == (3, "explained")
     assert (out / "d.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert (out / "d.pdf").read_bytes().startswith(b"%PDF")
-    assert "judged on cycles that took part in neither choice nor fit (cycles 6 to 10 of log.csv)" in flat(done.stdout)
+    assert "on held-out cycles (6 to 10 of log.csv)" in flat(done.stdout)
     assert str(out / "predicted") in done.stdout
     assert "withhold cycles instead" in one_sentence("diagnose", campaign, "--withhold", "18")
 

@@ -2,6 +2,7 @@
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,6 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT, without_zeros
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.ingest.read import read_run
 from winchcascade.report.content import Table
-from winchcascade.report.gap_words import own_simulation_words
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
@@ -35,6 +35,10 @@ LINE_DRAG = {"line_drag": {"b": 0.9}}
 
 def own(model: Model) -> list[Run]:
     return [simulate(run, model).run for run in driven()]
+
+
+def tables(found: ModelDiagnosis) -> dict[str, Table[Any]]:
+    return {block.id: block for block in diagnosis_report(found).blocks if isinstance(block, Table)}
 
 
 @cache
@@ -68,9 +72,7 @@ def test_a_simulation_of_the_same_physics_has_no_other_form() -> None:
     record = as_json(found)
     assert record["baseline"] == "own_simulation"
     assert record["model_form"] == []
-    assert own_simulation_words(found) == [
-        "Your simulation agrees with the model of the rig file within its tolerances."
-    ]
+    assert "model-form" not in tables(found)
 
 
 def test_an_averaged_bridge_is_reported_in_the_generator_stage() -> None:
@@ -79,20 +81,15 @@ def test_an_averaged_bridge_is_reported_in_the_generator_stage() -> None:
     assert (form["stage"], form["likely"], form["phase"]) == ("generator", "averaged_bridge", "payout")
     assert form["bias"] < 0.0
     assert abs(form["z"]) > STANDS_OUT
-    (sentence,) = own_simulation_words(found)
-    assert sentence.startswith(
-        "Your simulation differs from the rig's model in the generator stage; likely an averaged bridge:"
-    )
+    (row,) = tables(found)["model-form"].cells
+    assert row[:2] == ["averaged_bridge", "generator"]
 
 
 def test_an_effect_that_the_simulation_contains_already_is_reported_with_its_number() -> None:
     _, found = diagnosed("copper_heating")
     assert found.own_simulation is not None
     assert [form.likely for form in found.own_simulation.forms] == ["copper_heating"]
-    (sentence,) = own_simulation_words(found)
-    assert sentence.startswith(
-        "Your simulation already contains Stator resistance (copper_heating, generator stage): stator"
-    )
+    assert "copper_heating: stator resistance" in tables(found)["model-form"].note
     value = found.own_simulation.numbers["copper_heating"]["r_s_change"]
     assert value.low < 0.3 < value.high
 

@@ -15,7 +15,7 @@ from winchcascade.batch.demo import DIAGNOSIS_FILES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.cli.app import command_line
-from winchcascade.report.publish import publish
+from winchcascade.report.render.publish import publish
 from winchcascade.report.results.diagnosis import diagnosis_report
 
 CHROMIUM = next(

@@ -14,9 +14,9 @@ from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
 from winchcascade.diagnosis.model_account import Account
 from winchcascade.reduction.campaign_record import LogSummary
 from winchcascade.report.figures.campaign_figures import load_names, look_alike, over_load, repeated, runs_over_speed
+from winchcascade.report.figures.model_figures import budget_bars, panels, styled_by_load
 from winchcascade.report.figures.style import SHORT, cut_apart, house_style
-from winchcascade.report.model_figures import budget_bars, panels, styled_by_load
-from winchcascade.report.model_section import Named, row_names
+from winchcascade.report.results.model_section import Named, row_names
 
 BUDGET = LossBudget(1000.0, dict.fromkeys(GROUPS, 0.0) | {"dc": 700.0, "stored": 300.0}, 0.0, {"line": 1000.0})
 CURVE = ComparedCurve((0.0, 1.0, 2.0), (0.0, 1.0, 2.0), (0.0, 1.1, 2.1))

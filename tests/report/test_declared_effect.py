@@ -9,7 +9,7 @@ from winchcascade.diagnosis.cause_numbers import cause_numbers, tolerance_of
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.report.content import Measured
 from winchcascade.report.render.terminal import terminal_text
-from winchcascade.report.results.diagnosis import causes_table
+from winchcascade.report.results.diagnosis_parts import causes_table
 from winchcascade.report.results.effects import effects_report
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field

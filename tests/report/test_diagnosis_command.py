@@ -70,7 +70,7 @@ def test_the_command_writes_json_page_pdf_and_predictions(results: Path) -> None
 
 def test_the_text_shows_what_was_withheld_and_where_the_files_are(results: Path) -> None:
     text = (results / "printed.txt").read_text(encoding="utf-8")
-    assert "judged on logs that took part in neither choice nor fit (18 ohm)" in " ".join(text.split())
+    assert "held-out logs (18 ohm)" in " ".join(text.split())
     for name in ("d.json", "d.html", "d.pdf", "predicted"):
         assert str(results / name) in text
 

@@ -1,26 +1,39 @@
-"""What the figures of a diagnosis show is what was computed: recomputed here block by block."""
+"""What the figures of a diagnosis show are the numbers of the result."""
 
+import json
 from collections.abc import Iterator
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 from diagnosed import diagnosed
 
-from winchcascade.diagnosis.block_series import series, sides
+from winchcascade.diagnosis.block_series import series, sides, sides_of_one
+from winchcascade.diagnosis.cause_numbers import cause_numbers
+from winchcascade.diagnosis.diagnosis_result import RunValue, Stability
 from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.load_costs import waterfall_costs
+from winchcascade.diagnosis.model_account import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.report.cause_costs import waterfall_figure
-from winchcascade.report.diagnosis_figures import (
+from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
+from winchcascade.report.diagnosis_names import signed
+from winchcascade.report.figures.cause_figures import (
+    numbers_figure,
+    profile_figure,
+    stability_figure,
+    waterfall_figure,
+)
+from winchcascade.report.figures.cycle_figure import cycle_figure, cycle_json
+from winchcascade.report.figures.diagnosis_figures import (
     error_figure,
+    error_history,
     error_panels,
     gap_map,
-    history,
     over_speed_figure,
     stage_map,
 )
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.gap_words import signed
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 
@@ -31,7 +44,6 @@ def style() -> Iterator[None]:
         yield
 
 
-# ------------------------------------------------------------------------------------------------------------- the map
 @pytest.mark.parametrize("name", ALL)
 def test_the_maps_have_a_number_for_every_place(name: str) -> None:
     found = diagnosed(name)
@@ -43,47 +55,34 @@ def test_the_maps_have_a_number_for_every_place(name: str) -> None:
         assert sorted(texts) == sorted(signed(place.z) for place in shown)
     bold = sum(text.get_fontweight() == "bold" for text in places.axes[0].texts)
     assert bold == sum(abs(place.z) > STANDS_OUT for place in found.places)
-    names = [text.get_text() for text in stages.axes[0].get_yticklabels()]
-    assert names[0] == "restoring: pressure, payout"
+    names = stages.axes[0].get_yticklabels()
     assert len(names) == len({(place.stage, place.phase) for place in found.stages})
 
 
-# ------------------------------------------------------------------------------------------------- time, speed, current
 @pytest.mark.parametrize("name", ALL)
-def test_every_figure_has_units_on_its_axes(name: str) -> None:
+def test_every_axis_has_a_label_with_its_unit(name: str) -> None:
     found = diagnosed(name)
     both = sides(found)
-    for figure in (
-        history(found, both, 0, "log"),
+    figures = (
+        error_history(found, both, 0, "log"),
         over_speed_figure(found, both, "log"),
         error_figure(found, both, "log"),
-    ):
+    )
+    for figure in figures:
         assert figure is not None
-        labels = " ".join(ax.get_xlabel() + ax.get_ylabel() for ax in figure.axes)
-        assert "(s)" in labels or "(rpm)" in labels or "(A)" in labels
         assert all(ax.get_ylabel() for ax in figure.axes)
+        assert all("(" in ax.get_xlabel() for ax in figure.axes if ax.get_xlabel())
 
 
 def test_the_history_draws_logged_minus_simulated() -> None:
     found = diagnosed("copper")
     both = sides(found)
-    figure = history(found, both, 1, "log")
+    figure = error_history(found, both, 1, "log")
     assert figure is not None
     one = series(found, both, 1, "vdc")
-    ax = figure.axes[CHANNELS.index("vdc")]
-    assert both.after is not None
-    assert one.after is not None
-    before, after = ax.lines
-    assert np.allclose(before.get_ydata(), one.logged - one.before, equal_nan=True)
-    assert np.allclose(after.get_ydata(), one.logged - one.after, equal_nan=True)
-
-
-def test_the_labels_of_the_history_stay_on_the_figure() -> None:
-    found = diagnosed("copper")
-    figure = history(found, sides(found), 1, "log")
-    assert figure is not None
-    figure.draw_without_rendering()
-    assert all(ax.yaxis.label.get_window_extent().x0 > 0.0 for ax in figure.axes)
+    before, after = figure.axes[CHANNELS.index("vdc")].lines
+    for line, error in zip((before, after), one.errors, strict=True):
+        assert np.allclose(line.get_ydata(), error, equal_nan=True)
 
 
 def test_errors_are_drawn_over_current_and_over_what_the_gap_depends_on() -> None:
@@ -91,15 +90,80 @@ def test_errors_are_drawn_over_current_and_over_what_the_gap_depends_on() -> Non
     assert error_panels(diagnosed("nothing")) == ["idc"]
 
 
-# ---------------------------------------------------------------------------------------------------------- the costs
-def test_the_waterfall_shows_three_loads_at_most_with_their_intervals() -> None:
+def test_the_errors_of_one_effect_are_those_of_its_blocks() -> None:
+    found = diagnosed("copper")
+    found = msgspec.structs.replace(found, alone=found.fitted_blocks)
+    both = sides_of_one(found)
+    assert both is not None
+    figure = error_figure(found, both, "log", after="alone", channels=["idc"])
+    assert figure is not None
+    (ax,) = figure.axes
+    before, after, *_ = ax.lines
+    assert np.std(np.asarray(after.get_ydata())) < np.std(np.asarray(before.get_ydata()))
+
+
+# ------------------------------------------------------------------------------------------------------------ the causes
+def test_the_waterfall_shows_three_loads_at_most_and_ends_at_the_log() -> None:
     found = diagnosed("copper")
     more = [msgspec.structs.replace(c, load=(c.load or 0.0) + 100.0 * k) for k in range(3) for c in found.contributions]
     for one, loads in ((found, 2), (msgspec.structs.replace(found, contributions=tuple(more)), 3)):
-        figure = waterfall_figure(one)
+        figure = waterfall_figure(one, "log")
         assert figure is not None
-        shown = [ax for ax in figure.axes if ax.get_visible()]
-        assert len(shown) == loads
-        for ax in shown:
+        assert len(figure.axes) == loads
+        for ax in figure.axes:
             low, high = ax.get_xlim()
             assert all(low <= x <= high for line in ax.lines for x in np.asarray(line.get_xdata()).tolist())
+        last = figure.axes[-1].patches[1]
+        end = last.get_x() + last.get_width()  # type: ignore[attr-defined]
+        assert end == pytest.approx(waterfall_costs(one)[-1].measured)
+
+
+def test_each_number_of_the_causes_has_a_panel() -> None:
+    figure = numbers_figure(diagnosed("copper"))
+    assert figure is not None
+    (row,), (ax,) = cause_numbers(diagnosed("copper")), figure.axes
+    drawn = float(np.asarray(ax.lines[-1].get_xdata()).item())
+    assert drawn == pytest.approx(100.0 * row.found.value)
+    assert numbers_figure(diagnosed("nothing")) is None
+    assert profile_figure(diagnosed("copper")) is None
+    assert profile_figure(diagnosed("rolloff")) is not None
+
+
+def test_the_numbers_run_by_run_are_those_of_the_result() -> None:
+    found = diagnosed("copper")
+    runs = (RunValue(0, 0.3, 0.28, 0.32), RunValue(1, 0.5, 0.48, 0.52))
+    cause = msgspec.structs.replace(found.causes[0], stability=Stability(runs, ()))
+    figure = stability_figure(msgspec.structs.replace(found, causes=(cause,)))
+    assert figure is not None
+    drawn = np.asarray(figure.axes[0].lines[-1].get_ydata())
+    assert drawn == pytest.approx([30.0, 50.0])
+    assert stability_figure(diagnosed("nothing")) is None
+
+
+# ------------------------------------------------------------------------------------------------------------- the cycle
+def shown(name: str) -> SimulatedCycle:
+    item = largest_gap(diagnosed(name))
+    assert item is not None
+    return item
+
+
+@pytest.mark.parametrize(("name", "curves"), [("copper", 3), ("nothing", 2)])
+def test_page_and_print_get_every_channel_of_the_cycle(name: str, curves: int) -> None:
+    found, item = diagnosed(name), shown(name)
+    record: dict[str, Any] = json.loads(cycle_json(found, item, "log"))
+    assert len(record["rows"]) == len(cycle_figure(found, item, "log").axes) == len(CHANNELS)
+    for k, (channel, row) in enumerate(zip(CHANNELS, record["rows"], strict=True)):
+        assert len(row["series"]) == curves
+        for one, side in zip(row["series"], item.sides, strict=True):
+            np.testing.assert_allclose(one["values"], side[:, k] * COMPARED[channel], rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(record["t"], item.t, atol=1e-4)
+    assert record["spans"] == [{"from": 0.0, "to": item.payout_end, "colour": "payout"}]
+
+
+def test_repaired_stretches_of_the_cycle_are_marked_since_its_onset(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, item = diagnosed("copper"), shown("copper")
+    gaps = item.onset + np.array([[2.0, 2.5], [1e4, 1e4 + 1.0]])
+    monkeypatch.setattr("winchcascade.report.figures.histories.all_gaps", lambda *_: gaps)
+    spans = json.loads(cycle_json(found, item, "log"))["spans"]
+    (repaired,) = [(span["from"], span["to"]) for span in spans if span["colour"] == "repaired"]
+    assert repaired == pytest.approx((2.0, 2.5))

@@ -170,7 +170,7 @@ def test_files_hold_the_numbers_in_full(pages: list[Made], tmp_path: Path) -> No
 # ----------------------------------------------------------------------------------------------------------- the content
 def test_no_text_holds_a_minus_zero_or_a_value_of_the_language(pages: list[Made]) -> None:
     wrong = re.compile(
-        r"(?<![\w.)])[-\u2212]0(\.0+)?(?![\w.])|\bnan\b|\bNone\b(?! of|\.)|\bNaN\b|[\[(]'|Measured\(|Span\("
+        r"(?<![\w.)])[-\u2212]0(\.0+)?(?![\w.])|\bnan\b|\bNone\b(?! of| in|\.)|\bNaN\b|[\[(]'|Measured\(|Span\("
     )
     for report, _ in pages:
         assert [text for text in texts(report) if wrong.search(text)] == [], report.kind

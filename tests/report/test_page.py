@@ -18,7 +18,7 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.report.content import Note, Picture, Report, Table, section
 from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.glossary import typeset
-from winchcascade.report.publish import publish
+from winchcascade.report.render.publish import publish
 from winchcascade.report.render.page import page_text
 from winchcascade.report.results.drawn_reduction import drawn_report
 from winchcascade.rig.open_rig import load_rig

@@ -191,7 +191,7 @@ def test_the_phases_are_stated_as_they_were_found(clean: Result) -> None:
         expected = {"F": plateau.force, "τ": plateau.torque, "F_hold": hold.force, "F_min": haul.force_min,
                     "E haul-in": haul.energy_line, "P_gen plateau": plateau.power_gen}  # fmt: skip
         assert {name: means[name][k] for name in expected} == expected
-        assert means["p_hold"][k] == pytest.approx(hold.pressure / 98066.5)
+        assert means["p_hold"][k] == pytest.approx(hold.pressure)
 
 
 def test_bins_state_their_means_and_all_their_samples(clean: Result) -> None:

@@ -79,7 +79,7 @@ def write_campaign_loss_map(
     files = [path]
     if products.reports:
         from winchcascade.report.figures.style import house_style
-        from winchcascade.report.publish import publish
+        from winchcascade.report.render.publish import publish
         from winchcascade.report.results.campaign_index import INDEX, links_to
 
         pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}

@@ -13,10 +13,9 @@ import msgspec
 
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.plain_text import cell_text
-from winchcascade.core.version import __version__
+from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.run_record import FindingRecord, RunRecord
 from winchcascade.report.frames import RUN_ENDS, Row, table_rows, table_schema
-from winchcascade.report.sheet import made_at
 
 TABLES = ("runs", "cycles", "bins", "findings")
 """Tables of a dataset, in the order of their sheets."""

@@ -18,7 +18,7 @@ def write_index(folder: Path) -> Path | None:
     ------
     OutputError : a page is there that this tool did not write, or a link
     """
-    from winchcascade.report.publish import publish
+    from winchcascade.report.render.publish import publish
     from winchcascade.report.results.campaign_index import INDEX, MEANINGS, results_index
 
     record = inside(folder, "campaign.json")

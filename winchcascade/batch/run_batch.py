@@ -217,7 +217,7 @@ def _write_campaign(
 
 def _write_reports(campaign: CampaignRecord, made: Path, out: Path, products: Products) -> None:
     """Write the reports of the campaign into a scratch folder."""
-    from winchcascade.report.publish import publish
+    from winchcascade.report.render.publish import publish
     from winchcascade.report.results.campaign_index import links_to
     from winchcascade.report.results.drawn_campaign import written_campaign
 

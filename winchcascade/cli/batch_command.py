@@ -5,29 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import msgspec
 import typer
 from msgspec.structs import replace
 
-from winchcascade.cli.options import (
-    NO_REPORT,
-    ForceOption,
-    JobsOption,
-    LossMapOption,
-    RigOption,
-    SchedulerOption,
-    WindowOption,
-    report_choices,
-    report_options,
-    valued_option,
-)
-from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports
+from winchcascade.cli.options import OUTPUTS, option, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, show, write_report_files
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
 from winchcascade.core.store import present
-from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from winchcascade.batch.run_batch import Batch
@@ -36,50 +24,25 @@ if TYPE_CHECKING:
 MAX_ALTERED = 5
 """Altered files that are named."""
 
-TargetsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="TARGET...",
-        help="The logs: a campaign.toml, a folder, a pattern, or single logs.",
-        show_default=False,
-    ),
-]
-OutOption = Annotated[
-    Path,
-    valued_option(
-        "--out", "FOLDER", "Write the results into this folder. A second call keeps the results that are still valid."
-    ),
-]
-ReportsOption = Annotated[
-    str,
-    valued_option(
-        "--reports",
-        "none|html|all",
-        "Write reports of each log and of the campaign: none, html (pages), or all (pages and PDF).",
-        report_choices,
-    ),
-]
 
-
-@report_options("figures", "tables")
+@with_options("figures", "tables", "loss_map")
 def batch_command(
-    targets: TargetsArgument,
-    out: OutOption,
-    jobs: JobsOption = None,
-    scheduler: SchedulerOption = None,
-    reports: ReportsOption = "html",
-    excel: Annotated[bool, typer.Option("--excel", help="Also write the tables as an Excel workbook.")] = False,
-    rig: RigOption = None,
-    window: WindowOption = None,
-    loss_map: LossMapOption = None,
-    report: ReportFiles = NO_REPORT,
-    force: ForceOption = False,
+    targets: list[str],
+    out: Path,
+    rig: str | None = None,
+    window: str | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    reports: str = "html",
+    excel: bool = False,
+    outputs: Outputs = NO_OUTPUTS,
 ) -> None:
     """Reduce a whole campaign: every log, the tables of all logs, and a report.
 
     A second call reduces only logs of which the content, the options or the version changed. The exit code is 1 if a log
     failed.
     """
+    from winchcascade.batch.campaign_loss_map import check_one_map, write_campaign_loss_map
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
@@ -87,28 +50,24 @@ def batch_command(
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
-    check_outputs({"--loss-map": loss_map} | report.by_option, targets, force=force)
+    outputs.check(targets)
     plan = make_plan(targets, rig=rig, window=None if window is None else window_rule(window))
-    if loss_map is not None:
-        from winchcascade.batch.campaign_loss_map import check_one_map
-
-        check_one_map(plan, loss_map)
+    if outputs["loss_map"] is not None:
+        check_one_map(plan, outputs["loss_map"])
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
-        batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
-
-    def make() -> Report:
-        from winchcascade.report.results.drawn_campaign import written_campaign
-
-        return written_campaign(batch.summary, out, command=products.command)
-
-    write_reports(make, report, "campaign", of=f"campaign {plan.title}", force=force)
-    _show(batch, [path for path in report.by_option.values() if path is not None])
-    if loss_map is not None:
-        from winchcascade.batch.campaign_loss_map import write_campaign_loss_map
-
-        show(write_campaign_loss_map(plan, batch, products, loss_map, workers=workers, force=force))
+        batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
+    write_report_files(partial(_drawn, batch), outputs, "campaign")
+    _show(batch, outputs.without("loss_map").files)
+    if outputs["loss_map"] is not None:
+        show(write_campaign_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force))
     raise typer.Exit(1 if batch.faults else 0)
+
+
+def _drawn(batch: Batch) -> Report:
+    from winchcascade.report.results.drawn_campaign import written_campaign
+
+    return written_campaign(batch.summary, batch.folder, command=given_command())
 
 
 def _show(batch: Batch, files: Sequence[Path]) -> None:
@@ -136,19 +95,16 @@ def _files_in(folder: Path) -> list[Path]:
     return [folder / name for name in names if (folder / name).exists()]
 
 
-def demo_command(
-    out: Annotated[Path, valued_option("--out", "FOLDER", "Write campaign and results into this folder.")] = Path(
-        "winchcascade-demo"
-    ),
-    jobs: JobsOption = None,
-    force: ForceOption = False,
-) -> None:
+@with_options(
+    out=option("--out", "FOLDER", "Write campaign and results into this folder; winchcascade-demo by default.", OUTPUTS)
+)
+def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None, force: bool = False) -> None:
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()
     from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
-    from winchcascade.report.results.diagnosis_lines import diagnosis_lines
+    from winchcascade.report.results.diagnosis_words import diagnosis_lines
     from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()

@@ -24,21 +24,15 @@ from winchcascade.diagnosis.loss_budget import LossBudget, budget_of
 from winchcascade.diagnosis.model_comparison import ModelComparison, before_braking, compare_with_baseline
 from winchcascade.reduction.reduction_result import Reduction
 
-COMPARED = {
-    "torque": ("N·m", 1.0),
-    "vdc": ("V", 1.0),
-    "idc": ("A", 1.0),
-    "pressure": ("kg/cm²", 1.0 / KGCM2),
-    "force": ("N", 1.0),
-}
-"""Channels whose differences are reported: unit, and the factor that turns SI units into it."""
+COMPARED = {"torque": 1.0, "vdc": 1.0, "idc": 1.0, "pressure": 1.0 / KGCM2, "force": 1.0}
+"""Channels whose differences are kept, and the factor that turns SI units into kg/cm2 for the pressure."""
 
 MAX_POINTS = 150
 """Maximum number of samples of a regression that are kept; of more an even selection."""
 
 
 class ChannelDifference(msgspec.Struct, frozen=True):
-    """Log minus simulation of one channel over the payouts: mean and root mean square, in the unit of `COMPARED`."""
+    """Log minus simulation of one channel over the payouts: mean and root mean square, SI units or kg/cm2."""
 
     bias: float
     rms: float
@@ -136,7 +130,7 @@ def differences_of(comparison: ModelComparison) -> dict[str, ChannelDifference]:
     left_out = ("torque", "idc") if comparison.run.open_circuit else ()
     apart = {
         name: (run[name][rows] - model[name][rows]) * factor
-        for name, (_, factor) in COMPARED.items()
+        for name, factor in COMPARED.items()
         if name in run and name not in left_out and rows.any()
     }
     return {name: ChannelDifference(float(np.mean(x)), float(np.sqrt(np.mean(x**2)))) for name, x in apart.items()}

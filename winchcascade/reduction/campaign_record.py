@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -125,31 +126,15 @@ def cascade_of(runs: Iterable[LogSummary]) -> Cascade:
     return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in names), configured=True) if names else PAPER
 
 
-class _FindingOf(FindingRecord, frozen=True, kw_only=True):
-    """A finding of one log beside the others."""
-
-    run: str
-
-
-class _Written(msgspec.Struct, frozen=True):
-    """The record as it is written."""
-
-    title: str
-    state: str
-    runs: tuple[dict[str, object], ...]
-    between_logs: tuple[_FindingOf, ...]
-    waves: CampaignWavesRecord | UnsetType = UNSET
-
-
-def campaign_from(record: Mapping[str, object]) -> CampaignRecord:
+def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
     """Read the record of a campaign that this version wrote."""
-    read = msgspec.convert(record, _Written)
     runs = tuple(
         msgspec.convert(run, LogSummary) if run["fault"] is None else msgspec.convert(run, FailedLog)
-        for run in read.runs
+        for run in record["runs"]
     )
-    between = tuple((one.run, msgspec.convert(one, FindingRecord, from_attributes=True)) for one in read.between_logs)
-    return CampaignRecord(read.title, read.state, runs, between, read.waves)
+    between = tuple((one["run"], msgspec.convert(one, FindingRecord)) for one in record["between_logs"])
+    waves = msgspec.convert(record["waves"], CampaignWavesRecord) if "waves" in record else UNSET
+    return CampaignRecord(record["title"], record["state"], runs, between, waves)
 
 
 def runs_by_load(runs: Sequence[LogSummary]) -> list[LogSummary]:

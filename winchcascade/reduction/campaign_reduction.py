@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import msgspec
-
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.viewed import Viewed
 from winchcascade.reduction.campaign_record import CampaignRecord
@@ -41,9 +39,6 @@ class CampaignReduction(Viewed, frozen=True):
     def bins(self) -> dict[str, list[dict[str, float]]]:
         """Means of the runs in bins of generator speed that are known, by name and unit."""
         return {
-            name: [
-                {k: x for k, x in msgspec.structs.asdict(item).items() if isinstance(x, float | int)}
-                for item in record.bins
-            ]
+            name: [{k: x for k, x in item.items() if isinstance(x, float | int)} for item in record.bins]
             for name, record in self.records.items()
         }

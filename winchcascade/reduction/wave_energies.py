@@ -182,7 +182,8 @@ def _with_sums(waves: WaveEnergies) -> WaveEnergies:
             sums = (into, float(x.sum())), (out, float(y.sum()))
             known = not (waves.unknown.get(into) or waves.unknown.get(out)) and sums[0][1] > NOTHING
             errors = [(e.of_ratio(*sums), e.shape) for e in waves.errors] if known else None
-            efficiency[name] = ratio_of_sums(x, y, counts=waves.counts, errors=errors)
+            found = ratio_of_sums(x, y, counts=waves.counts, errors=errors)
+            efficiency[name] = msgspec.structs.replace(found, between=(into, out))
     power = {}
     for stage, joule in waves.record_energy.items():
         known = stage in waves.unknown and not waves.unknown[stage] and waves.record_duration > 0.0

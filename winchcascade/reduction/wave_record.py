@@ -6,19 +6,17 @@ from collections.abc import Iterable
 
 import msgspec
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
+from msgspec.structs import asdict
 
 from winchcascade.core.cascade import field_of
 from winchcascade.reduction.run_record import (
-    BootstrapRecord,
     CampaignWavesRecord,
-    LogWavesRecord,
     Numbers,
-    RatioRecord,
     RunRecord,
     WavesRecord,
 )
-from winchcascade.reduction.wave_bootstrap import DRAWS, SEED, RatioOfSums
+from winchcascade.reduction.wave_bootstrap import DRAWS, SEED
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies, joined_waves
 
 
@@ -31,9 +29,9 @@ def wave_record(found: WaveEnergies) -> WavesRecord:
             **{field_of(f"energy_{stage}"): joule for stage, joule in found.record_energy.items()},
             **{field_of(f"power_{stage}"): watt for stage, watt in found.record_power.items()},
         },
-        mean_power={stage: _record_of(power) for stage, power in found.power.items()},
-        efficiency={name: _record_of(eta, found.pairs[name]) for name, eta in found.efficiency.items()},
-        bootstrap=BootstrapRecord(DRAWS, SEED),
+        mean_power=dict(found.power),
+        efficiency=dict(found.efficiency),
+        bootstrap={"draws": DRAWS, "seed": SEED},
         waves=found.cycle.size,
         waves_of_logs=found.counts,
         payout_unit=found.payout_unit,
@@ -62,23 +60,6 @@ def wave_record(found: WaveEnergies) -> WavesRecord:
     )
 
 
-def _record_of(of: RatioOfSums, between: tuple[str, str] | UnsetType = UNSET) -> RatioRecord:
-    return RatioRecord(
-        value=of.value,
-        interval_95=of.interval,
-        block_waves=of.block,
-        standard_uncertainty_waves=of.u_waves,
-        standard_uncertainty_sensors=of.u_sensors,
-        between=between,
-    )
-
-
-def _ratio_from(of: RatioRecord) -> RatioOfSums:
-    return RatioOfSums(
-        of.value, of.interval_95, of.block_waves, of.standard_uncertainty_waves, of.standard_uncertainty_sensors
-    )
-
-
 def waves_from_record(of: WavesRecord) -> WaveEnergies:
     """The energies of waves of a written record; of some waves alone where it holds these alone."""
     payout, energy = f"payout_{of.payout_unit}", {stage: field_of(f"energy_{stage}") for stage in of.stages}
@@ -94,8 +75,8 @@ def waves_from_record(of: WavesRecord) -> WaveEnergies:
         record_energy={
             key[len("energy_") : -len("_j")]: x for key, x in of.record.items() if key.startswith("energy_")
         },
-        efficiency={name: _ratio_from(eta) for name, eta in of.efficiency.items()},
-        power={stage: _ratio_from(power) for stage, power in of.mean_power.items()},
+        efficiency=of.efficiency,
+        power=of.mean_power,
         classes=tuple(
             WaveClass(
                 payout=msgspec.convert(one[payout], tuple[float, float]),
@@ -127,20 +108,14 @@ class CampaignWaves(msgspec.Struct, frozen=True):
     left_out: tuple[str, ...] = ()
 
 
-def _log_waves(name: str, record: RunRecord) -> LogWaves | None:
-    """The waves of a log, None where its cycles are no waves."""
-    if record.waves is UNSET:
-        return None
-    load = float("inf") if record.log.open_circuit else record.log.load_ohm
-    return LogWaves(name, load, waves_from_record(record.waves))
-
-
 def campaign_waves(records: Iterable[tuple[str, RunRecord]]) -> CampaignWaves | None:
     """Combine the waves of logs of the same stages, by the names of the logs; None without any.
 
     Open circuits are left out where other logs have a load: they deliver nothing, and would lower every ratio of sums.
     """
-    logs = [log for name, record in records if (log := _log_waves(name, record)) is not None]
+    logs = [
+        LogWaves(name, record.log.load, waves_from_record(record.waves)) for name, record in records if record.waves
+    ]
     loaded = [log for log in logs if log.load != float("inf")] or list(logs)
     if not loaded:
         return None
@@ -158,6 +133,9 @@ def _kind(log: LogWaves) -> tuple[object, ...]:
 def campaign_waves_record(found: CampaignWaves) -> CampaignWavesRecord:
     """The waves of a campaign as they are written."""
     logs = [(log, wave_record(log.waves)) for log in found.logs]
-    each = tuple(LogWavesRecord(log.name, log.load, of.record, of.efficiency, of.waves) for log, of in logs)
-    together = msgspec.structs.asdict(wave_record(found.together)) | {"each": ()}
+    each = tuple(
+        {"run": log.name, "load_ohm": log.load, "record": of.record, "efficiency": of.efficiency, "waves": of.waves}
+        for log, of in logs
+    )
+    together = asdict(wave_record(found.together)) | {"each": ()}
     return CampaignWavesRecord(**together, logs=each, left_out=found.left_out)

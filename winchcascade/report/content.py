@@ -24,7 +24,7 @@ Tone = Literal["plain", "good", "warn"]
 
 
 class Measured(NamedTuple):
-    """A value with its standard uncertainty, which decides its digits; `shown` with it where `both`.
+    """A value with its standard uncertainty, which decides its digits; shown with it where `both`, with a plus where `signed`.
 
     `alone`: it has decimals of its own in a column whose other numbers have theirs in common.
     """
@@ -33,6 +33,7 @@ class Measured(NamedTuple):
     u: float | None = None
     both: bool = False
     alone: bool = False
+    signed: bool = False
 
 
 class Span(NamedTuple):
@@ -90,7 +91,7 @@ def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> s
     """
     if isinstance(cell, Measured):
         own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
-        text = number_text(cell.value, own, signed=signed)
+        text = number_text(cell.value, own, signed=signed or cell.signed)
         return f"{text} +- {number_text(cell.u, own)}" if cell.both and known(cell.u) else text
     if isinstance(cell, Span):
         own = places(cell.u) if cell.u is not None and known(cell.u) else decimals

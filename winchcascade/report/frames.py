@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from winchcascade.comparison.comparison_result import Comparison
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
+    from winchcascade.reduction.campaign_reduction import CampaignReduction
     from winchcascade.reduction.reduction_result import Reduction
 
 Row = dict[str, Any]
@@ -187,9 +188,20 @@ def _repair(repaired: Row | None) -> Row:
 
 
 # ------------------------------------------------------------------------------------------------------------------- frames
-def table_frame(table: str, rows: Callable[[], list[Row]], cascades: Collection[Cascade], units: Units) -> pd.DataFrame:
-    """A table of reductions: runs, cycles, bins of generator speed, or findings; efficiencies in percent for display."""
-    found = _frame(rows(), table_schema(table, cascades=cascades))
+def reduction_frame(reduction: Reduction, table: str, units: Units) -> pd.DataFrame:
+    """Cycles, bins of generator speed, or findings of a reduction."""
+    return _of_table(table, reduction_rows(reduction)[table], [reduction.rig.cascade], units)
+
+
+def campaign_frame(campaign: CampaignReduction, table: str, units: Units) -> pd.DataFrame:
+    """The runs of a campaign, or the cycles, bins or findings of all of them."""
+    rows = [row for name, record in campaign.records.items() for row in table_rows(name, record)[table]]
+    return _of_table(table, rows, campaign.cascades, units)
+
+
+def _of_table(table: str, rows: list[Row], cascades: Iterable[Cascade], units: Units) -> pd.DataFrame:
+    """Rows as a frame; efficiencies in percent for display, as deviations are already."""
+    found = _frame(rows, table_schema(table, cascades=cascades))
     if units == "si":
         return found
     ratios = [name for name in found.columns if name.startswith("eta_") and not name.endswith(RUN_ENDS[-1])]
@@ -349,8 +361,7 @@ def _cause_unit(found: DiagnosisResult, named: NamedCause, parameter: str, units
     if units == "si":
         return unit, 1.0
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.cause_words import LINE_NUMBERS
-    from winchcascade.report.gap_words import display_of
+    from winchcascade.report.diagnosis_names import LINE_NUMBERS, display_of
 
     effect = named.effect
     how = LINE_NUMBERS[effect] if isinstance(found, LineDiagnosis) else display_of(effect, parameter, unit)

@@ -73,6 +73,15 @@ def short(name: str) -> str:
     return re.sub(r"^(energy|power)_", lambda found: f"{KINDS[found[1]][0]}_", name)
 
 
+def upper(text: str) -> str:
+    """A text that begins with a capital letter, unless its first word is a symbol or the name of a field.
+
+    >>> upper("no fault was found"), upper("k_e agrees")
+    ('No fault was found', 'k_e agrees')
+    """
+    return text if "_" in text.partition(" ")[0] else text[:1].upper() + text[1:]
+
+
 # --------------------------------------------------------------------------------------------- how a page sets plain texts
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

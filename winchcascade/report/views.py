@@ -117,7 +117,7 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     OptionError : another ending, or a result that has no report
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
-    from winchcascade.report.publish import publish
+    from winchcascade.report.render.publish import publish
 
     check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
     path = Path(path)
@@ -147,32 +147,19 @@ def tables_of(result: object, units: Units) -> Tables:  # noqa: ARG001
 
 @tables_of.register(Run)
 def _(result: Run, units: Units) -> Tables:
-    return {"channels": lambda: frames.run_frame(result, units)}
+    return {"channels": partial(frames.run_frame, result, units)}
 
 
 @tables_of.register(Reduction)
 def _(result: Reduction, units: Units) -> Tables:
-    cascades = [result.rig.cascade]
-    rows = {name: partial(_rows_of, result, name) for name in ("cycles", "bins", "findings")}
-    made: dict[str, Callable[[], pd.DataFrame]] = {
-        name: partial(frames.table_frame, name, of, cascades, units) for name, of in rows.items()
-    }
-    return made | {"channels": lambda: frames.samples_frame(result, units)}
-
-
-def _rows_of(reduction: Reduction, table: str) -> list[frames.Row]:
-    return frames.reduction_rows(reduction)[table]
+    made = {name: partial(frames.reduction_frame, result, name, units) for name in ("cycles", "bins", "findings")}
+    return {**made, "channels": partial(frames.samples_frame, result, units)}
 
 
 @tables_of.register(CampaignReduction)
 def _(result: CampaignReduction, units: Units) -> Tables:
-    def rows(table: str) -> list[frames.Row]:
-        return [row for name, record in result.records.items() for row in frames.table_rows(name, record)[table]]
-
-    return {
-        name: partial(frames.table_frame, name, partial(rows, name), result.cascades, units)
-        for name in ("runs", "cycles", "bins", "findings")
-    }
+    names = ("runs", "cycles", "bins", "findings")
+    return {name: partial(frames.campaign_frame, result, name, units) for name in names}
 
 
 @tables_of.register(DiagnosisResult)
@@ -183,7 +170,7 @@ def _(result: DiagnosisResult, units: Units) -> Tables:
 
 @tables_of.register(Comparison)
 def _(result: Comparison, units: Units) -> Tables:
-    return {"differences": lambda: frames.comparison_frame(result, units)}
+    return {"differences": partial(frames.comparison_frame, result, units)}
 
 
 # -------------------------------------------------------------------------------------------------------------------- plots
@@ -255,7 +242,7 @@ def _(result: CampaignReduction) -> Plots:
 @plots_of.register(DiagnosisResult)
 def _(result: DiagnosisResult) -> Plots:
     """The map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency, by load."""
-    from winchcascade.report.diagnosis_figures import draw_gap_map
+    from winchcascade.report.figures.diagnosis_figures import draw_gap_map
 
     rows = len({(place.channel, place.phase) for place in result.places})
     return {
@@ -271,7 +258,8 @@ def _(result: DiagnosisResult) -> Plots:
 def _waterfalls(found: DiagnosisResult) -> Plot:
     """What each cause costs, by load, of the largest difference alone on one Axes."""
     from winchcascade.diagnosis.load_costs import waterfall_costs
-    from winchcascade.report import cause_costs
+    from winchcascade.report.diagnosis_names import word_of
+    from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 
     if not isinstance(found, ModelDiagnosis):
         raise OptionError(
@@ -282,10 +270,10 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
     if not costs:
         return Plot(list, "a split of an efficiency at a load")
     largest = max(costs, key=lambda one: abs(one.measured - one.as_given))
-    height = 0.6 + cause_costs.BAR * (len(costs[0].parts) + 2)
+    height = 0.6 + BAR * (len(costs[0].parts) + 2)
 
     def draw(axes: list[axes.Axes]) -> None:
-        cause_costs.draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs)
+        draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs, word_of(found))
 
     return Plot(draw, "", len(costs), height, "y")
 
@@ -293,7 +281,8 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
 @plots_of.register(Comparison)
 def _(result: Comparison) -> Plots:
     """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of the whole cascade."""
-    from winchcascade.report.results.comparison import by_metric, draw_differences, rows_of
+    from winchcascade.report.figures.comparison_figures import draw_differences
+    from winchcascade.report.results.comparison import by_metric, rows_of
 
     metrics = list(by_metric(rows_of(result, "eta", whole=False)))
     whole = [name for name in metrics if name == result.overall] or metrics[:1]
@@ -355,9 +344,9 @@ def _(result: CampaignReduction) -> str:
 @summary_of.register(DiagnosisResult)
 def _(result: DiagnosisResult) -> str:
     from winchcascade.report.render.page import table_html
-    from winchcascade.report.results.diagnosis import main_table
+    from winchcascade.report.results.diagnosis_parts import causes_table
 
-    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", main_table(result))
+    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result))
 
 
 @summary_of.register(Comparison)

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
 
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
-from winchcascade.core.cascade import Cascade
-from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
-from winchcascade.report.digits import RAISED
-from winchcascade.report.sheet import ItemTable, Section, section
-from winchcascade.report.sheet import TableColumn as Column
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,26 +63,6 @@ SYMBOL = _Symbols({
     "energy_returned": "E_returned", "energy_net": "E_net", "energy_gen_cycle": "E_gen, cycle", "eta_net": "η_net",
 })  # fmt: skip
 """Symbols of the metrics; what follows the underscore is set low."""
-
-
-def unit_of(metric: str) -> str:
-    """Unit of a metric, "" for an efficiency."""
-    return {"energy": "J", "power": "W"}.get(metric.partition("_")[0], "")
-
-
-def decimals_of(metric: str) -> int:
-    """Decimals of a metric whose uncertainty is unknown."""
-    return 3 if metric.startswith("eta") else 0
-
-
-def metrics_note(cascade: Cascade, given: Sequence[str]) -> str:
-    """What the symbols of some metrics mean."""
-    stages = [
-        f"{s.name}, {s.where}" for s in cascade.stages if f"energy_{s.name}" in given or f"power_{s.name}" in given
-    ]
-    ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in cascade.ratios.items() if m in given]
-    subscripts = f"Subscripts: {'; '.join(stages)}" if stages else ""
-    return "".join(f"{text}. " for text in (subscripts, ", ".join(ratios)) if text)
 
 
 def tex(metric: str) -> str:
@@ -185,8 +159,7 @@ def of_phase(phase: str, field: str, cycle: CycleResult) -> float | None:
         "haul_in": summary.haul_in,
         "point": summary.point or None,
     }
-    value: float | None = (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
-    return value / (KGF * 1e4) if field == "pressure" and value is not None else value
+    return (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
 
 
 LISTED_CYCLES = 6
@@ -233,109 +206,4 @@ def not_known(known: Budget) -> list[str]:
             (f"{exact} taken as exact", stated and exact),
         )
         if wanted
-    ]
-
-
-_SET: tuple[tuple[str, str], ...] = (
-    (r"(?<=\d) ohm\b", "\u00a0Ω"),
-    (r"\b(N|m)\.(?=m\b|s/rad)", r"\1·"),
-    (r"\bR2\b", "R²"),
-    (r" \+- ", " ± "),
-    (r"(?<=\d)\.\.(?=-?\d)", " to "),
-    (r"(?<![\w.)\]-])-(?=\d)", "\u2212"),
-    (r"`([^`]*)`", r"\1"),
-)
-"""What the terminal writes with plain letters, and how a page sets it."""
-
-
-def page_text(text: str, kept: str = "") -> str:
-    """A sentence of the terminal as a page sets it: symbols for names of metrics, signs and units, no marks of commands.
-
-    Parameters
-    ----------
-    kept : name of a file in it, which stays as it is
-
-    Examples
-    --------
-    >>> page_text("36 ohm: eta_pto drops by -0.01 N.m.s/rad, `diagnose` finds 1..2e-05")
-    '36\\xa0Ω: η_pto drops by −0.01 N·m·s/rad, diagnose finds 1 to 2×10⁻⁵'
-    >>> page_text("-5.csv gives -5", "-5.csv")
-    '-5.csv gives −5'
-    """
-    if kept:
-        return kept.join(page_text(part) for part in text.split(kept))
-    for plain, shown in _SET:
-        text = re.sub(plain, shown, text)
-    text = re.sub(r"(?<=\d)e([-+]\d+)", lambda found: f"×10{str(int(found[1])).translate(RAISED)}", text)
-    metrics = "|".join(sorted(SYMBOL, key=len, reverse=True))
-    return re.sub(rf"\b(?:{metrics})\b", lambda found: SYMBOL[found[0]], text)
-
-
-class Symbol(NamedTuple):
-    """A symbol, what it means, and its unit, "1" for a ratio."""
-
-    text: str
-    meaning: str
-    unit: str
-
-
-PLACES = {"line": "line", "mech": "shaft", "gen": "DC link", "hyd": "hydraulic circuit", "ac": "AC terminals"}
-"""What the place of a stage is called in a drawing; one of a rig file has its own name."""
-
-_MOTION = (
-    Symbol("v", "Line velocity, positive in payout", "m/s"),
-    Symbol("F", "Line tension", "N"),
-    Symbol("τ", "Torque of the PTO shaft", "N·m"),
-    Symbol("p", "Accumulator pressure, gauge", "kg/cm²"),
-    Symbol("n", "Speed of the shaft", "rpm"),
-)
-_WHOLE_CYCLE = (
-    Symbol("E_payout", "Line energy of the payout", "J"),
-    Symbol("E_returned", "Line energy given back in haul-in, positive", "J"),
-    Symbol("E_net", "Line energy from onset to next onset: that of the payout less that given back", "J"),
-    Symbol("E_gen, cycle", "Energy at the DC link from onset to next onset", "J"),
-    Symbol("η_net", "Efficiency of whole cycles: energy at the DC link over net line energy", "1"),
-)
-_UNCERTAINTY = (
-    Symbol("u", "Standard uncertainty of a mean", "as the mean"),
-    Symbol("s", "Standard deviation of a cycle, from the scatter of the cycles", "as the mean"),
-    Symbol("N", "Number of complete cycles", "1"),
-    Symbol("ν", "Effective degrees of freedom of u", "1"),
-)
-_DIAGNOSIS = (
-    Symbol("z", "Difference over its standard uncertainty", "1"),
-    Symbol("Vdc, Idc", "Voltage and current of the DC link", "V, A"),
-)
-
-
-def symbols_section(cascade: Cascade, *, cycles: bool = True, diagnosed: bool = False) -> Section:
-    """The section of the symbols.
-
-    Parameters
-    ----------
-    cycles : the report states means of cycles with their uncertainties
-    diagnosed : the report compares a log with a model
-    """
-    rows = cascade_symbols(cascade)
-    rows += _WHOLE_CYCLE if cycles and cascade.has_net else ()
-    rows += (*_MOTION, *(_UNCERTAINTY if cycles else ()), *(_DIAGNOSIS if diagnosed else ()))
-    return section(
-        "symbols", "Symbols",
-        ItemTable[Symbol]("symbols", "Symbols of this report.", [
-        Column("Symbol", text=True, of=lambda row: row.text),
-        Column("Meaning", text=True, of=lambda row: row.meaning),
-        Column("Unit", text=True, of=lambda row: row.unit),
-    ]).of(rows),
-    )  # fmt: skip
-
-
-def cascade_symbols(cascade: Cascade) -> list[Symbol]:
-    """Energies, powers and efficiencies of the stages of a cascade."""
-    where = {stage.name: stage.where or f"stage {stage.name}" for stage in cascade.stages}
-    found = [Symbol(SYMBOL[f"energy_{s}"], f"Energy of {where[s]}, over the integration window", "J") for s in where]
-    found += [Symbol(SYMBOL[f"power_{s}"], f"Power of {where[s]}; as a mean, over the window", "W") for s in where]
-    place = {f"energy_{name}": text.partition(" (")[0] for name, text in where.items()}
-    return found + [
-        Symbol(SYMBOL[eta], f"Efficiency: energy of {place[out]} over that of {place[into]}", "1")
-        for eta, (out, into) in cascade.ratios.items()
     ]

@@ -243,7 +243,7 @@ def _looks(stage: str) -> dict[str, Any]:
 
 # ---------------------------------------------------------------------------------------------------------------- the JSON
 def histories_json(reduction: Reduction) -> str:
-    """The histories as `page.js` reads them: channels, powers, payouts, holds and repaired stretches."""
+    """The histories as `page.js` reads them: channels, powers, phases, ends of windows, repaired stretches."""
     run, zero = reduction.run, clock_zero(reduction.run)
     panels = panels_of(reduction, powers_of(reduction))
     t, curves = thinned(run.t - zero, [np.asarray(curve.values) for panel in panels for curve in panel.curves])
@@ -262,8 +262,9 @@ def histories_json(reduction: Reduction) -> str:
         }
         for panel in panels
     ]
-    phases = phase_spans(reduction.cycles if _shaded(reduction) else ())
-    spans = [(begin, end, colour) for colour, found in phases.items() for begin, end in found]
+    cycles = reduction.cycles if _shaded(reduction) else ()
+    spans = [(begin, end, colour) for colour, found in phase_spans(cycles).items() for begin, end in found]
+    spans += [(edge, edge, "soft") for c in cycles for edge in (c.window.onset, c.window.cutoff)]
     spans += [(begin, end, "repaired") for begin, end in repaired_spans(run, tuple(run.channels))]
     marked = [{"from": begin - zero, "to": end - zero, "colour": colour} for begin, end, colour in spans]
     return msgspec.json.encode({"t": plain(t), "rows": rows, "spans": marked}).decode()

@@ -46,7 +46,8 @@ from winchcascade.report.figures.style import (
     shade_over_speed,
     wide_figure,
 )
-from winchcascade.report.wording import PLACES, by_sensor, clock_zero, span_word, tex
+from winchcascade.report.glossary import STAGE_PLACES
+from winchcascade.report.wording import by_sensor, clock_zero, span_word, tex
 
 DOTS = 1200
 """Samples of each power that are drawn over the generator's speed at most; of more, an even selection."""
@@ -198,7 +199,8 @@ def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     given = [stage for stage in reduction.rig.cascade.names if reduction.mean[f"energy_{stage}"] is not None]
     stored["line"] *= given[1:2] == ["mech"]
     bars = [
-        _Bar(f"energy_{s}", look_of(s).colour, PLACES.get(s, s), f"lost or stored{stored.get(s, '')}") for s in given
+        _Bar(f"energy_{s}", look_of(s).colour, STAGE_PLACES.get(s, s), f"lost or stored{stored.get(s, '')}")
+        for s in given
     ]
     return _flow(reduction, bars, texts or {})
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.font_manager import get_font_names
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
@@ -88,8 +89,13 @@ def look_of(stage: str) -> Look:
 FONT = "DejaVu Sans"
 """Font of figures and of the PDF, which Matplotlib brings along."""
 
+OTHER_FONTS = (
+    "Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans SC", "Microsoft YaHei", "PingFang SC", "Hiragino Sans", "MS Gothic",
+    "Malgun Gothic", "WenQuanYi Micro Hei", "Arial Unicode MS", "Unifont",
+)  # fmt: skip
+"""Fonts of systems for letters that it lacks, as far as they are there."""
+
 _RC = {
-    "font.family": FONT,
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.titlelocation": "left",
@@ -128,7 +134,6 @@ _RC = {
     "pdf.fonttype": 42,
     "svg.hashsalt": "winchcascade",
     "path.simplify": True,
-    "figure.constrained_layout.use": True,
 }
 
 
@@ -137,24 +142,20 @@ def house_style() -> Iterator[None]:
     """Draw within this context in the project's style, whatever the user's matplotlib is set to."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
+        there = set(get_font_names())
         matplotlib.rcParams.update(_RC)  # type: ignore[arg-type]  # its keys are typed as literals
+        matplotlib.rcParams["font.family"] = [FONT, *(name for name in OTHER_FONTS if name in there)]
         yield
 
 
 # ------------------------------------------------------------------------------------------------------------------ panels
-def wide_figure(height: float, margins: object = None) -> Figure:  # noqa: ARG001
+def wide_figure(height: float) -> Figure:
     """An empty figure of some height [in], laid out by constrained layout when it is drawn."""
     return Figure((WIDTH, height), layout="constrained")
 
 
 def panel_figure(
-    height: float,
-    rows: int = 1,
-    columns: int = 1,
-    *,
-    share: Literal["", "x", "y", "xy"] = "",
-    margins: object = None,  # noqa: ARG001
-    gaps: object = None,  # noqa: ARG001
+    height: float, rows: int = 1, columns: int = 1, *, share: Literal["", "x", "y", "xy"] = ""
 ) -> tuple[Figure, list[Axes]]:
     """A figure with its panels, row by row.
 
@@ -289,11 +290,8 @@ def patch_entry(text: str, colour: str, **style: Any) -> Entry:
     return Rectangle((0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}), text
 
 
-def legend_above(figure: Figure, entries: Sequence[Entry], line: int = 0) -> None:  # noqa: ARG001
+def legend_above(figure: Figure, entries: Sequence[Entry]) -> None:
     """Set a legend above the panels, as many entries in a line as there is room for."""
-    for legend in figure.legends:
-        entries = [*zip(legend.legend_handles, [text.get_text() for text in legend.texts], strict=True), *entries]
-        legend.remove()
     handles, texts = zip(*entries, strict=True)
     figure.legend(handles, texts, loc="outside upper left", ncols=columns_of(texts))
 
@@ -313,41 +311,3 @@ def columns_of(texts: Sequence[str], room: int = LINE_OF_LEGEND) -> int:
         if sum(int(part.max()) for part in np.array_split(lengths, columns)) <= room:
             return columns
     return 1
-
-
-# ------------------------------------------------------------- for the figures that are not laid out by Matplotlib alone yet
-LINE = 0.17
-
-
-class Margins(NamedTuple):
-    """Of no effect."""
-
-    left: float = 0.09
-    right: float = 0.985
-    head: float = 0.3
-    foot: float = 0.42
-
-    @property
-    def edges(self) -> tuple[float, float]:
-        """Of no effect."""
-        return self.left, self.right
-
-
-def figure_width() -> float:
-    """Width of every figure. [in]"""
-    return WIDTH
-
-
-def text_width(text: str) -> float:
-    """Width of a text, about. [in]"""
-    return 0.06 * len(text)
-
-
-def lines_within(texts: Sequence[str]) -> int:
-    """Lines of a legend."""
-    return -(-len(texts) // columns_of(texts))
-
-
-def axis_label(title: str, unit: str) -> str:
-    """Label of an axis."""
-    return f"{title} ({unit})"

@@ -24,9 +24,10 @@ _ABOUT: dict[str, dict[str, str | None]] = {
 @house_style()
 def drawn(figure: Figure, ending: str = "svg") -> bytes:
     """A figure as SVG, PDF or PNG; its layout is made once, as a second one would differ by rounding."""
-    if figure.get_layout_engine() is not None:
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
     out = io.BytesIO()
     figure.savefig(out, format=ending, dpi=300, metadata=_ABOUT[ending])
     return out.getvalue()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +12,11 @@ from winchcascade.core.errors import OutputError
 from winchcascade.core.files import write_set
 from winchcascade.core.store import inside, make_one
 from winchcascade.report.content import Picture, Report, Table
-from winchcascade.report.glossary import typeset
+from winchcascade.report.glossary import SUBSCRIPT, typeset
 from winchcascade.report.render.drawing import MARK, drawn
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from winchcascade.report.report_files import ReportFiles
-    from winchcascade.report.sheet import Report as Older
 
 FIGURE_FORMATS = ("svg", "pdf", "png")
 """Files of a figure."""
@@ -32,29 +29,6 @@ def stem_of(name: str) -> str:
     ('Versuch-3-März', 'report')
     """
     return re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", name)).strip("-._")[:80] or "report"
-
-
-def write_report_files(
-    make: Callable[[], Report | Older], files: ReportFiles, name: str, *, force: bool = False
-) -> None:
-    """Write a report as page and PDF, and its figures and tables into their folders, as far as they are wanted.
-
-    Parameters
-    ----------
-    make : makes the report
-    name : with which the names of the files in the folders begin
-
-    Raises
-    ------
-    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
-    """
-    from winchcascade.report.publish import publish
-
-    report = make()
-    publish(report, html=files.html, pdf=files.pdf, force=force)
-    for folder, write in ((files.figures, write_figures), (files.tables, write_tables)):
-        if folder is not None and isinstance(report, Report):
-            write(report, folder, name, force=force)
 
 
 def write_tables(report: Report, folder: Path, name: str, *, force: bool = False) -> None:
@@ -131,10 +105,36 @@ def _shown_frame(table: Table[Any]) -> pd.DataFrame:
 def latex_text(table: Table[Any]) -> str:
     """A table for LaTeX with the package booktabs."""
     kinds = "".join("l" if left else "r" for left in table.left)
-    styled = _shown_frame(table).style.hide(axis="index").format(escape="latex").format_index(escape="latex", axis=1)
-    caption = re.sub(r"([%&#_$])", r"\\\1", typeset(table.caption))
-    text = styled.to_latex(hrules=True, column_format=kinds, caption=caption, label=f"tab:{table.id}")
+    frame = _shown_frame(table).map(latex).rename(columns=latex)
+    text = frame.to_latex(
+        index=False, escape=False, column_format=kinds, caption=latex(typeset(table.caption)), label=f"tab:{table.id}"
+    )
     return f"% {MARK}; requires the package booktabs\n{text}"
+
+
+_SPECIAL = {
+    "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#", "%": r"\%", "_": r"\_",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}", "\u00a0": "~",
+    "\u2212": "$-$", "–": "--", "·": r"$\cdot$", "×": r"$\times$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$",
+    "→": r"$\rightarrow$", "°": r"$^{\circ}$", "µ": r"$\mu$", "η": r"$\eta$", "τ": r"$\tau$", "Ω": r"$\Omega$",
+    "ω": r"$\omega$", "Δ": r"$\Delta$", "σ": r"$\sigma$", "ρ": r"$\rho$",
+} | {raised: f"$^{{{digit}}}$" for raised, digit in zip("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789", strict=True)}  # fmt: skip
+"""What LaTeX writes for a character that means something else to it, or that its usual fonts do not hold."""
+
+
+def latex(text: str) -> str:
+    r"""A text for LaTeX: special characters escaped, symbols with their subscripts in mathematics.
+
+    >>> print(latex("η_pto"), latex("50 % of a_b & c"))
+    $\eta$$_{\mathrm{pto}}$ 50 \% of a\_b \& c
+    """
+    parts = SUBSCRIPT.split(text)  # what is between symbols, and of each symbol its letter and what stands low
+    plain = ["".join(_SPECIAL.get(letter, letter) for letter in part) for part in parts]
+    low = (f"$_{{\\mathrm{{{part}}}}}$" for part in plain[2::3])
+    symbols = [
+        f"{letter if '$' in letter else f'${letter}$'}{part}" for letter, part in zip(plain[1::3], low, strict=True)
+    ]
+    return "".join(a + b for a, b in zip(plain[::3], [*symbols, ""], strict=True))
 
 
 def markdown_text(table: Table[Any]) -> str:

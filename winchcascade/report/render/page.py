@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from winchcascade.report.content import Picture, Report, Section, Table
 from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
-from winchcascade.report.publish import template_folder
 from winchcascade.report.render.drawing import drawn
+from winchcascade.report.render.fonts import template_folder
 
 if TYPE_CHECKING:
     import jinja2

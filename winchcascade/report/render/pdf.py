@@ -7,11 +7,11 @@ from typing import Any
 
 import msgspec
 
+from winchcascade.core.version import made_at
 from winchcascade.report.content import Block, Picture, Report, Table
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
-from winchcascade.report.publish import _fonts, fonts_for, lacking_letters, template_folder
 from winchcascade.report.render import drawing
-from winchcascade.report.sheet import made_at
+from winchcascade.report.render.fonts import fonts_for, fonts_in, lacking_letters, template_folder
 
 
 def pdf_bytes(report: Report) -> bytes:
@@ -27,7 +27,7 @@ def pdf_bytes(report: Report) -> bytes:
     fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
     content = typst.Compiler(
         (template_folder() / "report.typ").read_bytes(),
-        font_paths=_fonts((fonts, *(Path(file).parent for file, _ in fallback))),
+        font_paths=fonts_in((fonts, *(Path(file).parent for file, _ in fallback))),
         sys_inputs={"report": text},
     ).compile(timestamp=int(made_at().timestamp()))
     assert isinstance(content, bytes)

@@ -57,7 +57,9 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
             if isinstance(block, Table):
                 if k:
                     console.print()
-                for grid in _grids(block, wide.width):
+                for j, grid in enumerate(_grids(block, wide.width)):
+                    if j:
+                        console.print()
                     wide.print(grid)
             else:
                 console.print(_note(block))

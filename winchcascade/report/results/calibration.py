@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number, Strain
 from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.report.content import (
@@ -25,7 +26,6 @@ from winchcascade.report.content import (
 )
 from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.report.sheet import file_digest
 
 SURE = 3.0
 """Number of standard uncertainties from which a lag is reported."""
@@ -102,7 +102,7 @@ def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (
                     ("SHA-256 of the log", run.sha256),
                     ("Table in the file", run.table),
                     ("Rig file", rig.path or rig.name),
-                    ("SHA-256 of the rig file", file_digest(rig.path)),
+                    ("SHA-256 of the rig file", fingerprint(rig.path)),
                 ],
                 command,
             ),
@@ -189,7 +189,7 @@ def _regression(calibration: Calibration) -> str:
 def fit_blocks(calibration: Calibration, curves: DamperCurves | None) -> list[Block | None]:
     """Figs 11 and 12: tension with several dampers, and the regression of the back-EMF. Called within the style of figures."""
     from winchcascade.diagnosis.model_account import Regression
-    from winchcascade.report.model_figures import back_emf_figure, damper_histories
+    from winchcascade.report.figures.model_figures import back_emf_figure, damper_histories
 
     r, word = calibration.regression, calibration.run.origin.word
     rpm, v_ll, vdc = (tuple(x.tolist()) for x in (r.rpm, r.v_ll, r.vdc))

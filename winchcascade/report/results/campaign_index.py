@@ -19,7 +19,7 @@ from winchcascade.report.results.campaign_tables import (
     mean_column,
 )
 from winchcascade.report.results.common import data_note
-from winchcascade.report.results.diagnosis_lines import diagnosis_note
+from winchcascade.report.results.diagnosis_words import diagnosis_note
 
 INDEX = "index.html"
 """Name of the page in a results folder."""

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy
 
 from winchcascade.core.campaign_file import Origin, origin_words
+from winchcascade.core.store import fingerprint
 from winchcascade.core.table_toml import table_place
-from winchcascade.core.version import __version__
+from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, picture, section
 from winchcascade.report.digits import upper
-from winchcascade.report.sheet import file_digest, made_at
 
 if TYPE_CHECKING:
     from winchcascade.core.published_table import PublishedTable
@@ -28,7 +28,7 @@ def table_rows(table: PublishedTable | PointTable) -> list[tuple[str, Cell]]:
     """Which published table it is, for the provenance."""
     return [
         ("Published table", table_place(table.path) or table.name),
-        ("SHA-256 of the table", file_digest(table.path)),
+        ("SHA-256 of the table", fingerprint(table.path)),
         ("Source", table.source),
     ]
 
@@ -57,7 +57,9 @@ def histories(reduction: Reduction) -> Section:
     from winchcascade.report.figures.histories import SHADED_CYCLES, histories_json, time_histories
 
     shaded = len(reduction.cycles) <= SHADED_CYCLES and bool(reduction.cycles)
-    caption = "Channels and powers over the whole log." + (" Shaded: payout and hold." if shaded else "")
+    caption = "Channels and powers over the whole log." + (
+        " Shaded: payout and hold; lines: integration window." if shaded else ""
+    )
     caption += " At the lower edge: repaired stretches." if reduction.run.gaps else ""
     return section(
         "histories", "Time histories",

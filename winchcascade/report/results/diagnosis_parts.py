@@ -1,26 +1,62 @@
-"""Parts of the report of a diagnosis that one with a model and one without have in common."""
+"""Parts of the report of a diagnosis that one with a model and one without have in common: causes, residual, numbers."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
+from winchcascade.diagnosis.contributions import leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, NamedCause, Reported
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report import diagnosis_words as words
-from winchcascade.report.cause_words import LINE_NUMBERS, range_words, trend_sentences
-from winchcascade.report.content import Column, Measured, Note, Section, Span, picture, section, table
-from winchcascade.report.diagnosis_causes import numbers_figure, profile_figure, stability_figure
-from winchcascade.report.gap_words import alarm_place, display_of, kind_words, probability_words
+from winchcascade.diagnosis.diagnosis_result import Alarm, Contribution, DiagnosisResult, Minor, NamedCause, Reported
+from winchcascade.diagnosis.load_costs import load_costs
+from winchcascade.report.content import (
+    Cell,
+    Column,
+    Measured,
+    Note,
+    Section,
+    Span,
+    Table,
+    Tile,
+    picture,
+    section,
+    table,
+)
+from winchcascade.report.diagnosis_names import (
+    COVERAGE,
+    NAMES,
+    alarm_place,
+    display_of,
+    files_of,
+    origins_of,
+    phase_words,
+    probability_words,
+    range_words,
+    shown_as,
+)
+from winchcascade.report.figures.cause_figures import numbers_figure, profile_figure, stability_figure
+from winchcascade.report.glossary import upper
+from winchcascade.report.results import diagnosis_words as words
+from winchcascade.report.results.common import data_note
+from winchcascade.report.wording import load_words
+from winchcascade.rig.effects.effect import Display
+
+NO_ENERGY = {
+    "sensor": "costs no energy: it changes what is read",
+    "entry": "costs no energy: it changes a stated number, not the rig",
+}
+"""What is said of a cause that does not cost energy, by its kind."""
 
 
-class CauseRow(NamedTuple):
-    """One number of a cause; what concerns the cause itself stands in its first row alone."""
-
-    cause: NamedCause
-    name: str
-    value: Reported
-    first: bool
+def no_energy_words(found: ModelDiagnosis) -> str:
+    """Which causes cost no energy."""
+    return " ".join(
+        f"{found.suspects[cause.effect].label} {what}."
+        for kind, what in NO_ENERGY.items()
+        for cause in found.causes
+        if cause.stage == kind
+    )
 
 
 def note_of(text: str, about: str = "") -> Note | None:
@@ -28,50 +64,120 @@ def note_of(text: str, about: str = "") -> Note | None:
     return Note(text, about) if text else None
 
 
-def cause_rows(found: DiagnosisResult, costs: dict[str, float]) -> list[CauseRow]:
-    """Every number of the causes; those that cost most come first, wrong entries before them."""
-    ranked = sorted(found.causes, key=lambda cause: (cause.stage != "entry", -abs(costs.get(cause.effect, 0.0))))
-    return [
-        CauseRow(cause, name, value, first=k == 0)
-        for cause in ranked
+# ------------------------------------------------------------------------------------------------------------ the causes
+class CauseRow(NamedTuple):
+    """One number of a cause and how it is shown; what concerns the cause itself stands in its `first` row alone."""
+
+    cause: NamedCause
+    how: Display
+    value: Reported
+    first: bool
+
+
+def worst_costs(found: DiagnosisResult) -> Contribution | None:
+    """The split of the leading efficiency at the load at which model and run differ most [%, points]; None without one."""
+    costs = load_costs(found, leading_metric(found.contributions)) if isinstance(found, ModelDiagnosis) else []
+    return max(costs, key=lambda one: abs(one.measured - one.as_given), default=None)
+
+
+def cost_of(costs: Contribution | None, cause: NamedCause) -> float | None:
+    """What a cause changes of an efficiency [points]; None where nothing can be said."""
+    parts = () if costs is None else costs.parts
+    return next((part.value for part in parts if part.effect == cause.effect), None)
+
+
+def ranked_causes(found: DiagnosisResult) -> list[NamedCause]:
+    """The causes, those that cost most of the leading efficiency first; without a model as they are."""
+    costs = worst_costs(found)
+    return sorted(found.causes, key=lambda cause: -abs(cost_of(costs, cause) or 0.0))
+
+
+def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
+    """A line for each cause: number, interval, probability, cost, closure without it, look-alikes, and what to do."""
+    costs, model = worst_costs(found), isinstance(found, ModelDiagnosis)
+    rows = [
+        CauseRow(cause, shown_as(found, cause, name), value, first=k == 0)
+        for cause in ranked_causes(found)
         for k, (name, value) in enumerate(cause.parameters.items())
     ]
+    place = "" if costs is None else f"Cost: change of {costs.metric} at {load_words(costs.load, 'ohm')}. "
+    without = "Without: share of the gap that is closed without the cause. " if model else ""
+    free = no_energy_words(found) if isinstance(found, ModelDiagnosis) else ""
+    return table(
+        "causes", "Effects that are needed; 95 % intervals include the uncertainty of the rig file.",
+        [
+            Column("effect", lambda row: row.cause.effect if row.first else ""),
+            Column("what changes", lambda row: row.how.what, brief=False),
+            *number_columns(),
+            Column("range", lambda row: range_words(row.value)),
+            Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
+            Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
+            Column("without", lambda row: 100.0 * row.cause.ablation if row.first and model else None, "%", 0),
+            Column("look-alikes", lambda row: ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""),
+            Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
+        ],
+        rows,
+        note=f"{place}{without}Probability: posterior within the catalogue. {free}".rstrip(),
+    )  # fmt: skip
 
 
-def cause_columns(found: DiagnosisResult) -> list[Column[CauseRow]]:
-    """What stands of a number of a cause: what changes, its value and its interval in the unit in which it is shown."""
-
-    def how(row: CauseRow) -> tuple[str, float, str]:
-        if isinstance(found, LineDiagnosis):
-            shown = LINE_NUMBERS[row.cause.effect]
-        else:
-            shown = display_of(row.cause.effect, row.name, row.value.unit)
-        return shown.what, shown.factor, shown.unit
+def number_columns() -> list[Column[CauseRow]]:
+    """Number and interval of an effect in the unit in which it is shown, with the digits that the interval allows."""
 
     def u(row: CauseRow) -> float:
-        return (row.value.high - row.value.low) / 3.92 * how(row)[1]
+        return (row.value.high - row.value.low) / COVERAGE * row.how.factor
+
+    def number(row: CauseRow) -> Cell:
+        return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)
+
+    def interval(row: CauseRow) -> Cell:
+        return Span(row.value.low * row.how.factor, row.value.high * row.how.factor, u(row))
 
     return [
-        Column("effect", lambda row: row.cause.effect if row.first else ""),
-        Column("what changes", lambda row: how(row)[0], brief=False),
-        Column("found", lambda row: Measured(row.value.value * how(row)[1], u(row)), own_digits=True),
-        Column("unit", lambda row: how(row)[2].replace("·", ".")),
-        Column(
-            "95 %", lambda row: Span(row.value.low * how(row)[1], row.value.high * how(row)[1], u(row)), own_digits=True
-        ),
-        Column("range", lambda row: range_words(row.value)),
-        Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
+        Column("found", number, own_digits=True),
+        Column("unit", lambda row: row.how.unit),
+        Column("95 %", interval, own_digits=True),
     ]
 
 
-def look_alikes(row: CauseRow) -> str:
-    """What would explain the same as well as a cause."""
-    return ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""
+# ------------------------------------------------------------------------------------------------------ the first screen
+def verdict_tile(found: DiagnosisResult) -> Tile:
+    """The verdict and how many causes are named."""
+    count = len(found.causes)
+    named = f"{count} cause{'s' * (count > 1)} named" if count else "no cause named"
+    return Tile("Verdict", "", words.VERDICTS[found.verdict], named)
 
 
+def step_tile(found: DiagnosisResult) -> list[Tile]:
+    """What to do about the first cause; none without one."""
+    for cause in ranked_causes(found)[:1]:
+        action, alike = words.action_of(found, cause), ", ".join(one.effect for one in cause.look_alikes)
+        beside = f"look-alike: {alike}" if alike else action.stated
+        return [Tile("Next step", cause.effect, upper(action.what.replace("`", "")), beside)]
+    return []
+
+
+def first_points(found: DiagnosisResult) -> list[Note | None]:
+    """The verdict, the place, every finding and trend, and where the data come from."""
+    good = found.verdict in ("no_gap", "explained")
+    return [
+        Note(words.verdict_words(found), "Verdict", "good" if good else "warn"),
+        Note(words.where_words(found, ranked_causes(found)), "Where"),
+        *(Note(text, "Finding", "warn") for text in words.finding_words(found)),
+        *(Note(text, "Trend", "warn") for text in words.trend_sentences(found)),
+        Note(words.certainty_words(found), "Certainty"),
+        data_note(origins_of(found)),
+    ]
+
+
+# ---------------------------------------------------------------------------------------------------------- the evidence
 def residual(found: DiagnosisResult) -> Section:
-    """What the causes leave, every sign of something unexplained, and what its kind means."""
-    files, alarms = words.files_of(found), () if found.remainder is None else found.remainder.alarms
+    """Every sign of something that the causes leave, and what its kind means."""
+    files, alarms = files_of(found), () if found.remainder is None else found.remainder.alarms
+
+    def number(size: float, alarm: Alarm) -> Cell:
+        return Measured(size, 0.1 * size) if alarm.limit else None
+
     return section(
         "residual", "Residual",
         note_of(words.remainder_words(found)),
@@ -80,24 +186,24 @@ def residual(found: DiagnosisResult) -> Section:
             [
                 Column[Alarm]("where", lambda alarm: alarm_place(alarm, files)),
                 Column("kind", lambda alarm: alarm.kind),
-                Column("size", lambda alarm: Measured(alarm.size, 0.1 * alarm.size) if alarm.limit else None, own_digits=True),
-                Column("limit", lambda alarm: Measured(alarm.limit, alarm.limit) if alarm.limit else None, own_digits=True),
+                Column("size", lambda alarm: number(alarm.size, alarm), own_digits=True),
+                Column("limit", lambda alarm: number(alarm.limit, alarm), own_digits=True),
             ],
             alarms,
         ),
-        *(Note(text, kind) for kind, text in kind_words(alarms).items()),
+        *(Note(text, kind, brief=False) for kind, text in words.kind_words(alarms).items()),
     )  # fmt: skip
 
 
 def numbers(found: DiagnosisResult) -> Section:
-    """Numbers of the causes beside what is known of them, jointly and run by run, and what differs between runs."""
+    """Numbers of the causes beside what is known of them, jointly and run by run."""
     model, item = (found, "run") if isinstance(found, ModelDiagnosis) else (None, "cycle")
     return section(
         "numbers", "Numbers of the causes",
-        *(Note(text, "Trend", "warn") for text in trend_sentences(found)),
+        Note(words.stability_words(found), brief=False) if found.causes else None,
         picture(
             numbers_figure(model) if model else None, "numbers",
-            "Each number beside the rig file's value, its tolerance, and what is plausible.",
+            "Each number beside the rig file's value, its uncertainty, and what is plausible.",
             "Points with bars on one axis for each number; the values are in the table of causes.",
         ),
         picture(
@@ -112,3 +218,34 @@ def numbers(found: DiagnosisResult) -> Section:
         ),
         folded=True,
     )  # fmt: skip
+
+
+def minor_table(found: DiagnosisResult) -> Table[Minor] | None:
+    """Effects that are significant but too small to matter, and hints, each with its number and what it changes most."""
+
+    def number(one: Minor) -> Cell:
+        (name, value), *_ = one.parameters.items()
+        how = display_of(one.effect, name, value.unit)
+        return Measured(value.value * how.factor, (value.high - value.low) / COVERAGE * how.factor, signed=how.signed)
+
+    def changed(one: Minor) -> str:
+        largest = one.largest
+        return largest.name if largest.phase is None else f"{NAMES[largest.name]}, {phase_words(largest.phase)}"
+
+    return table(
+        "minor", "Effects that are significant but too small to matter; a hint has less evidence than a cause needs.",
+        [
+            Column[Minor]("effect", lambda one: one.effect),
+            Column("found", number, own_digits=True),
+            Column("unit", lambda one: display_of(one.effect, *_first_unit(one.parameters)).unit),
+            Column("changes most", changed),
+            Column("by", lambda one: 100.0 * one.largest.change, "%", 2, signed=True),
+            Column("evidence", lambda one: "significant" if math.isnan(one.hint) else "hint"),
+        ],
+        found.minor,
+    )  # fmt: skip
+
+
+def _first_unit(parameters: dict[str, Reported]) -> Sequence[str]:
+    """Name and unit of the first number of an effect."""
+    return next((name, value.unit) for name, value in parameters.items())

@@ -16,9 +16,9 @@ from winchcascade.reduction.wave_record import campaign_waves
 from winchcascade.report.content import Picture, Report, Section, picture
 from winchcascade.report.figures import campaign_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import read_results
 from winchcascade.report.results.campaign import campaign_report, loaded
+from winchcascade.report.results.model_section import Named, campaign_section
 
 
 @house_style()

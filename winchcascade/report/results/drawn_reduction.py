@@ -12,9 +12,9 @@ from winchcascade.report.content import Picture, Report, picture
 from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import powers_of
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.model_section import run_section
 from winchcascade.report.results.common import histories
 from winchcascade.report.results.loss_surface import loss_map_pictures, loss_map_section
+from winchcascade.report.results.model_section import run_section
 from winchcascade.report.results.reduction import reduction_report, stated_text, waves_of
 from winchcascade.report.results.waves import wave_picture
 from winchcascade.report.wording import span_word

@@ -2,154 +2,158 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from winchcascade.core.campaign_file import banner
-from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
-from winchcascade.diagnosis.line.line_data import CyclePart
+from winchcascade.core.store import fingerprint
+from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place, Reported
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report import diagnosis_words as words
-from winchcascade.report import line_figures as figures
-from winchcascade.report.cause_words import (
-    PhaseEnergy,
-    again_words,
-    cycles_of,
-    energy_rows,
-    fitted_words,
-    minor_words,
+from winchcascade.report.content import Cell, Column, Measured, Report, Section, Span, Table, picture, section, table
+from winchcascade.report.diagnosis_names import (
+    COVERAGE,
+    LINE_NUMBERS,
+    origins_of,
+    phase_words,
+    probability_words,
     set_words,
-    slope_words,
-    small_words,
-    stability_words,
+    word_of,
 )
-from winchcascade.report.content import (
-    Cell,
-    Column,
-    Measured,
-    Note,
-    Report,
-    Section,
-    Table,
-    Tile,
-    picture,
-    section,
-    table,
-)
-from winchcascade.report.digits import upper
+from winchcascade.report.figures import line_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.finding_words import finding_words
-from winchcascade.report.gap_words import phase_words, probability_words, share_words
-from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.glossary import upper
+from winchcascade.report.results import diagnosis_words as words
+from winchcascade.report.results.common import provenance
 from winchcascade.report.results.diagnosis_parts import (
-    CauseRow,
-    cause_columns,
-    cause_rows,
-    look_alikes,
+    causes_table,
+    first_points,
+    minor_table,
     note_of,
     numbers,
     residual,
+    step_tile,
+    verdict_tile,
 )
-from winchcascade.report.sheet import file_digest
 
 KILO = figures.KILO
+
+LISTED = 12
+"""Sets of suspects that are listed; all are in the JSON."""
 
 
 @house_style()
 def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
     """Report of a winch of which line tension, speed and shaft power are known."""
-    word = words.word_of(found)
+    word, parts = word_of(found), found.lines.parts
+    cycles = sum(len(set(part.cycle.tolist())) for part in parts)
+    rows: list[tuple[str, Cell]] = [
+        ("Campaign", found.title),
+        *((p.run.name, f"cycles {p.cycle.min()} to {p.cycle.max()}, {p.run.sha256 or 'no file'}") for p in parts),
+        ("Judged", words.judged_words(found)),
+        ("Rig", f"{found.rig.name} ({found.rig.path})" if found.rig.path else found.rig.name),
+        ("SHA-256 of the rig file", fingerprint(found.rig.path)),
+        ("Acceleration", f"slope of a local quadratic over {found.lines.span:g} s"),
+        ("Seed of the resampled cycles", str(found.seed)),
+    ]
     return Report(
         kind="Diagnosis of a campaign",
         title=f"{found.title}: {words.VERDICTS[found.verdict].lower()}",
-        subtitle=f"{cycles_of(found)} cycles · rig {found.rig.name}: line tension, speed and winch power, no model",
-        tiles=_tiles(found),
-        points=_points(found),
+        subtitle=f"{cycles} cycles · rig {found.rig.name}: line tension, speed and winch power, no model",
+        tiles=[verdict_tile(found), *step_tile(found)],
+        points=first_points(found),
         sections=[
-            section("causes", "Causes", causes_table(found), note_of(fitted_words(found), "Fitted too")),
-            section("energies", "Energies by phase", energies_table(found)),
-            section("next", "What next", note_of(words.experiment_words(found))),
-            *([residual(found)] if found.remainder else []),
+            section("causes", "Causes", causes_table(found), _others_table(found), minor_table(found)),
+            section("energies", "Energies by phase", _energies_table(found)),
+            section("next", "Next run", note_of(words.experiment_words(found))),
+            residual(found),
             _where(found, word),
             _how_far(found, word),
             numbers(found),
             _tried(found),
-            provenance(
-                [
-                    ("Campaign", found.title),
-                    *((part.run.name, _part(part)) for part in found.lines.parts),
-                    ("Judged", words.judged_words(found)),
-                    ("Rig", f"{found.rig.name} ({found.rig.path})" if found.rig.path else found.rig.name),
-                    ("SHA-256 of the rig file", file_digest(found.rig.path)),
-                    ("Acceleration", slope_words(found)),
-                    ("Seed of the resampled cycles", str(found.seed)),
-                ],
-                command,
-            ),
+            provenance(rows, command),
         ],
-        banner=banner(words.origins_of(found)),
-    )  # fmt: skip
+        banner=banner(origins_of(found)),
+    )
 
 
-def _part(part: CyclePart) -> str:
-    return f"cycles {part.cycle.min()} to {part.cycle.max()}, {part.run.sha256 or 'no file'}"
+class OtherNumber(NamedTuple):
+    """A number of a suspect beside those of the causes, and from which fit it is."""
+
+    effect: str
+    value: Reported
+    role: str
 
 
-def _tiles(found: LineDiagnosis) -> list[Tile]:
-    count = len(found.causes)
-    named = f"{count} cause{'s' * (count > 1)} named" if count else "no cause named"
-    shown = [Tile("Verdict", "", words.VERDICTS[found.verdict], named)]
-    if found.closure is not None and count:
-        interval = f"95 %: {words.interval_words(found.closure)}"
-        shown.append(Tile("Squared error closed", words.closed_on(found), share_words(found.closure.share), interval))
-    return shown
-
-
-def _points(found: LineDiagnosis) -> list[Note]:
-    small, drifting = small_words(found), any(c.stability and c.stability.trends for c in found.causes)
-    return [
-        data_note(words.origins_of(found)),
-        Note(words.verdict_words(found), "Verdict", "good" if found.verdict in ("no_gap", "explained") else "warn"),
-        *(Note(text, "Finding", "warn") for text in finding_words(found)),
-        Note(words.where_words(found), "Where"),
-        Note(words.sure_words(found), "How sure"),
-        Note(minor_words(found), "Minor"),
-        Note(words.closure_words(found), "How far"),
-        Note(stability_words(found), "Steady", "warn" if drifting else "plain"),
-        Note(again_words(found), "Again"),
-        Note(f"{small}." if small else "", "Not needed"),
+def _others_table(found: LineDiagnosis) -> Table[OtherNumber] | None:
+    """Numbers of the effects that were fitted and are not named, and of the causes from the withheld cycles alone."""
+    rows = [
+        OtherNumber(one.effect, next(iter(one.parameters.values())), "in the fit" if one.chosen else "not ruled out")
+        for one in found.fitted_effects
+        if not one.named
     ]
+    for cause in found.causes:
+        if cause.effect in found.again:
+            alone, fitted = found.again[cause.effect], next(iter(cause.parameters.values()))
+            apart = alone.low > fitted.high or alone.high < fitted.low
+            rows.append(OtherNumber(cause.effect, alone, f"withheld cycles alone: {'deviates' if apart else 'agrees'}"))
 
+    def u(row: OtherNumber) -> float:
+        return (row.value.high - row.value.low) / COVERAGE * LINE_NUMBERS[row.effect].factor
 
-def causes_table(found: LineDiagnosis) -> Table[CauseRow] | None:
-    """Every number of the causes, in units of the line, with its look-alikes."""
+    def scaled(row: OtherNumber, value: float) -> float:
+        return value * LINE_NUMBERS[row.effect].factor
+
     return table(
-        "causes", "Effects that are needed, in units of the line.",
+        "others", "Numbers of effects that were fitted but are not named, and of the causes from the withheld cycles alone.",
         [
-            *cause_columns(found),
-            Column("look-alikes", look_alikes, brief=False),
+            Column[OtherNumber]("effect", lambda row: row.effect),
+            Column("found", lambda row: Measured(scaled(row, row.value.value), u(row)), own_digits=True),
+            Column("unit", lambda row: LINE_NUMBERS[row.effect].unit),
+            Column("95 %", lambda row: Span(scaled(row, row.value.low), scaled(row, row.value.high), u(row)), own_digits=True),
+            Column("from", lambda row: row.role),
         ],
-        cause_rows(found, {}),
+        rows,
+        note=words.small_words(found),
     )  # fmt: skip
 
 
-def energies_table(found: LineDiagnosis) -> Table[PhaseEnergy] | None:
+# -------------------------------------------------------------------------------------------------------------- energies
+class PhaseEnergy(NamedTuple):
+    """Energy of all judged cycles in a phase [J], and by which share predictions deviate from it, and in the worst cycle."""
+
+    phase: str
+    measured: float
+    before: float
+    after: float
+    worst: float
+
+
+def _energies_table(found: LineDiagnosis) -> Table[PhaseEnergy] | None:
     """Energies of the judged cycles by phase: measured, and how far predictions deviate."""
+    rows = []
+    for phase in ("payout", "haul_in"):
+        own = [one for one in found.energies if one.phase == phase and one.measured]
+        if measured := sum(one.measured for one in own):
+            before, after = (sum(getattr(one, of) for one in own) / measured - 1.0 for of in ("before", "after"))
+            worst = max((one.after / one.measured - 1.0 for one in own), key=abs)
+            rows.append(PhaseEnergy(phase, measured, before, after, worst))
     return table(
         "energies", "Energy of the winch, and by how much predictions deviate from it.",
         [
-            Column[PhaseEnergy]("phases", lambda row: row.phases),
+            Column[PhaseEnergy]("phase", lambda row: phase_words(row.phase)),
             Column("energy", lambda row: row.measured * KILO, "kJ", 0),
             Column("before", lambda row: 100.0 * row.before, "%", 1, signed=True),
             Column("after", lambda row: 100.0 * row.after, "%", 1, signed=True),
             Column("worst cycle", lambda row: 100.0 * row.worst, "%", 1, signed=True),
         ],
-        energy_rows(found),
+        rows,
     )  # fmt: skip
 
 
-def _bias(place: Place) -> Cell:
-    return Measured(place.bias * KILO, abs(place.bias / place.z) * KILO if place.z else None)
-
-
+# ---------------------------------------------------------------------------------------------------------- the evidence
 def _where(found: LineDiagnosis, word: str) -> Section:
+    def bias(place: Place) -> Cell:
+        return Measured(place.bias * KILO, abs(place.bias / place.z) * KILO if place.z else None)
+
     return section(
         "where", "Where the gap lies",
         picture(
@@ -160,7 +164,7 @@ def _where(found: LineDiagnosis, word: str) -> Section:
             "places", f"{upper(word)} power of the winch minus line tension times speed, phase by phase.",
             [
                 Column("phase", lambda place: phase_words(place.phase)),
-                Column("bias", _bias, "kW"),
+                Column("bias", bias, "kW"),
                 Column("rms", lambda place: place.rms * KILO, "kW", 2),
                 Column("z", lambda place: place.z, "", 1, signed=True),
                 Column("share of the squares", lambda place: 100.0 * place.share, "%", 1),
@@ -174,6 +178,10 @@ def _where(found: LineDiagnosis, word: str) -> Section:
 
 def _how_far(found: LineDiagnosis, word: str) -> Section:
     energies = [one for one in found.energies if one.phase != "hold"] if found.closure is not None else []
+
+    def energy(name: str) -> Column[CycleEnergy]:
+        return Column(name, lambda one: Measured(getattr(one, name) * KILO, one.u * KILO), "kJ")
+
     return section(
         "how-far", "How far the gap closes",
         picture(
@@ -191,20 +199,13 @@ def _how_far(found: LineDiagnosis, word: str) -> Section:
                 Column[CycleEnergy]("run", lambda one: one.run),
                 Column("cycle", lambda one: one.cycle),
                 Column("phase", lambda one: phase_words(one.phase)),
-                Column("measured", lambda one: Measured(one.measured * KILO, one.u * KILO), "kJ"),
-                Column("before", lambda one: Measured(one.before * KILO, one.u * KILO), "kJ"),
-                Column("after", lambda one: Measured(one.after * KILO, one.u * KILO), "kJ"),
-                Column("u", lambda one: Measured(one.u * KILO, one.u * KILO), "kJ"),
+                *map(energy, ("measured", "before", "after", "u")),
             ],
             energies,
             brief=False,
         ),
         folded=True,
     )  # fmt: skip
-
-
-LISTED = 12
-"""Sets of suspects that are listed; all are in the JSON."""
 
 
 def _tried(found: LineDiagnosis) -> Section:

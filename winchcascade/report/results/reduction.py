@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.core.cascade import Cascade
+from winchcascade.core.store import fingerprint
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
@@ -37,7 +38,6 @@ from winchcascade.report.results.reduction_tables import (
     uncertainty_table,
 )
 from winchcascade.report.results.waves import wave_section
-from winchcascade.report.sheet import file_digest
 from winchcascade.report.wording import decisive, load_words, measured_load_words, net_reasons, not_known, window_words
 
 LISTED_REASONS = 3
@@ -217,7 +217,7 @@ def _sources(reduction: Reduction, found: Uncertainty) -> list[tuple[str, str | 
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("What the rig is", rig.title),
         ("Source of the rig's numbers", rig.source),
-        ("SHA-256 of the rig file", file_digest(rig.path)),
+        ("SHA-256 of the rig file", fingerprint(rig.path)),
         ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
         ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
     ]

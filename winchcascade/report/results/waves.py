@@ -198,7 +198,7 @@ def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
 
     if not found.cycle.size or not np.isfinite(found.payout).all():
         return None
-    figure, (left, *others) = panel_figure(2.9, 1, 1 + bool(found.efficiency), gaps={"wspace": 0.25})
+    figure, (left, *others) = panel_figure(2.9, 1, 1 + bool(found.efficiency))
     rows = np.unique(np.linspace(0, found.cycle.size - 1, min(found.cycle.size, DRAWN_WAVES)).astype(np.intp))
     for stage, joule in found.energy.items():
         look = look_of(stage)

@@ -8,25 +8,22 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
-from matplotlib.figure import Figure
 from msgspec.structs import replace
 
 from winchcascade.core.rig_file import Rig
 from winchcascade.diagnosis.compared_curves import samples_of
 from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
 from winchcascade.diagnosis.model_account import COMPARED, Account, ChannelDifference, Modelled
-from winchcascade.diagnosis.model_comparison import ModelComparison
-from winchcascade.report import model_figures as figures
 from winchcascade.report.content import Block, Column, Note, Picture, Section, Table, picture, section, table
-from winchcascade.report.digits import upper
+from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import cut_apart
 from winchcascade.report.glossary import CHANNELS
-from winchcascade.report.model_figures import NOTHING, SHOWN
 from winchcascade.report.wording import load_words
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")
 GENERATOR = ("torque_nm", "vdc_v", "idc_a", "resistance_ohm")
 LOSSES = ("loss_w", "eta_gen")
+"""Panels of the figures."""
 
 MAX_NAMES = 3
 """Logs of a campaign that a reason for not being simulated names."""
@@ -34,8 +31,7 @@ MAX_NAMES = 3
 UNKNOWN = ChannelDifference(math.nan, math.nan)
 """Difference of a channel that a log lacks."""
 
-FINE = 2000.0
-"""With less energy of the line than this a budget has a decimal. [J]"""
+ALT = "Lines of the log and markers of the simulation; the mean differences are in the table."
 
 
 # ---------------------------------------------------------------------------------------------------------- of one log
@@ -45,40 +41,36 @@ def run_section(found: Modelled) -> Section:
     heading = _heading(account.word)
     if comparison is None:
         return section("model", heading, Note(account.why, "Left out", brief=False), folded=True)
-    budget = account.budget
+    shown = [((*TETHER, "vdc_v"), "model-tether")] if account.open_circuit else [
+        (TETHER, "model-tether"), (GENERATOR, "model-generator"), (LOSSES, "model-losses"),
+    ]  # fmt: skip
+    drawn, samples = [figures.Drawn("", account.curves)], samples_of(comparison)
+    budget, words = account.budget, f"Dots: samples; lines: their means; markers: simulated. {_with([account])}"
     return section(
         "model", heading,
         Note(_aim([account], comparison.rig), brief=False),
-        *_run_pictures(comparison, account),
-        table("differences", _LESS, CHANNEL_DIFFERENCES, _differences(account), brief=False),
+        *(_panels(name, words, drawn, names, account, clouds=samples) for names, name in shown),
+        table("differences", _LESS, CHANNEL_DIFFERENCES, account.differences.items(), brief=False),
         *_open_circuit(account),
-        *([] if budget is None else [_budget_picture([load_words(comparison.run.load)], [budget], [account])]),
+        None if budget is None else _budget_picture([load_words(comparison.run.load)], [budget], [account]),
         None if budget is None else _one_budget_table(budget),
         folded=True,
     )  # fmt: skip
 
 
-def _run_pictures(comparison: ModelComparison, account: Account) -> list[Picture | None]:
-    """Figs 13, 14, 16 and 17 of one log."""
-    words = f"Dots: samples; lines: their means; markers: simulated. {_with([account])}"
-    shown = [(TETHER, "model-tether"), (GENERATOR, "model-generator"), (LOSSES, "model-losses")]
-    if account.open_circuit:
-        shown = [((*TETHER, "vdc_v"), "model-tether")]
-    drawn, dots = [figures.Drawn("", account.curves)], samples_of(comparison)
-    return [
-        _panels(
-            name, words, drawn, names, figures.panels(drawn, names, word=account.word, rated=account.rated, clouds=dots)
-        )
-        for names, name in shown
-    ]
-
-
 def _panels(
-    name: str, words: str, drawn: Sequence[figures.Drawn], names: Sequence[str], figure: Figure | None
+    name: str,
+    words: str,
+    drawn: Sequence[figures.Drawn],
+    names: Sequence[str],
+    account: Account,
+    *,
+    clouds: figures.Clouds | None = None,
+    gear: float | None = None,
 ) -> Picture | None:
     """Picture of some panels, whose caption begins with what they show."""
-    given = figures.given_names(drawn, names)
-    return _picture(figure, name, f"{shown_words(given)} {words}") if given else None
+    figure = figures.panels(drawn, names, word=account.word, rated=account.rated, clouds=clouds, gear=gear)
+    return picture(figure, name, f"{shown_words(figures.given_names(drawn, names))} {words}".rstrip(), ALT)
 
 
 def _open_circuit(account: Account) -> list[Block | None]:
@@ -90,27 +82,18 @@ def _open_circuit(account: Account) -> list[Block | None]:
             "Line tension in open circuit: log, and simulations with multiples of the damper of the rig file, "
             f"{sweep.nominal:.3g} N.m.s/rad. {_with([account])}"
         )
-        blocks.append(_picture(figures.damper_sweep(sweep, word=word, rated=account.rated), "model-damper", caption))
+        figure = figures.damper_sweep(sweep, word=word, rated=account.rated)
+        blocks.append(
+            picture(figure, "model-damper", caption.rstrip(), "Curves of the line tension, one for each damper.")
+        )
     if fit is not None:
         caption = (
             f"Voltage of the DC link in open circuit, and the back-EMF that it requires: {fit.slope:.5f} V/rpm, 95 % "
             f"{fit.low:.5f} to {fit.high:.5f}, R2 = {fit.r2:.4f}; rig file: {fit.reference:.4f} V/rpm."
         )
-        blocks.append(_picture(figures.back_emf_figure(fit, word=word), "model-emf", caption))
+        alt = "Dots of voltages over generator speed with a line through zero; its slope is in the caption."
+        blocks.append(picture(figures.back_emf_figure(fit, word=word), "model-emf", caption, alt))
     return blocks
-
-
-ALTS = {
-    "model-budget": "Stacked bars of the simulated loss budget; the energies are in the table.",
-    "model-damper": "Curves of the line tension over generator speed, one for each damper.",
-    "model-emf": "Dots of voltages over generator speed with a line through zero; its slope is in the caption.",
-}
-"""What figures show, where it is no log beside its simulation."""
-
-
-def _picture(figure: Figure | None, name: str, caption: str) -> Picture | None:
-    words = "Lines of the log and markers of the simulation; the mean differences are in the table."
-    return picture(figure, name, caption.rstrip(), ALTS.get(name, words))
 
 
 # -------------------------------------------------------------------------------------------------------- of a campaign
@@ -161,11 +144,12 @@ def _reasons(left_out: Sequence[Named]) -> str:
 def _pictures_and_tables(given: Sequence[Named]) -> list[Block | None]:
     """All loads in each figure, an open circuit's own figures, and the tables."""
     accounts = [log.account for log in given]
-    drawn, word = figures.styled_by_load([log.load for log in given], [a.curves for a in accounts]), accounts[0].word
+    drawn = figures.styled_by_load([log.load for log in given], [a.curves for a in accounts])
     rated, gear = (
         next((x for x in values if x is not None), None)
         for values in ([a.rated for a in accounts], [a.gear for a in accounts])
     )
+    first = replace(accounts[0], rated=rated)
     opened = next((a for a in accounts if a.open_circuit), None)
     words = f"Lines: log; markers: simulated; means over the same samples. {_with(accounts)}"
     shown = (
@@ -174,17 +158,14 @@ def _pictures_and_tables(given: Sequence[Named]) -> list[Block | None]:
         (GENERATOR[1:], "model-generator", None),
         (LOSSES, "model-losses", None),
     )
-    booked = {k: a.budget for k, a in enumerate(accounts) if a.budget is not None}
-    names, budgets = row_names(given), list(booked.values())
+    booked = [(names, a.budget) for names, a in zip(row_names(given), accounts, strict=True) if a.budget is not None]
+    budgets = [budget for _, budget in booked]
     return [
-        *(
-            _panels(name, words, drawn, panel, figures.panels(drawn, panel, word=word, rated=rated, gear=above))
-            for panel, name, above in shown
-        ),
+        *(_panels(name, words, drawn, panel, first, gear=above) for panel, name, above in shown),
         *([] if opened is None else _open_circuit(opened)),
         _differences_table(given),
-        _budget_picture(["\n".join(names[k]) for k in booked], budgets, accounts) if booked else None,
-        _budget_table([", ".join(names[k]) for k in booked], budgets) if booked else None,
+        _budget_picture([", ".join(names) for names, _ in booked], budgets, accounts) if booked else None,
+        _budget_table([", ".join(names) for names, _ in booked], budgets) if booked else None,
     ]
 
 
@@ -200,11 +181,11 @@ def shown_words(names: Sequence[str]) -> str:
     'Voltage of the DC link (a), torque of the PTO shaft (b) over generator speed.'
     """
     over = " over generator speed"
-    words = [SHOWN[name].what for name in names]
+    words = [figures.SHOWN[name].what for name in names]
     shared = over if all(w.endswith(over) for w in words) else ""
     letters = [f" ({letter})" if len(names) > 1 else "" for letter in "abcdefgh"[: len(names)]]
     text = ", ".join(f"{w.removesuffix(shared)}{letter}" for w, letter in zip(words, letters, strict=True))
-    return f"{upper(text + shared)}."
+    return f"{text[:1].upper()}{text[1:]}{shared}."
 
 
 def _with(accounts: Sequence[Account]) -> str:
@@ -226,30 +207,23 @@ def _aim(accounts: Sequence[Account], rig: Rig | None = None) -> str:
 
 def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], accounts: Sequence[Account]) -> Picture | None:
     """Stacked bars of the loss budgets."""
-    figure = figures.budget_bars(names, budgets, word=accounts[0].word)
-    points = "; points: shares of the log" if any(len(budget.log) > 1 for budget in budgets) else ""
-    return _picture(
-        figure, "model-budget", f"Simulated loss budget in the integration window{points}. {_with(accounts)}"
+    caption = (
+        f"Simulated loss budget in the integration window; marks: what reaches shaft and DC link. {_with(accounts)}"
     )
+    figure = figures.budget_bars(names, budgets, word=accounts[0].word)
+    return picture(figure, "model-budget", caption.rstrip(), "Stacked bars; the energies are in the table.")
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
-ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "diodes", "dc")
-"""Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
-
 _LESS = "Log - simulation over the payouts: mean (bias) and root mean square (rms)."
 
 CHANNEL_DIFFERENCES: tuple[Column[tuple[str, ChannelDifference]], ...] = (
     Column("channel", lambda row: CHANNELS[row[0]].label),
-    Column("unit", lambda row: COMPARED[row[0]][0]),
+    Column("unit", lambda row: CHANNELS[row[0]].unit),
     Column("bias", lambda row: row[1].bias, signed=True, own_digits=True),
     Column("rms", lambda row: row[1].rms, own_digits=True),
 )
 """Difference of a channel, of one log."""
-
-
-def _differences(account: Account) -> list[tuple[str, ChannelDifference]]:
-    return [(name, account.differences[name]) for name in COMPARED if name in account.differences]
 
 
 def _differences_table(given: Sequence[Named]) -> Table[Named] | None:
@@ -266,15 +240,25 @@ def _differences_table(given: Sequence[Named]) -> Table[Named] | None:
 
 def _difference_columns(name: str) -> list[Column[Named]]:
     """Bias and root mean square of a channel."""
-    term, unit = CHANNELS[name], COMPARED[name][0]
+    term = CHANNELS[name]
 
     def of(log: Named) -> ChannelDifference:
         return log.account.differences.get(name, UNKNOWN)
 
     return [
-        Column(f"{term.symbol} bias", lambda log: of(log).bias, unit, term.decimals, signed=True),
-        Column(f"{term.symbol} rms", lambda log: of(log).rms, unit, term.decimals),
+        Column(f"{term.symbol} bias", lambda log: of(log).bias, term.unit, term.decimals, signed=True),
+        Column(f"{term.symbol} rms", lambda log: of(log).rms, term.unit, term.decimals),
     ]
+
+
+ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "diodes", "dc")
+"""Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
+
+NOTHING = 5e-4
+"""A share of the energy of the line below this is not named. [1]"""
+
+FINE = 2000.0
+"""With less energy of the line than this a budget has a decimal. [J]"""
 
 
 def _named(budgets: Sequence[LossBudget]) -> list[str]:
@@ -282,8 +266,8 @@ def _named(budgets: Sequence[LossBudget]) -> list[str]:
     return [g for g in reversed(GROUPS) if g in ALWAYS or any(abs(b.shares[g]) >= NOTHING for b in budgets)]
 
 
-def _decimals(budget: LossBudget) -> int:
-    return 1 if budget.line < FINE else 0
+def _decimals(budgets: Sequence[LossBudget]) -> int:
+    return 1 if any(budget.line < FINE for budget in budgets) else 0
 
 
 def _joules(group: str, row: tuple[str, LossBudget]) -> float:
@@ -292,7 +276,7 @@ def _joules(group: str, row: tuple[str, LossBudget]) -> float:
 
 def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> Table[tuple[str, LossBudget]] | None:
     """Loss budget of several logs, a row for each, mean energies of their windows."""
-    decimals = max(map(_decimals, budgets))
+    decimals = _decimals(budgets)
     columns: list[Column[tuple[str, LossBudget]]] = [
         Column("load", lambda row: row[0]),
         Column("line", lambda row: row[1].line, "J", decimals),
@@ -302,11 +286,11 @@ def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> Table[
     return table("loss-budget", caption, columns, list(zip(names, budgets, strict=True)), brief=False)
 
 
-def _one_budget_table(budget: LossBudget) -> Table[str] | None:
+def _one_budget_table(budget: LossBudget) -> Table[str]:
     """Loss budget of one log, a row for each part, in joules and in percent of the line's energy."""
     columns: list[Column[str]] = [
         Column("part", lambda g: GROUPS[g].name),
-        Column("energy", lambda g: budget.groups[g], "J", _decimals(budget)),
+        Column("energy", lambda g: budget.groups[g], "J", _decimals([budget])),
         Column("share of the line", lambda g: 100.0 * budget.shares[g], "%", 2),
         Column("what it is", lambda g: GROUPS[g].about),
     ]
