@@ -41,10 +41,10 @@ def test_reduce_of_a_csv_log_imports_nothing_slow(fixtures: Path, json: list[str
     assert not {name for name in SLOW if name in loaded} - ({"rich"} if not json else set())  # lays out the tables
 
 
-def test_a_batch_without_reports_imports_neither_pandas_nor_what_draws(fixtures: Path, tmp_path: Path) -> None:
+def test_a_batch_without_reports_imports_nothing_that_draws(fixtures: Path, tmp_path: Path) -> None:
     log = str(fixtures / "campaign" / "r36ohm.csv")
     loaded = modules_after(["batch", log, "--out", str(tmp_path / "out"), "--reports", "none", "--jobs", "1"])
-    assert not {"pandas", "scipy", "matplotlib", "jinja2", "typst"} & loaded
+    assert not {"scipy", "matplotlib", "jinja2", "typst"} & loaded
 
 
 def test_help_imports_no_arrays() -> None:

@@ -18,9 +18,9 @@ from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.run import Run
 from winchcascade.core.store import make_one
 from winchcascade.core.viewed import Units
-from winchcascade.reduction.efficiency import FIELDS, Metrics
+from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.reduction.run_record import REDUCTION_SCHEMA, RunRecord
-from winchcascade.report.records import bin_record, cycle_record, finding_record
+from winchcascade.report.records import reduction_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -126,26 +126,22 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
 
 
 def reduction_rows(reduction: Reduction) -> dict[str, list[Row]]:
-    """Rows of the tables `cycles`, `bins` and `findings` of a reduction; an open circuit is inf ohm."""
-    run, cascade = reduction.run, reduction.rig.cascade
-    cycles = [cycle_record(c, Metrics(), cascade) for c in reduction.cycles]
-    bins = [bin_record(b, cascade) for b in reduction.bins]
-    findings = [finding_record(f, run.samples) for f in reduction.quality]
-    return _rows({"run": run.name, "log": run.path, "load_ohm": run.load}, cycles, bins, findings)
+    """Rows of the tables of a log that has just been reduced, as `table_rows`."""
+    return table_rows(reduction.run.name, reduction_record(reduction))
 
 
 def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
-    """Rows of the tables `runs`, `cycles`, `bins` and `findings` of one log from its record; an open circuit is inf ohm."""
+    """Rows of the tables `runs`, `cycles`, `bins` and `findings` of one log from its record; an open circuit is inf ohm.
+
+    Names beyond the schema of a table do no harm.
+    """
     begin: Row = {"run": run, "log": record.log.path, "load_ohm": record.log.load}
-    return {"runs": [begin | _flat_run(record)]} | _rows(begin, record.cycles, record.bins, record.quality)
-
-
-def _rows(begin: Row, cycles: Iterable[Any], bins: Iterable[Any], findings: Iterable[Any]) -> dict[str, list[Row]]:
-    """Rows of the parts of a record, which begin alike; names beyond the schema of a table do no harm."""
+    cycles, bins, findings = msgspec.to_builtins((record.cycles, record.bins, record.quality))
     return {
-        "cycles": [begin | _flat_cycle(one) for one in msgspec.to_builtins(list(cycles))],
-        "bins": [begin | one | one.get("stages", {}) for one in msgspec.to_builtins(list(bins))],
-        "findings": [begin | one | _repair(one["repaired"]) for one in msgspec.to_builtins(list(findings))],
+        "runs": [begin | _flat_run(record)],
+        "cycles": [begin | _flat_cycle(one) for one in cycles],
+        "bins": [begin | one | one.get("stages", {}) for one in bins],
+        "findings": [begin | one | _repair(one["repaired"]) for one in findings],
     }
 
 

@@ -78,9 +78,9 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         ),
         rig={"name": rig.name, "assumed": rig.assumed, "r_drum_m": rig.r_drum},
         window=reduction.window,
-        quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
+        quality=tuple(_finding(f, run.samples) for f in reduction.quality),
         cycles=tuple(
-            cycle_record(c, u, rig.cascade, limits)
+            _cycle(c, rig.cascade, u, limits)
             for c, u, limits in zip(reduction.cycles, known.cycles, known.cycles_by_limits, strict=True)
         ),
         mean=reduction.mean.fields(),
@@ -103,7 +103,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             undetermined=tuple(field_of(name) for name in known.undetermined),
         ),
         total=reduction.total.fields(),
-        bins=tuple(bin_record(b, rig.cascade) for b in reduction.bins),
+        bins=tuple(_bin(b, rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
         cycles_from=UNSET if rig.phases.source == "velocity" else rig.phases.source,
         waves=_waves(reduction),
@@ -162,7 +162,7 @@ def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], 
     )
 
 
-def finding_record(finding: Finding, samples: int) -> FindingRecord:
+def _finding(finding: Finding, samples: int) -> FindingRecord:
     """One finding of a log with a given number of samples."""
     repair, repaired = finding.repaired, None
     if repair is not None:
@@ -174,9 +174,7 @@ def finding_record(finding: Finding, samples: int) -> FindingRecord:
     )  # fmt: skip
 
 
-def cycle_record(
-    cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cascade = PAPER, by_limits: Metrics | None = None
-) -> CycleRecord:
+def _cycle(cycle: CycleResult, cascade: Cascade, u: Metrics, by_limits: Metrics | None) -> CycleRecord:
     """One cycle with the standard uncertainties of its metrics, and those by replaced accuracies of its sensors."""
     phases, window = cycle.phases, cycle.window
     names = tuple(dict.fromkeys((*ALL_METRICS, *cascade.metrics)))
@@ -192,13 +190,13 @@ def cycle_record(
         },
         net_span=cycle.net,
         **cycle.metrics.fields(),
-        standard_uncertainty=standard_uncertainty.fields(names),
+        standard_uncertainty=u.fields(names),
         sensors_by_limits=by_limits.fields(names) if by_limits else {},
         stages=cycle.metrics.fields(cascade.metrics) if cascade.configured else UNSET,
     )
 
 
-def bin_record(item: Bin, cascade: Cascade = PAPER) -> dict[str, Any]:
+def _bin(item: Bin, cascade: Cascade) -> dict[str, Any]:
     """One bin of generator speed with mean powers, their standard errors, and the powers that are stored meanwhile.
 
     Those go into the rotor, the spring of the shaft and the capacitor of the DC link while the speed changes, null where the

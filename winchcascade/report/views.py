@@ -102,7 +102,9 @@ def plot(result: object, what: str = "", ax: axes.Axes | None = None) -> Any:
 
 def summary_html(result: object) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
-    return summary_of(result)
+    from winchcascade.report.render.page import table_html
+
+    return table_html(*summary_of(result))
 
 
 def write_report(result: object, path: str | Path, *, force: bool = False) -> Path:
@@ -320,42 +322,38 @@ def _drawn(made: Plot, ax: axes.Axes | None) -> Any:
 
 # ---------------------------------------------------------------------------------------------------------------- summaries
 @singledispatch
-def summary_of(result: object) -> str:
+def summary_of(result: object) -> tuple[str, content.Table[Any] | None]:
     """Heading and main table of a result."""
     _refuse("summary_html", result)
 
 
 @summary_of.register(Reduction)
-def _(result: Reduction) -> str:
-    from winchcascade.report.render.page import table_html
+def _(result: Reduction) -> tuple[str, content.Table[Any] | None]:
     from winchcascade.report.results.reduction_tables import cycles_table
 
-    return table_html(repr(result), cycles_table(result, uncertainty(result)))
+    return repr(result), cycles_table(result, uncertainty(result))
 
 
 @summary_of.register(CampaignReduction)
-def _(result: CampaignReduction) -> str:
-    from winchcascade.report.render.page import table_html
+def _(result: CampaignReduction) -> tuple[str, content.Table[Any] | None]:
     from winchcascade.report.results.campaign_tables import budget_table
 
-    return table_html(repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False))
+    return repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False)
 
 
 @summary_of.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> str:
-    from winchcascade.report.render.page import table_html
+def _(result: DiagnosisResult) -> tuple[str, content.Table[Any] | None]:
     from winchcascade.report.results.diagnosis_parts import causes_table
 
-    return table_html(f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result))
+    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)
 
 
 @summary_of.register(Comparison)
-def _(result: Comparison) -> str:
-    from winchcascade.report.render.page import table_html
+def _(result: Comparison) -> tuple[str, content.Table[Any] | None]:
     from winchcascade.report.results.comparison import differences_table, rows_of
 
     heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
-    return table_html(heading, differences_table("efficiencies", rows_of(result, "eta")))
+    return heading, differences_table("efficiencies", rows_of(result, "eta"))
 
 
 # ------------------------------------------------------------------------------------------------------------------ reports
