@@ -85,8 +85,7 @@ ESCAPE = "\ufdd4"
 
 def painted(text: str, clean: Callable[[str], str]) -> str:
     """A text with its colours, cleaned in between; in a pipe the clean text."""
-    shown = clean(text)
-    return shown.replace(ESCAPE, "\x1b") if _PRESENT.get().colour else shown.replace(ESCAPE, "")
+    return ("\x1b" if _PRESENT.get().colour else "").join(map(clean, text.split(ESCAPE)))
 
 
 @contextmanager

@@ -26,8 +26,8 @@ from winchcascade.report.figures.style import (
     panel_figure,
     patch_entry,
 )
-from winchcascade.report.glossary import typeset
-from winchcascade.report.wording import load_words, tex
+from winchcascade.report.glossary import tex, typeset
+from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 # --------------------------------------------------------------------------------------------------------- the waterfall
