@@ -206,19 +206,20 @@ def test_any_number_of_processes_gives_the_same_bytes(campaign: Path, done: Path
 
 
 # ----------------------------------------------------------------------------------------- what is kept, what is redone
+def kept(said: str) -> int:
+    """How many logs the terminal states as kept."""
+    found = re.search(r"^kept +(\d+) of \d+ logs", said, re.MULTILINE)
+    return 0 if found is None else int(found[1])
+
+
 def test_a_second_call_keeps_all_and_says_so(campaign: Path, out: Path) -> None:
     arguments = ("batch", campaign, "--out", out, "--reports", "none", "--excel")
-    assert "by an earlier call" not in winchcascade(*arguments).stdout
+    assert kept(winchcascade(*arguments).stdout) == 0
     before = stamps(out)
     again = winchcascade(*arguments)
-    assert "2 of 2 logs reduced, 2 of them by an earlier call" in again.stdout
+    assert kept(again.stdout) == 2
     assert again.returncode == 0
     assert stamps(out) == before
-
-
-def test_the_text_is_the_same_whether_kept_or_made(campaign: Path, out: Path) -> None:
-    first, second = (winchcascade("batch", campaign, "--out", out, "--reports", "none").stdout for _ in range(2))
-    assert first.splitlines()[1:] == second.splitlines()[1:]
 
 
 def test_changed_content_redoes_that_log_and_the_campaign(campaign: Path, done: Path) -> None:
@@ -360,8 +361,7 @@ def test_a_log_that_fails_is_listed_and_the_others_go_on(campaign: Path, out: Pa
     fault = str(summary(out)[name]["fault"])
     assert done.returncode == 1
     assert "2 of 3 logs reduced" in done.stdout
-    assert f"failed: {fault}" in done.stdout  # its sentence names the log
-    assert name in fault
+    assert fault in " ".join(done.stdout.split())  # its sentence names the log
     assert "Traceback" not in done.stderr
     assert name in fault
     assert fault.endswith(".")
@@ -449,7 +449,7 @@ def test_two_calls_with_different_options_on_one_folder_leave_what_the_last_one_
     before = contents(place / "out")
     with begin(place, "--jobs", "1", "--window", f"{window:g}") as again:
         said, _ = again.communicate()
-    assert f"{COPIES} of them by an earlier call" in said
+    assert kept(said) == COPIES
     assert contents(place / "out") == before
 
 
@@ -600,16 +600,16 @@ def whole(out: Path) -> dict[str, int]:
     return {name: stamp for name, stamp in stamps(out).items() if name.startswith("runs/")}
 
 
-def assert_completed(place: Path, undisturbed: dict[str, bytes], kept: dict[str, int]) -> None:
+def assert_completed(place: Path, undisturbed: dict[str, bytes], done: dict[str, int]) -> None:
     """A further call keeps what was finished and gives what an undisturbed one gives."""
     with begin(place, "--jobs", "2") as call:
         said, _ = call.communicate()
     assert call.returncode == 0
     assert f"{COPIES} of {COPIES} logs reduced" in said
-    assert (f", {len(kept)} of them by an earlier call" in said) == bool(kept)
+    assert kept(said) == len(done)
     assert contents(place / "out") == undisturbed
     after = stamps(place / "out")
-    assert {name: after[name] for name in kept} == kept
+    assert {name: after[name] for name in done} == done
 
 
 @ALONE
@@ -631,9 +631,9 @@ def test_a_killed_call_loses_nothing_that_was_finished(
         with suppress(ProcessLookupError):
             os.killpg(call.pid, signal.SIGKILL)
         call.communicate()
-    kept = whole(place / "out")
-    assert len(kept) >= number * (pattern == "runs/*.json")
-    assert_completed(place, undisturbed, kept)
+    finished = whole(place / "out")
+    assert len(finished) >= number * (pattern == "runs/*.json")
+    assert_completed(place, undisturbed, finished)
 
 
 @ALONE

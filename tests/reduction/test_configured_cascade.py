@@ -17,8 +17,8 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import Table
 from winchcascade.report.frames import write_parquet
-from winchcascade.report.render.publish import publish
 from winchcascade.report.records import reduction_json
+from winchcascade.report.render.publish import publish
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.drawn_reduction import drawn_report
 from winchcascade.report.results.reduction import reduction_report

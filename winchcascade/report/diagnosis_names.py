@@ -35,15 +35,6 @@ COVERAGE = 3.92
 NAMES = {name: term.label for name, term in CHANNELS.items()} | {POWER: "winch power"}
 """Channels of a diagnosis."""
 
-SENSORS = {
-    "pressure": "pressure sensor",
-    "force": "force cell",
-    "torque": "torque sensor",
-    "vdc": "sensor of Vdc",
-    "idc": "sensor of Idc",
-}
-"""Sensors of the channels."""
-
 LINE_NUMBERS = {
     "drum_inertia": Display("inertia, as a mass on the line", 1.0, "kg", signed=False),
     "line_friction": Display("constant friction", 1.0, "N", signed=False),

@@ -34,6 +34,15 @@ CHANNELS = {
 }
 """Channels of a log."""
 
+SENSORS = {
+    "pressure": "pressure sensor",
+    "force": "force cell",
+    "torque": "torque sensor",
+    "vdc": "sensor of Vdc",
+    "idc": "sensor of Idc",
+}
+"""What measures a channel."""
+
 PHASES = {"payout": "payout", "hold": "hold", "haul_in": "haul-in"}
 """Phases of a cycle."""
 
@@ -71,6 +80,16 @@ def short(name: str) -> str:
     ('E_line', 'eta_pto')
     """
     return re.sub(r"^(energy|power)_", lambda found: f"{KINDS[found[1]][0]}_", name)
+
+
+def tex(name: str) -> str:
+    """Symbol of a metric in a figure.
+
+    >>> tex("eta_trans"), tex("energy_gen_cycle")
+    ('$\\\\eta_\\\\mathrm{trans}$', '$E_\\\\mathrm{gen}$')
+    """
+    letter, _, place = metric(name).symbol.partition(", ")[0].partition("_")
+    return "$" + letter.replace("η", r"\eta") + rf"_\mathrm{{{place.replace('_', chr(92) + 'to ')}}}$"
 
 
 def upper(text: str) -> str:

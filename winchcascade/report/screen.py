@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from winchcascade.core.plain_text import lines, one_line
 
@@ -24,8 +24,6 @@ PIPED = 100
 
 UNKNOWN = 80
 """Columns of a terminal that does not report its size."""
-
-Tone = Literal["good", "warning", "contradiction"]
 
 
 class Screen(NamedTuple):
@@ -80,48 +78,14 @@ def line_width(piped: int = PIPED) -> int:
     return _PRESENT.get().width or piped
 
 
-def table_width() -> int | None:
-    """Columns that a table may have; None in a pipe, which gets all of it. [characters]"""
-    return _PRESENT.get().width
-
-
 # --------------------------------------------------------------------------------------------------------------- colours
-_MARKS: dict[Tone, str] = {"good": "\ufdd0", "warning": "\ufdd1", "contradiction": "\ufdd2"}
-_END = "\ufdd3"
 ESCAPE = "\ufdd4"
-"""Stands for the escape with which the codes of a text begin that is laid out and clean already."""
-
-_CODES = {"\ufdd0": "\x1b[32m", "\ufdd1": "\x1b[33m", "\ufdd2": "\x1b[31m", _END: "\x1b[0m", ESCAPE: "\x1b"}
-"""Signs that stand for a colour until the text is printed, no characters of any language: texts from files lose them."""
-
-_NO_MARKS = str.maketrans(dict.fromkeys(_CODES))
-
-
-def toned(text: str, tone: Tone) -> str:
-    """A text marked as good, as a warning or as a contradiction; in a pipe the text alone."""
-    return f"{_MARKS[tone]}{text}{_END}" if text and _PRESENT.get().colour else text
-
-
-def without_tones(text: str) -> str:
-    """A text without its marks."""
-    return text.translate(_NO_MARKS)
-
-
-def length(text: str) -> int:
-    """Columns that a text takes. [characters]"""
-    return len(without_tones(text))
+"""Stands for the escape with which the codes of a text begin that is laid out already, no character of any language."""
 
 
 def painted(text: str, clean: Callable[[str], str]) -> str:
-    """A text with colours instead of marks, cleaned in between; in a pipe the clean text."""
-    if not _PRESENT.get().colour:
-        return clean(text)
-    parts, begin = [], 0
-    for k, sign in enumerate(text):
-        if sign in _CODES:
-            parts += [clean(text[begin:k]), _CODES[sign]]
-            begin = k + 1
-    return "".join([*parts, clean(text[begin:])])
+    """A text with its colours, cleaned in between; in a pipe the clean text."""
+    return ("\x1b" if _PRESENT.get().colour else "").join(map(clean, text.split(ESCAPE)))
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Words and symbols that terminal and pages share: loads, windows, uncertainties, sentences of a page, and the glossary."""
+"""Words on a log: its load, window, cycles, and the sources of its uncertainty."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from msgspec.structs import asdict
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
+from winchcascade.report.glossary import CHANNELS, SENSORS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,94 +19,13 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run
     from winchcascade.reduction.reduction_result import CycleResult, MeasuredLoad, Reduction
 
-
-SENSORS = {
-    "force": "force cell",
-    "torque": "torque sensor",
-    "velocity": "velocity",
-    "power_mech": "shaft power",
-    "vdc": "Vdc",
-    "idc": "Idc",
-    R_DRUM: "drum radius",
-    SAMPLING: "sampling",
-}
-"""What a source of uncertainty is called in a sentence."""
-
-
-class _Symbols(dict[str, str]):
-    """Symbols of metrics; one of a stage of a rig file is made of its name."""
-
-    def __missing__(self, metric: str) -> str:
-        kind, _, place = metric.partition("_")
-        return f"{_LETTERS[kind]}_{place.replace('_', '→')}"
-
-
-_LETTERS = {"energy": "E", "power": "P", "eta": "η"}
+_SOURCES = (
+    {name: term.label for name, term in CHANNELS.items()} | SENSORS | {R_DRUM: "drum radius", SAMPLING: "sampling"}
+)
+"""What a source of uncertainty is called."""
 
 _SPANS = {"steps": "step", "rows": "row", "ranges": "range", "whole": "record"}
 """What a cycle is called whose whole span counts, by the source of the cycles."""
-
-
-def span_word(reduction: Reduction) -> str:
-    """What the part of a cycle is called that its window lies in: a payout, or the span that a rig file gives.
-
-    >>> from winchcascade.reduction.reduce import reduce
-    >>> from winchcascade.ingest.read import read_run
-    >>> span_word(reduce(read_run("fixtures/campaign/r36ohm.csv")))
-    'payout'
-    """
-    return _SPANS.get(reduction.rig.phases.source, "payout")
-
-
-SYMBOL = _Symbols({
-    "energy_line": "E_line", "energy_mech": "E_mech", "energy_gen": "E_gen", "power_line": "P_line", "power_mech": "P_mech",
-    "power_gen": "P_gen", "eta_trans": "η_trans", "eta_gen": "η_gen", "eta_pto": "η_pto", "energy_payout": "E_payout",
-    "energy_returned": "E_returned", "energy_net": "E_net", "energy_gen_cycle": "E_gen, cycle", "eta_net": "η_net",
-})  # fmt: skip
-"""Symbols of the metrics; what follows the underscore is set low."""
-
-
-def tex(metric: str) -> str:
-    """Symbol of a metric in a figure.
-
-    >>> tex("eta_trans"), tex("energy_gen_cycle")
-    ('$\\\\eta_\\\\mathrm{trans}$', '$E_\\\\mathrm{gen}$')
-    """
-    letter, _, place = SYMBOL[metric].partition(", ")[0].partition("_")
-    return "$" + letter.replace("η", r"\eta") + rf"_\mathrm{{{place.replace('→', chr(92) + 'to ')}}}$"
-
-
-def source_name(source: ErrorSource | None) -> str:
-    """Name a source of uncertainty: the sensor and what of it errs."""
-    if source is None:
-        return "bridged gaps"
-    part = "" if source.channel in (R_DRUM, SAMPLING) else f", {source.part}"
-    return _sensor(source) + part + (" (acquisition)" if source.origin == ACQUISITION else "")
-
-
-def by_sensor(known: Budget, metric: str) -> dict[str, float]:
-    """Share of the variance of a metric's mean by sensor, zero and gain together, and by repeatability. [1]"""
-    found: dict[str, float] = {}
-    rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
-    for name, of in (*rows, ("repeatability", known.repeatability)):
-        if share := shares(of, known.mean)[metric]:
-            found[name] = found.get(name, 0.0) + share
-    return found
-
-
-def _sensor(source: ErrorSource) -> str:
-    return SENSORS.get(source.channel, source.channel)
-
-
-def decisive(known: Budget) -> list[tuple[str, float, str]]:
-    """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
-    parts = [(m, by_sensor(known, m)) for m in known.mean if m.startswith("eta") and m != "eta_net"]
-    return [(metric, max(found.values()), max(found, key=found.__getitem__)) for metric, found in parts if found]
-
-
-def measured_load_words(measured: MeasuredLoad | None, unit: str = "Ω") -> str:
-    """Vdc / Idc as it stands beside the stated load; empty where it was not measured."""
-    return "" if measured is None else f"Vdc / Idc {measured.ohm:.4g} {unit}"
 
 
 def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknown: str = "no load") -> str:
@@ -133,11 +53,28 @@ def load_text(load: float | None) -> str:
     return load_words(load, "", unknown="-").rstrip()
 
 
+def measured_load_words(measured: MeasuredLoad | None, unit: str = "Ω") -> str:
+    """Vdc / Idc as it stands beside the stated load; empty where it was not measured."""
+    return "" if measured is None else f"Vdc / Idc {measured.ohm:.4g} {unit}"
+
+
 def window_words(window: WindowRule) -> str:
     """Rule of an integration window."""
     return window if isinstance(window, str) else f"{window:g} s from the onset"
 
 
+def span_word(reduction: Reduction) -> str:
+    """What the part of a cycle is called that its window lies in: a payout, or the span that a rig file gives.
+
+    >>> from winchcascade.reduction.reduce import reduce
+    >>> from winchcascade.ingest.read import read_run
+    >>> span_word(reduce(read_run("fixtures/campaign/r36ohm.csv")))
+    'payout'
+    """
+    return _SPANS.get(reduction.rig.phases.source, "payout")
+
+
+# ---------------------------------------------------------------------------------------------------------------- cycles
 def clock_zero(run: Run) -> float:
     """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
     first, last = float(run.t[0]), float(run.t[-1])
@@ -180,6 +117,35 @@ def _named_cycles(numbers: Sequence[int], of: int) -> str:
     more = f" and {len(numbers) - LISTED_CYCLES} more" if len(numbers) > LISTED_CYCLES else ""
     named = f"cycle{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers[:LISTED_CYCLES]))}{more}"
     return "all cycles" if 1 < len(numbers) == of else named
+
+
+# ----------------------------------------------------------------------------------------------- sources of uncertainty
+def source_name(source: ErrorSource | None) -> str:
+    """Name a source of uncertainty: the sensor and what of it errs."""
+    if source is None:
+        return "bridged gaps"
+    part = "" if source.channel in (R_DRUM, SAMPLING) else f", {source.part}"
+    return _sensor(source) + part + (" (acquisition)" if source.origin == ACQUISITION else "")
+
+
+def by_sensor(known: Budget, metric: str) -> dict[str, float]:
+    """Share of the variance of a metric's mean by sensor, zero and gain together, and by repeatability. [1]"""
+    found: dict[str, float] = {}
+    rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
+    for name, of in (*rows, ("repeatability", known.repeatability)):
+        if share := shares(of, known.mean)[metric]:
+            found[name] = found.get(name, 0.0) + share
+    return found
+
+
+def _sensor(source: ErrorSource) -> str:
+    return _SOURCES.get(source.channel, source.channel)
+
+
+def decisive(known: Budget) -> list[tuple[str, float, str]]:
+    """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
+    parts = [(m, by_sensor(known, m)) for m in known.mean if m.startswith("eta") and m != "eta_net"]
+    return [(metric, max(found.values()), max(found, key=found.__getitem__)) for metric, found in parts if found]
 
 
 def not_known(known: Budget) -> list[str]:

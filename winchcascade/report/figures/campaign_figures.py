@@ -28,7 +28,8 @@ from winchcascade.report.figures.style import (
     panel_figure,
     readable,
 )
-from winchcascade.report.wording import load_text, tex
+from winchcascade.report.glossary import tex
+from winchcascade.report.wording import load_text
 
 DRAWN_RUNS = 12
 """Runs that share one panel at most; of more, an even selection."""

@@ -26,8 +26,8 @@ from winchcascade.report.figures.style import (
     panel_figure,
     patch_entry,
 )
-from winchcascade.report.glossary import typeset
-from winchcascade.report.wording import load_words, tex
+from winchcascade.report.glossary import tex, typeset
+from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 # --------------------------------------------------------------------------------------------------------- the waterfall
@@ -237,6 +237,6 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
         ax.set_xlabel("Run, in the order of the campaign")
     marks = ", ".join(MARKED[trend.along] for trend in stability.trends)
     title = f"{found.suspects[cause.effect].label}{f': {marks}' if marks else ''}"
-    what = f"{how.what} ({how.unit or 1})"
+    what = f"{how.what} ({how.unit})" if how.unit else how.what
     ax.set_title(f"{broken(title, TITLE)}\n{what}", fontsize=7.2, color=COLOURS["mech" if marks else "ink"])
     ax.grid(False, axis="x")

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.report.figures.style import COLOURS, cut_apart, evenly, label_panel, look_of, panel_figure
-from winchcascade.report.glossary import typeset
-from winchcascade.report.wording import tex
+from winchcascade.report.glossary import tex, typeset
 
 MAX_DRAWN = 16
 """Runs in a panel at most, of more an even selection; names are turned where there are more than half as many."""

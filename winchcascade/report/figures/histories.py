@@ -28,8 +28,8 @@ from winchcascade.report.figures.style import (
     patch_entry,
     readable,
 )
-from winchcascade.report.glossary import metric, typeset
-from winchcascade.report.wording import clock_zero, span_word, tex
+from winchcascade.report.glossary import metric, tex, typeset
+from winchcascade.report.wording import clock_zero, span_word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

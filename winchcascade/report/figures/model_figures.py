@@ -268,9 +268,9 @@ POINTS = {"gen": ("D", "DC link"), "mech": ("s", "shaft")}
 
 
 def segments_of(budgets: Sequence[LossBudget]) -> dict[str, list[float]]:
-    """Shares of the line's energy by the groups that are largest in any budget, and of all others together. [%]"""
+    """Shares of the line's energy by the groups that are largest in all budgets, and of all others together. [%]"""
     every = {name: [100.0 * budget.shares[name] for budget in budgets] for name in GROUPS}
-    ranked = sorted(every, key=lambda name: -max(map(abs, every[name])))
+    ranked = sorted(every, key=lambda name: -sum(map(abs, every[name])))
     own = {*ranked[: SEGMENTS - 1]}
     found = {GROUPS[name].name: shares for name, shares in every.items() if name in own}
     rest = [shares for name, shares in every.items() if name not in own]

@@ -46,8 +46,8 @@ from winchcascade.report.figures.style import (
     shade_over_speed,
     wide_figure,
 )
-from winchcascade.report.glossary import STAGE_PLACES
-from winchcascade.report.wording import by_sensor, clock_zero, span_word, tex
+from winchcascade.report.glossary import STAGE_PLACES, tex
+from winchcascade.report.wording import by_sensor, clock_zero, span_word
 
 DOTS = 1200
 """Samples of each power that are drawn over the generator's speed at most; of more, an even selection."""

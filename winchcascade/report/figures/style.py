@@ -300,14 +300,15 @@ LINE_OF_LEGEND, KEY = 112, 7
 """Characters of the legend that a figure is wide, and those that a key with its margins takes."""
 
 
-def columns_of(texts: Sequence[str], room: int = LINE_OF_LEGEND) -> int:
-    """Columns of a legend whose longest texts stay within a number of characters.
+def columns_of(texts: Sequence[str]) -> int:
+    """Columns of a legend in as few lines as its width allows, which are filled evenly.
 
-    >>> columns_of(["9 ohm"] * 9), columns_of(["a log with a long name"] * 9), columns_of(["x" * 400] * 3)
+    >>> columns_of(["9 ohm"] * 9), columns_of(["a log with a long name"] * 5), columns_of(["x" * 400] * 3)
     (9, 3, 1)
     """
     lengths = np.array([len(re.sub(r"\\[a-z]+|[${}^_]", "", text)) + KEY for text in texts])
-    for columns in range(len(lengths), 1, -1):
-        if sum(int(part.max()) for part in np.array_split(lengths, columns)) <= room:
-            return columns
-    return 1
+    fitting = (
+        n for n in range(len(texts), 1, -1) if sum(p.max() for p in np.array_split(lengths, n)) <= LINE_OF_LEGEND
+    )
+    lines = -(-len(texts) // next(fitting, 1))
+    return -(-len(texts) // lines)

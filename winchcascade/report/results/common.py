@@ -14,7 +14,7 @@ from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, picture, section
-from winchcascade.report.digits import upper
+from winchcascade.report.glossary import upper
 
 if TYPE_CHECKING:
     from winchcascade.core.published_table import PublishedTable

@@ -25,7 +25,6 @@ from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.diagnosis_names import (
     NAMES,
-    SENSORS,
     at_words,
     has_own_simulation,
     items_of,
@@ -36,7 +35,7 @@ from winchcascade.report.diagnosis_names import (
     spot_words,
     word_of,
 )
-from winchcascade.report.glossary import CHANNELS
+from winchcascade.report.glossary import CHANNELS, SENSORS
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import WrongEntry
 

@@ -22,7 +22,6 @@ from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.diagnosis.stability import MIN_RUNS
 from winchcascade.report.content import Note, Report, number_text
 from winchcascade.report.diagnosis_names import (
-    SENSORS,
     about_words,
     files_of,
     has_own_simulation,
@@ -31,7 +30,7 @@ from winchcascade.report.diagnosis_names import (
     runs_with_number,
     share_words,
 )
-from winchcascade.report.glossary import upper
+from winchcascade.report.glossary import SENSORS, upper
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis_sentences import place_sentence, profile_words, stated_text, trend_sentence
 from winchcascade.report.wording import load_words

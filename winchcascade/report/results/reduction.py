@@ -23,8 +23,7 @@ from winchcascade.report.content import (
     section,
     shown,
 )
-from winchcascade.report.digits import upper
-from winchcascade.report.glossary import metric
+from winchcascade.report.glossary import metric, upper
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.reduction_tables import (
     bins_table,
