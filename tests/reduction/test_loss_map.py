@@ -149,7 +149,7 @@ def test_as_many_coefficients_as_points_have_no_interval(n: int, tmp_path: Path)
     assert not np.isfinite(found.u_loss).any()
     cells = shown_tables(found)
     rows = dict(cells["loss-quality"])
-    assert rows["Points"] == f"{n}"
+    assert rows["Points"] == f"{n} of 1 log"
     assert "uncertainty unknown" in rows["Energy lost"]
     assert sum(row[2] == "unknown" for row in cells["loss-coefficients"]) == n
     for name in ("map.csv", "map.json", "map.mat"):

@@ -18,7 +18,7 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
 from winchcascade.reduction.run_record import WavesRecord
 from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, mean_power, ratio_of_sums
-from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
+from winchcascade.reduction.wave_energies import WaveEnergies, joined_waves, wave_energies
 from winchcascade.reduction.wave_record import wave_record, waves_from_record
 from winchcascade.report.content import Note, Section, Span, Table
 from winchcascade.report.results.waves import wave_section
@@ -153,7 +153,7 @@ def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
     assert found.cycle.size >= 11
     assert found.period == pytest.approx(np.full(found.cycle.size, 6.0), abs=0.05)
     assert sum(c.count for c in found.classes) == found.cycle.size
-    for of in classes_of_payout(found):
+    for of in found.classes:
         assert of.efficiency["eta_gen"] == pytest.approx((of.energy["gen"] or 0.0) / (of.energy["mech"] or 1.0))
     assert found.errors
     assert all(error.shared for error in found.errors)
@@ -205,7 +205,7 @@ def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp
     printed = command("reduce", log, "--rig", rig, "--load-ohm", "36", *files)
     assert "complete waves" in printed
     assert "waves" in json.loads(json_file.read_text(encoding="utf-8"))
-    assert "Waves by payout" in page.read_text(encoding="utf-8")
+    assert 'id="table-wave-record"' in page.read_text(encoding="utf-8")
     assert pdf.stat().st_size > 10_000
     plain = command("reduce", fixtures / "campaign" / "r36ohm.csv", "--json", "-")
     assert "waves" not in json.loads(plain)
@@ -353,5 +353,5 @@ def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:
     assert f"{together['waves']} complete waves of 2 logs" in printed
     (written,) = open_campaign(tmp_path / "campaign.toml").report(tmp_path / "campaign.html")
     page = written.read_text(encoding="utf-8")
-    assert "Waves by payout" in page
+    assert 'id="table-wave-logs"' in page
     assert "is not among the waves together" in page

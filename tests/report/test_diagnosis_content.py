@@ -8,11 +8,13 @@ from typing import Any
 import msgspec
 import pytest
 from diagnosed import SUSPECTS, diagnosed
+from layout import misplaced
 from pypdf import PdfReader
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, Spot
 from winchcascade.report.content import Cell, Measured, Note, Picture, Report, Span, Table
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.render.page import page_text
 from winchcascade.report.render.pdf import pdf_bytes
@@ -176,6 +178,8 @@ def test_names_are_used_once_figures_have_captions_and_synthetic_logs_are_never_
     assert all(one.caption.endswith(".") and one.alt.endswith(".") for one in pictures(made).values())
     assert "easured" not in said(made).replace("ot measured", "")
     assert made.banner
+    with house_style():
+        assert {one.id: misplaced(one.figure) for one in pictures(made).values() if misplaced(one.figure)} == {}
 
 
 @pytest.mark.parametrize("name", ALL)

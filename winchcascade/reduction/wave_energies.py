@@ -314,19 +314,6 @@ def _classes(waves: WaveEnergies) -> tuple[WaveClass, ...]:
     return tuple(found)
 
 
-def classes_of_payout(waves: WaveEnergies) -> list[WaveClass]:
-    """Classes of payout alone: those of all periods together."""
-    found: dict[tuple[float, float], list[WaveClass]] = {}
-    for one in waves.classes:
-        found.setdefault(one.payout, []).append(one)
-    together = []
-    for payout, of in found.items():
-        joule = {stage: sum(one.energy[stage] or 0.0 for one in of) for stage in waves.energy}
-        period = min(one.period[0] for one in of), max(one.period[1] for one in of)
-        together.append(WaveClass(payout, period, sum(one.count for one in of), joule, _ratios(joule, waves.pairs)))
-    return together
-
-
 def _ratios(joule: Mapping[str, float], pairs: Pairs) -> dict[str, float | None]:
     return {name: efficiency_or_none(joule.get(out), joule.get(into)) for name, (into, out) in pairs.items()}
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import msgspec
+
 from winchcascade.core.published_table import PublishedTable, Span
 from winchcascade.core.version import __version__
-from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
-from winchcascade.tables.attainable_row import AttainableRow, Cell
-from winchcascade.tables.audit import Audit, Contradiction
+from winchcascade.tables.attainable import Ability, AttainableRanges
+from winchcascade.tables.audit import Audit
 from winchcascade.tables.effect_search import Values
 from winchcascade.tables.point_audit import PointAudit
 from winchcascade.tables.point_table import PointTable
@@ -29,10 +30,7 @@ def _head(kind: str, audit: Audit | PointAudit, *, evaluated: bool) -> dict[str,
         "table": table_record(audit.table),
         "ok": audit.ok,
         "evaluated": evaluated,
-        "laws": [
-            {"law": use.law, "status": use.status, "rows_evaluated": use.rows, "missing": use.missing}
-            for use in audit.uses
-        ],
+        "laws": [fields(use, rows="rows_evaluated") for use in audit.uses],
     }
 
 
@@ -51,8 +49,16 @@ def picked(item: object, *names: str) -> dict[str, Any]:
     return {name: getattr(item, name) for name in names}
 
 
-def _ends(span: Span | None) -> tuple[float, float] | None:
-    return None if span is None else (span.low, span.high)
+def fields(item: msgspec.Struct, *left_out: str, **names: str) -> dict[str, Any]:
+    """Fields of a result in order, some left out, some with another name; loads as JSON has them, intervals as pairs."""
+    record: dict[str, Any] = {}
+    for field in item.__struct_fields__:
+        value = getattr(item, field)
+        if field == "load":
+            record |= {} if value is None else load_record(value)
+        elif field not in left_out:
+            record[names.get(field, field)] = msgspec.structs.astuple(value) if isinstance(value, Span) else value
+    return record
 
 
 def _by_load(audit: Audit) -> dict[str, Any]:
@@ -66,7 +72,10 @@ def _by_load(audit: Audit) -> dict[str, Any]:
             "product": known.bounds.product,
             "assumed": known.assumed,
         },
-        "contradictions": [_contradiction(item) for item in audit.contradictions],
+        "contradictions": [
+            fields(item) | {"repairs": [fields(repair, "text") for repair in item.repairs]}
+            for item in audit.contradictions
+        ],
         "claims": [
             {
                 "verdict": one.verdict,
@@ -76,24 +85,12 @@ def _by_load(audit: Audit) -> dict[str, Any]:
             }
             for one in audit.claims
         ],
-        "windows": [{**load_record(one.load), "window_s": _ends(one.span)} for one in audit.windows],
+        "windows": [fields(one, span="window_s") for one in audit.windows],
         "shared_windows": [
-            {"loads": [*map(load_record, one.loads)], "window_s": _ends(one.span), "shortest_s": one.shortest}
+            fields(one, span="window_s", shortest="shortest_s") | {"loads": [*map(load_record, one.loads)]}
             for one in audit.shared
         ],
         **({} if audit.physics is None else {"physics": attainable_record(audit.physics)}),
-    }
-
-
-def _contradiction(item: Contradiction) -> dict[str, Any]:
-    return {
-        "kind": item.kind,
-        **({} if item.load is None else load_record(item.load)),
-        **picked(item, "cells", "metric", "printed", "unit"),
-        "allowed": _ends(item.allowed),
-        **picked(item, "missed_by", "sentence"),
-        "repairs": [picked(repair, "metric", "low", "high") for repair in item.repairs],
-        "line": item.line,
     }
 
 
@@ -105,39 +102,40 @@ def attainable_record(ranges: AttainableRanges) -> dict[str, Any]:
         "ok": ranges.ok,
         "deviation_eta": ranges.scatter,
         "notes": ranges.notes,
-        "rows": [_row(row) for row in ranges.rows],
-        "not_judged": [{**load_record(item.load), "reason": item.reason} for item in ranges.not_judged],
-        "effects": [_suspect(ranges, suspect) for suspect in found.suspects],
+        "rows": [
+            {
+                **load_record(row.load),
+                "window_s": row.window,
+                "speed_mps": (row.speeds.low, row.speeds.high),
+                "efficiencies": {
+                    cell.metric: {
+                        **picked(cell, "printed", "derived", "allowed"),
+                        "reach": (cell.low, cell.high),
+                        "nominal": cell.nominal,
+                        "standard_uncertainty": cell.u,
+                        "off": cell.gap,
+                        "outside": cell.outside,
+                    }
+                    for cell in row.cells
+                },
+            }
+            for row in ranges.rows
+        ],
+        "not_judged": [fields(item) for item in ranges.not_judged],
+        "effects": [
+            {
+                **picked(suspect, "effect", "stage"),
+                "fields": {
+                    field.name: {**picked(field, "unit", "absent"), "plausible": (field.low, field.high)}
+                    for field in suspect.fields
+                },
+                "can": {one.metric: _ability(ranges, one) for one in suspect.abilities},
+                "best": suspect.best and _values(suspect.best),
+            }
+            for suspect in found.suspects
+        ],
         "sets": [_values(values) for values in found.sets],
         "closest": found.closest and _values(found.closest),
-    }
-
-
-def _row(row: AttainableRow) -> dict[str, Any]:
-    cells = {cell.metric: _cell(cell) for cell in row.cells}
-    return {**load_record(row.load), "window_s": row.window, "speed_mps": _ends(row.speeds), "efficiencies": cells}
-
-
-def _cell(cell: Cell) -> dict[str, Any]:
-    return {
-        **picked(cell, "printed", "derived", "allowed"),
-        "reach": (cell.low, cell.high),
-        "nominal": cell.nominal,
-        "standard_uncertainty": cell.u,
-        "off": cell.gap,
-        "outside": cell.outside,
-    }
-
-
-def _suspect(ranges: AttainableRanges, suspect: SuspectResult) -> dict[str, Any]:
-    return {
-        **picked(suspect, "effect", "stage"),
-        "fields": {
-            field.name: {**picked(field, "unit", "absent"), "plausible": (field.low, field.high)}
-            for field in suspect.fields
-        },
-        "can": {one.metric: _ability(ranges, one) for one in suspect.abilities},
-        "best": suspect.best and _values(suspect.best),
     }
 
 
@@ -171,7 +169,7 @@ def _by_point(audit: PointAudit) -> dict[str, Any]:
                 "key": {name: cell.value for name, cell in table.rows[item.row].items() if name in table.key},
                 **picked(item, "column", "printed"),
                 "unit": table.columns[item.column].unit,
-                "allowed": _ends(item.allowed),
+                "allowed": (item.allowed.low, item.allowed.high),
                 "sentence": item.sentence,
             }
             for item in audit.broken

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
-from winchcascade.core.published_table import PublishedTable, load_text, unit_suffix
 from winchcascade.core.published_table import Span as Interval
+from winchcascade.core.published_table import load_text, unit_suffix
 from winchcascade.report.content import Column, Measured, Note, Report, Section, Span, Tile, section, table
 from winchcascade.report.glossary import upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
 from winchcascade.rig.effects.effect import Field
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow, Cell
-from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow, percent
+from winchcascade.tables.audit import Audit, RecoveredWindow, percent
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.effect_search import Values
 from winchcascade.tables.point_audit import ColumnFault, LawUse, PointAudit
 
-VERDICTS = {"confirmed": "confirmed", "contradicted": "contradicted", "not_checkable": "cannot be verified"}
-"""Verdicts on a claim in words."""
+VERDICTS = {"contradicted": "contradicted", "not_checkable": "cannot be verified", "confirmed": "confirmed"}
+"""Verdicts on a claim in words, those that need a reader first."""
 
 MAX_MISSING = 2
 """Missing columns of a law that a sentence names; of more none."""
@@ -33,18 +33,29 @@ NOTHING = 0.005
 
 def audit_report(audit: Audit | PointAudit, *, command: str = "") -> Report:
     """Report of an audit of a table by load, with the physics of a rig where requested, or of operating points."""
-    audited = audit.table
     verdict = Note(audit_summary(audit), "Outcome", "good" if audit.ok else "warn", brief=False)
     tiles, points, sections = _by_load(audit) if isinstance(audit, Audit) else _by_point(audit)
+    derived = ", ".join(use.law for use in audit.uses if use.status == "derived")
+    lost = ", ".join(_lost(use) for use in audit.uses if use.status == "not_evaluated")
     return Report(
         kind="Audit of a published table",
-        title=f"{audited.name}: {audited.title}",
-        subtitle=audited.source,
+        title=f"{audit.table.name}: {audit.table.title}",
+        subtitle=audit.table.source,
         tiles=tiles,
-        points=[verdict, *points, *_uses(audit.uses)],
-        sections=[*sections, provenance(table_rows(audited), command)],
+        points=[
+            verdict,
+            *points,
+            Note(f"{derived}, as the cells are empty.", "Derived") if derived else None,
+            Note(f"{lost}.", "Not evaluated") if lost else None,
+        ],
+        sections=[*sections, provenance(table_rows(audit.table), command)],
         verdict=verdict,
     )
+
+
+def _lost(use: LawUse) -> str:
+    """A law that no row could be compared with, and which columns it lacks."""
+    return f"{use.law} (no {' and no '.join(use.missing)})" if 0 < len(use.missing) <= MAX_MISSING else use.law
 
 
 def failed_audit(audit: Audit | PointAudit) -> Report:
@@ -75,107 +86,33 @@ def audit_summary(audit: Audit | PointAudit) -> str:
     return f"{text}." if physics is None else f"{text}; {attainable_summary(physics)}."
 
 
-def _uses(uses: Sequence[LawUse]) -> list[Note]:
-    """Which laws no row could be compared with, for lack of which columns, and which gave cells that the table lacks."""
-    lost = [
-        f"{use.law} (no {' and no '.join(use.missing)})" if 0 < len(use.missing) <= MAX_MISSING else use.law
-        for use in uses
-        if use.status == "not_evaluated"
-    ]
-    derived = [use.law for use in uses if use.status == "derived"]
-    return [
-        *([Note(f"{', '.join(derived)}, as the cells are empty.", "Derived")] if derived else []),
-        *([Note(f"{', '.join(lost)}.", "Not evaluated")] if lost else []),
-    ]
-
-
 class Contradicted(NamedTuple):
-    """A cell that others contradict: the sentence, its place, what it may be, and half a unit of its last decimal."""
+    """A cell that others contradict: its place, what it may be, the sentence, and half a unit of its last decimal."""
 
-    sentence: str
     row: str
     column: str
     printed: float
     allowed: Interval
     unit: str
+    sentence: str
     rounding: float
     line: int | None = None
 
 
 CONTRADICTED: tuple[Column[Contradicted], ...] = (
-    Column("what contradicts what", lambda c: c.sentence),
     Column("row", lambda c: c.row, brief=False),
-    Column("line in the file", lambda c: c.line, brief=False),
     Column("cell", lambda c: c.column, brief=False),
     Column("printed", lambda c: Measured(c.printed, PRINTED * c.rounding), brief=False, own_digits=True),
-    Column("allowed", lambda c: Span(*_ends(c.allowed), 0.1 * PRINTED * c.rounding), brief=False, own_digits=True),
+    Column(
+        "allowed", lambda c: Span(c.allowed.low, c.allowed.high, 0.1 * PRINTED * c.rounding), brief=False, own_digits=True
+    ),
     Column("unit", lambda c: "" if c.unit == "1" else c.unit, brief=False),
-)
-
-
-def _ends(interval: Interval) -> tuple[float, float]:
-    return interval.low, interval.high
+    Column("what contradicts what", lambda c: c.sentence),
+    Column("line", lambda c: c.line, brief=False),
+)  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------------ a table by load
-def _by_load(audit: Audit) -> tuple[list[Tile], list[Note], list[Section]]:
-    known, physics, claims = audit.known, audit.physics, audit.claims
-    tiles = [
-        Tile("Contradictions", "between cells", f"{len(audit.contradictions)}", f"in {len(audit.table.rows)} rows"),
-        Tile("Claims", "contradicted", f"{len(audit.contradicted)}", f"of {len(claims)}"),
-    ]
-    bounds = (
-        f"Means over {known.basis}: an efficiency can differ from the ratio of mean energies by {percent(known.bounds.ratio)}, "
-        f"eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}."
-    )
-    found, advice = [], Note("`--physics` compares the table with the model of a rig.", "Next", brief=False)
-    if physics is not None:
-        judged = sum(len(row.cells) for row in physics.rows)
-        tiles.append(Tile("Efficiencies", "that the rig cannot reach", f"{len(physics.outside)}", f"of {judged}"))
-        metrics = dict.fromkeys(cell.metric for row in physics.rows for cell in row.cells)
-        found = [Note(deviation_words(physics, metric), "Physics") for metric in metrics]
-        advice = Note("" if physics.ok else "Logs decide between the effects: `winchcascade diagnose`.", "Next")
-    assumed = f"{', '.join(known.assumed)}, as the table does not state them." if known.assumed else ""
-    points = [advice, *found, Note(bounds, "Bounds"), Note(assumed, "Assumed")]
-    open_claims = sorted((c for c in claims if c.verdict != "confirmed"), key=lambda c: c.verdict != "contradicted")
-    confirmed = [claim for claim in claims if claim.verdict == "confirmed"]
-    return tiles, points, [
-        section(
-            "contradictions", "Cells that contradict each other",
-            table(
-                "contradictions", "Cells that cannot all be true, whatever the rounding and the scatter of the cycles.",
-                CONTRADICTED, [_contradicted(audit.table, item) for item in audit.contradictions],
-            ),
-            None if audit.contradictions or not audit.evaluated else Note("None."),
-        ),
-        section(
-            "claims", "Claims of the text",
-            table("claims", "Claims that the rows do not confirm.", CLAIMS, open_claims),
-            Note(f"{len(confirmed)} of {len(claims)} claims are confirmed.") if claims else None,
-        ),
-        section(
-            "windows", "Windows recovered from energy over power",
-            table("windows", "Windows that energies and powers allow; none where stages contradict.", WINDOWS, audit.windows),
-            *_shared_windows(audit),
-        ),
-        *([] if physics is None else _physics(physics)),
-        section(
-            "confirmed", "Confirmed claims",
-            table("confirmed", "Claims that the rows confirm.", CLAIMS, confirmed, brief=False), folded=True,
-        ),
-    ]  # fmt: skip
-
-
-def _contradicted(audited: PublishedTable, item: Contradiction) -> Contradicted:
-    """A contradiction of a table by load, with what would mend its row."""
-    row, rounding = item.kind if item.load is None else load_text(item.load), audited.columns[item.metric].rounding
-    sentence, changes = item.sentence, ", or ".join(f"{repair.metric} {repair.text}" for repair in item.repairs)
-    if item.kind == "row":
-        mended = f"A change of one cell makes the row consistent: {changes}."
-        sentence += f" {mended if changes else 'No change of a single cell makes this row consistent.'}"
-    return Contradicted(sentence, row, item.metric, item.printed, item.allowed, item.unit, rounding, item.line)
-
-
 CLAIMS: tuple[Column[ClaimVerdict], ...] = (
     Column("verdict", lambda c: VERDICTS[c.verdict]),
     Column("what the rows give", lambda c: f"{c.sentence} [{c.claim.where}]"),
@@ -184,23 +121,73 @@ CLAIMS: tuple[Column[ClaimVerdict], ...] = (
 
 WINDOWS: tuple[Column[RecoveredWindow], ...] = (
     Column("row", lambda w: load_text(w.load)),
-    Column("window", lambda w: None if w.span is None else Span(*_ends(w.span)), "s", 4),
+    Column("window", lambda w: None if w.span is None else Span(w.span.low, w.span.high), "s", 4),
 )
 
 
-def _shared_windows(audit: Audit) -> list[Note]:
-    """Which rows can share one window, and how many windows fit all rows."""
-    return [
-        *(
-            Note(
-                f"{', '.join(map(load_text, one.loads))} can share one window: {one.span.low:.4f} to {one.span.high:.4f} s, "
-                f"such as {one.shortest:g} s."
-            )
-            for one in audit.shared
-            if len(one.loads) > 1
-        ),
-        *([Note(f"At least {len(audit.shared)} windows are needed for all rows.")] if len(audit.shared) > 1 else []),
+def _by_load(audit: Audit) -> tuple[list[Tile], list[Note], list[Section]]:
+    known, physics, claims = audit.known, audit.physics, audit.claims
+    tiles = [
+        Tile("Contradictions", "between cells", f"{len(audit.contradictions)}", f"in {len(audit.table.rows)} rows"),
+        Tile("Claims", "contradicted", f"{len(audit.contradicted)}", f"of {len(claims)}"),
     ]
+    found, advice = [], Note("`--physics` compares the table with the model of a rig.", "Next", brief=False)
+    if physics is not None:
+        judged = sum(len(row.cells) for row in physics.rows)
+        tiles.append(Tile("Efficiencies", "that the rig cannot reach", f"{len(physics.outside)}", f"of {judged}"))
+        metrics = dict.fromkeys(cell.metric for row in physics.rows for cell in row.cells)
+        found = [Note(deviation_words(physics, metric), "Physics") for metric in metrics]
+        advice = Note("" if physics.ok else "Logs decide between the effects: `winchcascade diagnose`.", "Next")
+    bounds = (
+        f"Means over {known.basis}: an efficiency can differ from the ratio of mean energies by {percent(known.bounds.ratio)}, "
+        f"eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}."
+    )
+    assumed = f"{', '.join(known.assumed)}, as the table does not state them." if known.assumed else ""
+    open_claims = [claim for verdict in list(VERDICTS)[:2] for claim in claims if claim.verdict == verdict]
+    confirmed = [claim for claim in claims if claim.verdict == "confirmed"]
+    return tiles, [advice, *found, Note(bounds, "Bounds"), Note(assumed, "Assumed")], [
+        section(
+            "contradictions", "Cells that contradict each other",
+            table(
+                "contradictions", "Cells that cannot all be true, whatever the rounding and the scatter of the cycles.",
+                CONTRADICTED, _contradicted(audit),
+            ),
+            None if audit.contradictions or not audit.evaluated else Note("None."),
+        ),
+        section(
+            "claims", "Claims of the text",
+            table("claims", "Claims that the rows do not confirm.", CLAIMS, open_claims),
+            Note(f"{len(confirmed)} of {len(claims)} claims are confirmed.") if claims else None,
+        ),
+        *([] if physics is None else _physics(physics)),
+        section(
+            "windows", "Windows recovered from energy over power",
+            *(
+                Note(f"{', '.join(map(load_text, one.loads))} can share one of {one.shortest:g} s.", "Window")
+                for one in audit.shared if len(one.loads) > 1
+            ),
+            table("windows", "Windows that energies and powers allow; none where stages contradict.", WINDOWS, audit.windows),
+            folded=True,
+        ),
+        section(
+            "confirmed", "Confirmed claims",
+            table("confirmed", "Claims that the rows confirm.", CLAIMS, confirmed, brief=False), folded=True,
+        ),
+    ]  # fmt: skip
+
+
+def _contradicted(audit: Audit) -> list[Contradicted]:
+    """Contradictions of a table by load, each with what would mend its row."""
+    found = []
+    for item in audit.contradictions:
+        sentence, changes = item.sentence, ", or ".join(f"{repair.metric} {repair.text}" for repair in item.repairs)
+        if item.kind == "row":
+            mended = f"A change of one cell makes the row consistent: {changes}."
+            sentence += f" {mended if changes else 'No change of a single cell makes this row consistent.'}"
+        row = item.kind if item.load is None else load_text(item.load)
+        half = audit.table.columns[item.metric].rounding
+        found.append(Contradicted(row, item.metric, item.printed, item.allowed, item.unit, sentence, half, item.line))
+    return found
 
 
 # ----------------------------------------------------------------------------------------------------- physics of a rig
@@ -214,7 +201,7 @@ class Judged(NamedTuple):
 JUDGED: tuple[Column[Judged], ...] = (
     Column("efficiency", lambda j: j.cell.metric),
     Column("row", lambda j: load_text(j.row.load)),
-    Column("line speed", lambda j: Span(*_ends(j.row.speeds)), "m/s", 2, brief=False),
+    Column("line speed", lambda j: Span(j.row.speeds.low, j.row.speeds.high), "m/s", 2, brief=False),
     Column("printed", lambda j: j.cell.printed, decimals=3),
     Column("made", lambda j: "of other cells" if j.cell.derived else ""),
     Column("attainable", lambda j: Span(j.cell.low, j.cell.high), decimals=3),
@@ -231,14 +218,33 @@ def attainable_summary(ranges: AttainableRanges) -> str:
     return f"all {judged} efficiencies can be reached" if judged else "no row could be judged"
 
 
+def deviation_words(ranges: AttainableRanges, metric: str) -> str:
+    """How far the table deviates from what the rig can reach in one efficiency."""
+    judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
+    gaps = [100.0 * cell.gap for cell in judged if cell.outside]
+    sides = (("above", [gap for gap in gaps if gap > 0]), ("below", [-gap for gap in gaps if gap < 0]))
+    found = [
+        f"{len(one)} of {len(judged)} rows {side} what the rig can reach, by "
+        f"{_ends([f'{gap:.1f}' for gap in sorted(one)])} points"
+        for side, one in sides
+        if one
+    ]
+    return f"{metric}: {'; '.join(found) or f'all {len(judged)} rows can be reached'}."
+
+
+def _ends(texts: list[str]) -> str:
+    """The first and the last of some texts, or the one that they all are."""
+    return " to ".join(dict.fromkeys((texts[0], texts[-1])))
+
+
 def _physics(ranges: AttainableRanges) -> list[Section]:
-    """What the rig can attain row by row, and which effects could explain what lies beyond."""
-    metrics = list(dict.fromkeys(cell.metric for row in ranges.rows for cell in row.cells))
+    """What the rig can attain row by row, and which effects and sets of effects could explain what lies beyond."""
+    metrics = dict.fromkeys(cell.metric for row in ranges.rows for cell in row.cells)
     judged = [Judged(row, cell) for name in metrics for row in ranges.rows for cell in row.cells if cell.metric == name]
     basis = (
         f"Rig {ranges.rig.name} on payouts that speed up for {100 * min(RAMPS):.0f} to {100 * max(RAMPS):.0f} % of the window, "
-        f"evenly or smoothly, from 0 or {STARTED:g} m of line, at the speeds of the printed powers; its numbers and sensors "
-        "within one standard uncertainty."
+        f"from 0 or {STARTED:g} m of line, at the speeds of the printed powers; its numbers and sensors within one standard "
+        "uncertainty."
     )
     return [
         section(
@@ -248,28 +254,8 @@ def _physics(ranges: AttainableRanges) -> list[Section]:
             *(Note(f"{load_text(item.load)}: {item.reason}.", "Not judged") for item in ranges.not_judged),
             table("attainable", "Published efficiencies and what the rig can attain.", JUDGED, judged),
         ),
-        *([] if ranges.ok else [_effects(ranges), _sets(ranges)]),
+        *([] if ranges.ok else [_sets(ranges), _effects(ranges)]),
     ]  # fmt: skip
-
-
-def deviation_words(ranges: AttainableRanges, metric: str) -> str:
-    """How far the table deviates from what the rig can reach in one efficiency."""
-    judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
-    gaps = [100.0 * cell.gap for cell in judged if cell.outside]
-    sides = (("above", [gap for gap in gaps if gap > 0]), ("below", [-gap for gap in gaps if gap < 0]))
-    found = [
-        f"{len(one)} of {len(judged)} rows {side} what the rig can reach, by {_range(one)} points"
-        for side, one in sides
-        if one
-    ]
-    return f"{metric}: {'; '.join(found) or f'all {len(judged)} rows can be reached'}."
-
-
-def wanted(ranges: AttainableRanges) -> list[str]:
-    """Efficiencies whose causes are listed: the two stages where they are outside the attainable range, else their product."""
-    outside = {cell.metric for _, cell in ranges.outside}
-    stages: list[str] = [metric for metric in ("eta_trans", "eta_gen") if metric in outside]
-    return stages or sorted(outside)
 
 
 class Suspected(NamedTuple):
@@ -287,24 +273,29 @@ SUSPECTED: tuple[Column[Suspected], ...] = (
     Column("effect", lambda s: s.effect.effect),
     Column("stage", lambda s: s.effect.stage, brief=False),
     Column("efficiency", lambda s: s.alone.metric),
-    Column("plausible", lambda s: _plausible(s.effect.fields), brief=False),
+    Column("plausible", lambda s: _plausible(*s.effect.fields), brief=False),
     Column("needs", lambda s: s.needs),
     Column("closes", lambda s: 100.0 * s.alone.closed, "%", 0),
     Column("alone", lambda s: ALONE[s.alone.verdict]),
 )
 
 
+def _plausible(first: Field, *more: Field) -> str:
+    return f"{1 + len(more)} fields" if more else f"{first.low:g} to {first.high:g}{unit_suffix(first.unit)}"
+
+
 def _effects(ranges: AttainableRanges) -> Section:
-    """Effects one by one on each efficiency, those that help most first, and those that do nothing."""
+    """Effects one by one on each efficiency outside the range (the stages, else their product), those that help most first."""
+    outside = {cell.metric for _, cell in ranges.outside}
+    wanted = sorted(outside & {"eta_trans", "eta_gen"}, reverse=True) or sorted(outside)
     suspects = ranges.explanation.suspects
     found = [
-        Suspected(suspect, alone, needed(ranges, alone))
-        for metric in wanted(ranges)
+        Suspected(suspect, alone, _needed(ranges, alone))
+        for metric in wanted
         for suspect in suspects
         if (alone := suspect.ability(metric)).closed >= NOTHING
     ]
-    found.sort(key=lambda one: (one.alone.verdict != "explains", -one.alone.closed))
-    found.sort(key=lambda one: wanted(ranges).index(one.alone.metric))
+    found.sort(key=lambda s: (wanted.index(s.alone.metric), s.alone.verdict != "explains", -s.alone.closed))
     helping = {one.effect.effect for one in found}
     nothing = ", ".join(suspect.effect for suspect in suspects if suspect.effect not in helping)
     legend = (
@@ -316,31 +307,28 @@ def _effects(ranges: AttainableRanges) -> Section:
         table("effects", "Effects alone on each efficiency.", SUSPECTED, found),
         Note(legend, "Needs"),
         Note(f"{nothing}.", "No effect") if nothing else None,
+        folded=True,
     )  # fmt: skip
 
 
-def _plausible(fields: Sequence[Field]) -> str:
-    first = fields[0]
-    return f"{len(fields)} fields" if len(fields) > 1 else f"{first.low:g} to {first.high:g}{unit_suffix(first.unit)}"
-
-
-def needed(ranges: AttainableRanges, ability: Ability) -> str | None:
+def _needed(ranges: AttainableRanges, ability: Ability) -> str | None:
     """The values that the rows need; None where no value does."""
     outside = {row.load for row, cell in ranges.outside if cell.metric == ability.metric}
     values = [value for row, value in zip(ranges.rows, ability.needed, strict=False) if row.load in outside]
     known = sorted((value for value in values if value is not None), key=abs)
-    texts = dict.fromkeys(f"{value:.2g}" if abs(value) < 100.0 else f"{value:.0f}" for value in known[:1] + known[-1:])
-    return " to ".join(texts) + "*" * (None in values) if known else None
+    texts = [f"{value:.2g}" if abs(value) < 100.0 else f"{value:.0f}" for value in known]
+    return _ends(texts) + "*" * (None in values) if texts else None
 
 
 def _sets(ranges: AttainableRanges) -> Section:
     """The smallest sets that bring the table within the attainable range, or the one that comes closest."""
     found = ranges.explanation
     listed = found.sets or ((found.closest,) if found.closest else ())
+    fields = {(s.effect, f.name): f for s in found.suspects for f in s.fields}
     columns: list[Column[Values]] = [
-        Column("effects and values", lambda values: _values(ranges, values)),
+        Column("effects and values", lambda values: " with ".join(_valued(values, fields))),
         Column("outside in all", lambda values: 100.0 * values.out_of_reach or None, "points", 1),
-        *(_left_column(metric) for metric in dict.fromkeys(m for one in listed for m in one.left_rms)),
+        *(_left(metric) for metric in dict.fromkeys(m for one in listed for m in one.left_rms)),
     ]
     none = f"No set of up to {found.size} effects brings all within the range at plausible values; this one is closest."
     return section(
@@ -350,28 +338,19 @@ def _sets(ranges: AttainableRanges) -> Section:
     )  # fmt: skip
 
 
-def _left_column(metric: str) -> Column[Values]:
+def _left(metric: str) -> Column[Values]:
     return Column(f"{metric} left", lambda values: 100.0 * values.left_rms[metric], "points rms", 1)
 
 
-def _values(ranges: AttainableRanges, values: Values) -> str:
-    """Effects with their values."""
-    fields = {(s.effect, f.name): f for s in ranges.explanation.suspects for f in s.fields}
-    return " with ".join(
-        f"{effect} {', '.join(_value(fields[effect, name], value) for name, value in given.items())}"
-        for effect, given in values.fields.items()
-    )
-
-
-def _value(field: Field, value: float) -> str:
-    stops = [f" (at its bound {bound:g})" for bound in (field.low, field.high) if value == bound != field.absent]
-    return f"{field.name} {value:.3g}{unit_suffix(field.unit)}{''.join(stops)}"
-
-
-def _range(values: Iterable[float]) -> str:
-    """Smallest and largest of some values, or the one that they all are."""
-    texts = [f"{value:.1f}" for value in sorted(values)]
-    return " to ".join(dict.fromkeys((texts[0], texts[-1])))
+def _valued(values: Values, fields: dict[tuple[str, str], Field]) -> Iterable[str]:
+    """Effects of a set with their values."""
+    for effect, given in values.fields.items():
+        texts = []
+        for name, value in given.items():
+            field = fields[effect, name]
+            stops = [f" (at its bound {end:g})" for end in (field.low, field.high) if value == end != field.absent]
+            texts.append(f"{name} {value:.3g}{unit_suffix(field.unit)}{''.join(stops)}")
+        yield f"{effect} {', '.join(texts)}"
 
 
 # ---------------------------------------------------------------------------------------------------- operating points
@@ -390,16 +369,16 @@ def _by_point(audit: PointAudit) -> tuple[list[Tile], list[Note], list[Section]]
         Tile("Columns", "with another unit or exchanged heads", f"{len(audit.faults)}", f"of {len(audited.columns)}"),
     ]
     faults: list[Column[ColumnFault]] = [
-        Column("what was found", lambda f: f.sentence),
         Column("fault", lambda f: f.kind.replace("_", " "), brief=False),
         Column("columns", lambda f: ", ".join(audited.columns[name].head for name in f.columns), brief=False),
+        Column("what was found", lambda f: f.sentence),
     ]
     broken = [
         Contradicted(
-            item.sentence, f"{item.row + 1}", audited.columns[item.column].head, item.printed, item.allowed,
-            audited.columns[item.column].unit, audited.rows[item.row][item.column].rounding,
+            f"{item.row + 1}", column.head, item.printed, item.allowed, column.unit, item.sentence,
+            audited.rows[item.row][item.column].rounding,
         )
-        for item in audit.broken
+        for item in audit.broken for column in [audited.columns[item.column]]
     ]  # fmt: skip
     return tiles, [Note(f"{text}.", about) for about, text in heads if text], [
         section("columns", "Faults of whole columns", table("column-faults", "Faults of columns.", faults, audit.faults)),

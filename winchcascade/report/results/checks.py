@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 from winchcascade.core.campaign_file import banner
@@ -23,48 +24,51 @@ PARTS = {"rounding": "rounding", "deviation": "deviation", "uncertainty": "2 u",
 
 def check_report(check: Check, *, command: str = "") -> Report:
     """Report of a check."""
-    checked, factors = check.table, check.factors
     counts, whole = Counter(cell.outcome for cell in check.cells), f"of {len(check.cells)} cells"
+    lost = counts["not_measured"] + counts["no_run"]
     findings = [(row, text) for row, found in check.findings.items() for text in found]
     verdict = Note(check_summary(check), "Outcome", "good" if check.ok else "warn", brief=False)
+    advice = "" if not counts["miss"] else "`winchcascade audit` shows whether the table contradicts itself."
+    if advice and findings:
+        advice = "Correct the logs with findings first."
     return Report(
         kind="Check against a published table",
-        title=f"{checked.name}: {checked.title}",
-        subtitle=checked.source,
+        title=f"{check.table.name}: {check.table.title}",
+        subtitle=check.table.source,
         tiles=[
             Tile("Agree", "cells within what is allowed", f"{counts['ok']}", whole),
             Tile("Differ", "cells beyond what is allowed", f"{counts['miss']}", whole),
-            Tile("Without a value", "cells not measured, or without a run",
-                 f"{counts['not_measured'] + counts['no_run']}", whole),
+            Tile("Without a value", "cells not measured, or without a run", f"{lost}", whole),
         ],
         points=[
             verdict,
-            _advice(check, counts["miss"]),
+            Note(advice, "Next"),
             data_note(check.origins),
             Note(f"{upper(recipe(check))}.", "Allowed"),
             *(Note(text, "Note", "warn") for text in check.notes),
         ],
         sections=[
+            section("findings", "Findings in the logs", table("findings", "What is wrong with the logs.", FINDINGS, findings)),
             section(
                 "cells", "Cells, those that do not agree first",
                 table("cells", "Printed and found values.", _columns(check), sorted(check.cells, key=lambda cell: cell.ok),
                       note="2 u: twice the standard uncertainty of the mean by the sensors."),
                 None if check.cells else Note("No cell was compared."),
             ),
-            section("findings", "Findings in the logs", table("findings", "What is wrong with the logs.", FINDINGS, findings)),
             provenance(
-                [
-                    *table_rows(checked),
-                    ("Logs", ", ".join(dict.fromkeys(cell.log for cell in check.cells if cell.log))),
-                    ("Factors", f"rounding {factors.rounding:g}, deviation {factors.deviation:g}, "
-                                f"uncertainty {factors.uncertainty:g}"),
-                ],
+                [*table_rows(check.table), ("Logs", ", ".join(dict.fromkeys(cell.log for cell in check.cells if cell.log)))],
                 command,
             ),
         ],
         verdict=verdict,
         banner=banner(check.origins),
     )  # fmt: skip
+
+
+FINDINGS: tuple[Column[tuple[RowKey, str]], ...] = (
+    Column("row", lambda found: found[0].text),
+    Column("what was found in its log", lambda found: one_line(found[1])),
+)
 
 
 def failed_check(check: Check) -> Report:
@@ -74,10 +78,8 @@ def failed_check(check: Check) -> Report:
 
 def miss_sentence(cell: CellCheck) -> str:
     """Say of a cell that does not agree where it stands, what is printed, what was found and by how much it differs."""
-    place, log = (
-        f"{cell.row.text}, {cell.metric}: {cell.column.text(cell.printed)} is printed",
-        one_line(cell.log or "the log"),
-    )
+    place = f"{cell.row.text}, {cell.metric}: {cell.column.text(cell.printed)} is printed"
+    log = one_line(cell.log or "the log")
     if cell.outcome == "no_run":
         return f"{place}, and no run of this {'row' if cell.load is None else 'load'} was given."
     if cell.measured is None:
@@ -91,25 +93,10 @@ def miss_sentence(cell: CellCheck) -> str:
 
 def check_summary(check: Check) -> str:
     """How many cells agree, and why others do not."""
-    count, found = len(check.cells), Counter(cell.outcome for cell in check.misses)
-    differ = f"{found['miss']} differ{'s' * (found['miss'] == 1)}" if found["miss"] else ""
-    unmeasured = f"{found['not_measured']} not measured" if found["not_measured"] else ""
-    without = f"{found['no_run']} without a run" if found["no_run"] else ""
-    named = ", ".join(filter(None, (differ, unmeasured, without)))
+    count, found = len(check.cells), Counter[str](cell.outcome for cell in check.misses)
+    words = {"miss": "differ" + "s" * (found["miss"] == 1), "not_measured": "not measured", "no_run": "without a run"}
+    named = ", ".join(f"{found[outcome]} {word}" for outcome, word in words.items() if found[outcome])
     return f"All {count} cells agree." if check.ok else f"{count - len(check.misses)} of {count} cells agree; {named}."
-
-
-def _advice(check: Check, differ: int) -> Note | None:
-    """What to do next: the logs may be damaged, or the table wrong."""
-    if check.findings and differ:
-        return Note("Correct the logs with findings first.", "Next")
-    return Note("`winchcascade audit` shows whether the table contradicts itself.", "Next") if differ else None
-
-
-FINDINGS: tuple[Column[tuple[RowKey, str]], ...] = (
-    Column("row", lambda found: found[0].text),
-    Column("what was found in its log", lambda found: one_line(found[1])),
-)
 
 
 def _columns(check: Check) -> list[Column[CellCheck]]:
@@ -122,10 +109,10 @@ def _columns(check: Check) -> list[Column[CellCheck]]:
         Column("printed", lambda cell: Measured(cell.printed, PRINTED * cell.column.rounding), own_digits=True),
         Column("found", lambda cell: _finer(cell, cell.measured), own_digits=True),
         Column("differs", lambda cell: _finer(cell, cell.difference), own_digits=True, signed=True),
-        Column("allowed", lambda cell: _allowed(cell, "tolerance"), own_digits=True),
+        Column("allowed", partial(_allowed, "tolerance"), own_digits=True),
         Column("beyond", beyond, own_digits=True),
         Column("outcome", lambda cell: OUTCOMES[cell.outcome]),
-        *(_part_column(part) for part in _parts(check)),
+        *(Column(PARTS[part], partial(_allowed, part), brief=False, own_digits=True) for part in _parts(check)),
         Column("log", lambda cell: one_line(Path(cell.log).name) if cell.log else "", brief=several),
     ]
 
@@ -134,10 +121,6 @@ def allowance(check: Check, cell: CellCheck) -> str:
     """What a cell allows in numbers, part by part."""
     decimals = max(cell.column.decimals + 2, 0)
     return " + ".join(f"{PARTS[part]} {getattr(cell, part):.{decimals}f}" for part in _parts(check))
-
-
-def _part_column(part: str) -> Column[CellCheck]:
-    return Column(PARTS[part], lambda cell: _allowed(cell, part), brief=False, own_digits=True)
 
 
 def _parts(check: Check) -> list[str]:
@@ -151,7 +134,7 @@ def _finer(cell: CellCheck, value: float | None) -> Measured:
     return Measured(value, 0.1 * PRINTED * cell.column.rounding)
 
 
-def _allowed(cell: CellCheck, part: str) -> Measured | None:
+def _allowed(part: str, cell: CellCheck) -> Measured | None:
     """What is allowed, or a part of it; nothing where no value was found."""
     return None if cell.measured is None else _finer(cell, getattr(cell, part))
 

@@ -78,7 +78,6 @@ def comparison_report(found: Comparison, gate: Gate | None = None, *, command: s
                 folded=bool(etas),
             ),
             section("limit", "Limit of a drop", None if gate is None else drops_table(gate)),
-            section("parts", "Standard uncertainties", _parts(etas or rows_of(found, "energy", "power")), folded=True),
             section("logs", "Logs", _logs(found), folded=True),
             provenance([], command),
         ],
@@ -99,42 +98,27 @@ def by_metric(rows: Iterable[Row]) -> dict[str, list[Row]]:
     return {name: list(found) for name, found in groupby(rows, key=lambda row: row.of.metric)}
 
 
-NAMES: tuple[Column[Row], ...] = (
+DIFFERENCE: tuple[Column[Row], ...] = (
     Column("metric", lambda row: short(row.of.metric)),
     Column("run", lambda row: row.runs.label),
     Column("unit", lambda row: metric(row.of.metric).unit),
+    Column("A", lambda row: Measured(row.of.a, row.u), own_digits=True),
+    Column("B", lambda row: Measured(row.of.b, row.u), own_digits=True),
+    Column("B - A", lambda row: Measured(row.of.value, row.u), signed=True, own_digits=True),
+    Column("95 % interval", lambda row: row.interval, own_digits=True),
+    Column("B/A - 1", lambda row: row.of.relative and 100.0 * row.of.relative, "%", 1, brief=False, signed=True),
+    Column("excludes 0", lambda row: {True: "yes", False: "no", None: None}[row.of.excludes_zero]),
+    Column("u, cycles", lambda row: Measured(row.of.repeatability, row.of.repeatability), brief=False, own_digits=True),
+    Column("u, sensors", lambda row: Measured(row.of.sensors, row.of.sensors), brief=False, own_digits=True),
+    Column("ν", lambda row: row.of.freedom, decimals=1, brief=False),
 )
-"""What a difference is of."""
+"""Means of both sides, their difference with its interval, and the parts of its uncertainty."""
 
 
 def differences_table(name: str, rows: Sequence[Row], *, brief: bool = True) -> content.Table[Row] | None:
     """Means of both sides and their differences with intervals; None without any."""
-    columns: list[Column[Row]] = [
-        *NAMES,
-        Column("A", lambda row: Measured(row.of.a, row.u), own_digits=True),
-        Column("B", lambda row: Measured(row.of.b, row.u), own_digits=True),
-        Column("B - A", lambda row: Measured(row.of.value, row.u), signed=True, own_digits=True),
-        Column("95 % interval", lambda row: row.interval, own_digits=True),
-        Column("B/A - 1", lambda row: row.of.relative and 100.0 * row.of.relative, "%", 1, brief=False, signed=True),
-        Column("excludes 0", lambda row: {True: "yes", False: "no", None: None}[row.of.excludes_zero]),
-    ]
-    caption = f"{name.replace('-', ' ').capitalize()} of A and B, and their differences."
-    return content.table(f"{name}-differences", caption, columns, rows, brief=brief)
-
-
-def _parts(rows: Sequence[Row]) -> content.Table[Row] | None:
-    """What the uncertainty of each difference is made of."""
-    columns: list[Column[Row]] = [
-        *NAMES,
-        Column("cycles of A", lambda row: row.of.cycles_a),
-        Column("cycles of B", lambda row: row.of.cycles_b),
-        Column("scatter of cycles", lambda row: Measured(row.of.repeatability, row.of.repeatability), own_digits=True),
-        Column("sensors", lambda row: Measured(row.of.sensors, row.of.sensors), own_digits=True),
-        Column("together", lambda row: Measured(row.of.uncertainty, row.of.uncertainty), own_digits=True),
-        Column("degrees of freedom", lambda row: row.of.freedom, decimals=1),
-        Column("scatter interval", lambda row: (ends := row.of.interval_repeatability) and Span(*ends, row.u)),
-    ]
-    return content.table("parts", "Parts of the standard uncertainty of B - A.", columns, rows, brief=False)
+    caption = f"{name.replace('-', ' ').capitalize()} of A and B, and their differences; u: standard uncertainty."
+    return content.table(f"{name}-differences", caption, DIFFERENCE, rows, brief=brief)
 
 
 def _logs(found: Comparison) -> content.Table[tuple[str, ComparedRun]] | None:

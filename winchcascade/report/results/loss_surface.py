@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 from winchcascade.core.campaign_file import Origin, banner
-from winchcascade.core.run import Signal
 from winchcascade.reduction.loss_map import Coefficient, LossMap
 from winchcascade.report.content import (
     PAIRS,
@@ -27,39 +26,27 @@ from winchcascade.report.content import (
 )
 from winchcascade.report.results.common import data_note, provenance
 
-COLUMN_WORDS = {
-    "speed": "speed",
-    "speed_squared": "speed^2",
-    "torque_squared": "torque^2",
-    "torque": "|torque|",
-    "speed_times_torque": "speed x torque",
+TERMS = {
+    "speed": ("speed", "friction that does not depend on speed"),
+    "speed_squared": ("speed^2", "viscous friction, iron"),
+    "torque_squared": ("torque^2", "copper"),
+    "torque": ("|torque|", "diodes"),
+    "speed_times_torque": ("speed x torque", "share of the power, as in a gear mesh"),
 }
-"""Columns of the surface, in words."""
-
-MEANING = {
-    "speed": "friction that does not depend on speed",
-    "speed_squared": "viscous friction, iron",
-    "torque_squared": "copper",
-    "torque": "diodes",
-    "speed_times_torque": "share of the power, as in a gear mesh",
-}
-"""Losses that follow these columns."""
+"""Columns of the surface in words, and losses that follow them."""
 
 COEFFICIENTS: tuple[Column[Coefficient], ...] = (
-    Column("loss over", lambda c: COLUMN_WORDS[c.term]),
+    Column("loss over", lambda c: TERMS[c.term][0]),
     Column("coefficient", lambda c: Measured(c.value, _half(c)), own_digits=True),
     Column("95 % interval", lambda c: _interval(c), own_digits=True),
     Column("unit", lambda c: c.unit),
-    Column("such as", lambda c: MEANING[c.term], brief=False),
+    Column("such as", lambda c: TERMS[c.term][1], brief=False),
 )
-"""Coefficients of the surface."""
 
 
 def loss_map_section(found: LossMap, drawn: Sequence[Picture | None] = ()) -> Section:
     """Coefficients and quality of a loss map; `drawn` are the figures of `loss_map_pictures`."""
-    caption = (
-        "Surface of the loss over torque and speed of the shaft: the sum of these columns times their coefficients."
-    )
+    caption = "Loss over torque and speed of the shaft: the sum of these columns times their coefficients."
     return section(
         "loss-map", "Loss map", *drawn,
         table("loss-coefficients", caption, COEFFICIENTS, found.surface.coefficients),
@@ -129,37 +116,28 @@ def _interval(c: Coefficient) -> Cell:
 
 def _quality(found: LossMap) -> list[tuple[str, Cell]]:
     """Number and range of the points, where the energy went, how well the surface meets them, and what is left out."""
-    points, surface, mean = found.points, found.surface, float(abs(found.points.loss).mean())
+    points, surface, held = found.points, found.surface, found.surface.held_out
     lost = Measured(found.energy, found.u_energy, both=True)
-    held = surface.held_out
-    contained: dict[tuple[str, ...], list[str]] = {}
+    share = 0.0 if held is None else 100.0 * held / float(abs(points.loss).mean())
+    contained: dict[str, list[str]] = {}
     for c in surface.coefficients:
         if c.value is None:
-            contained.setdefault(c.contained_in, []).append(COLUMN_WORDS[c.term])
-    rows: list[tuple[str, Cell]] = [
+            others = " and ".join(TERMS[name][0] for name in c.contained_in)
+            contained.setdefault(f"Not distinguished{' from ' * bool(others)}{others}", []).append(TERMS[c.term][0])
+    return [
         ("Stages", " to ".join(points.stages)),
-        ("Points", points.loss.size),
-        ("Logs", len(points.logs)),
-        ("Torque", f"{_range(points.torque)} N.m"),
-        ("Speed of the shaft", f"{_range(points.speed)} rad/s"),
+        ("Points", f"{points.loss.size} of {len(points.logs)} log{'s' * (len(points.logs) > 1)}"),
+        ("Torque (N.m)", Span(float(points.torque.min()), float(points.torque.max()))),
+        ("Speed of the shaft (rad/s)", Span(float(points.speed.min()), float(points.speed.max()))),
         ("Energy lost", f"{shown(lost)} J" + ("" if math.isfinite(found.u_energy) else ", uncertainty unknown")),
-        ("Residual, root mean square", f"{shown(surface.residual)} W"),
+        ("Residual, root mean square (W)", surface.residual),
         (
             "Held-out points",
-            "too few"
-            if held is None
-            else f"{shown(held)} W, {100.0 * held / mean:.1f} % of the mean loss, by {surface.held_out_by}",
+            "too few" if held is None else f"{shown(held)} W, {share:.1f} % of the mean loss, by {surface.held_out_by}",
         ),
-        ("Condition number", surface.condition),
-        ("Condition number of all five columns", surface.condition_all),
+        ("Condition number, of all five columns", f"{shown(surface.condition)}, {shown(surface.condition_all)}"),
         ("Degrees of freedom", surface.freedom),
-    ]
-    for others, names in contained.items():
-        alike = " and ".join(COLUMN_WORDS[name] for name in others)
-        rows.append(("Not distinguished" + (f" from {alike}" if others else ""), ", ".join(names)))
-    rows += [(f"Points left out, {reason}", count) for reason, count in points.left_out.items()]
-    return rows + ([("Table", "no value: the points lie on one line")] if len(found.hull) < 3 else [])
-
-
-def _range(x: Signal) -> str:
-    return f"{shown(float(x.min()))} to {shown(float(x.max()))}"
+        *((others, ", ".join(names)) for others, names in contained.items()),
+        *((f"Points left out, {reason}", count) for reason, count in points.left_out.items()),
+        *([("Table", "no value: the points lie on one line")] if len(found.hull) < 3 else []),
+    ]  # fmt: skip

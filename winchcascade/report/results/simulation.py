@@ -73,51 +73,50 @@ def simulation_report(
     end = int(simulation.energy["line"].argmax())
     joule = {part: float(energy[end]) for part, energy in simulation.energy.items()}
     line = joule["line"]
-    ledger = [(part, energy) for part, energy in joule.items() if abs(energy) >= SMALL * abs(line)]
-    span = f"From the start of the log, {run.t[0]:.2f} s, to {run.t[end]:.2f} s, when the energy of the line is largest"
+    ledger = {part: energy for part, energy in joule.items() if abs(energy) >= SMALL * abs(line)}
     load = load_words(run.load, "ohm", before="load ", unknown="load unknown")
     about = (f"with {effects}" if effects else "", f"rig {name}" if name else "", run.about)
-    stages = table(
-        "stages", "Powers of the stages over the whole motion.", _stages(run.t), powers_of(found).items(), brief=False
-    )
     return Report(
         kind="Simulation of a rig",
-        title=f"{run.name}: simulated at {load}, {run.samples} samples at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s",
+        title=f"{run.name}: simulated at {load}",
         subtitle=" · ".join(part for part in about if part),
         tiles=[
-            Tile(part, LEDGER[part], f"{shown(joule[part], 0)} J", f"{100.0 * joule[part] / line:.1f} % of the line")
+            Tile(part, LEDGER[part], f"{shown(joule[part], 0)} J", f"{100.0 * joule[part] / line:.1f} % of the line" if line else "")
             for part in ("line", "gas", "dc")
-            if line and part in dict(ledger)
+            if part in ledger
         ],
         points=[
             data_note([run.origin]),
-            Note(f"{span}; share: of the energy of the line.", "Energies"),
-            Note(f"Errors of sensors in the rig file are left out: {', '.join(left_out)}.", "Sensors") if left_out else None,
+            Note(f"{', '.join(left_out)}: errors of sensors, which are left out.", "Sensors") if left_out else None,
+            Note("`winchcascade reduce` on the written log finds its cycles.", "Next", brief=False),
         ],
         sections=[
             section(
-                "energies", "Energies",
+                "energies", f"Energies up to {run.t[end]:.2f} s",
                 table(
-                    "ledger", "Where the energy of the line went.",
+                    "ledger", "Energies when that of the line is largest.",
                     [
                         Column("energy", lambda row: row[0]),
                         Column("value", lambda row: row[1], "J", 0),
                         Column("share", lambda row: 100.0 * row[1] / line if line else None, "%", 1),
                         Column("what it is", lambda row: LEDGER[row[0]]),
                     ],
-                    ledger,
+                    ledger.items(),
                 ),
             ),
-            section("stages", "Stages", stages),
             histories(found),
+            section(
+                "stages", "Stages",
+                table("stages", "Powers of the stages over the whole motion.", _stages(run.t), powers_of(found).items(),
+                      brief=False),
+                folded=True,
+            ),
             provenance(
                 [
                     ("Line motion from", source or run.path),
                     ("SHA-256 of that file", run.sha256),
-                    ("Load", load_words(run.load, "ohm", unknown="unknown")),
+                    ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
                     ("Step of the simulation", f"{1e3 * simulation.motion.step:.3g} ms"),
-                    ("Rig", name),
-                    ("Effects", effects or "none"),
                 ],
                 command,
             ),

@@ -1,9 +1,8 @@
-"""What irregular waves state: energies of the record, efficiencies of all waves, classes; of a log or of a campaign."""
+"""What irregular waves state: energies of the record and efficiencies of all waves; of a log or of a campaign."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,17 +10,17 @@ import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.wave_bootstrap import DRAWS, SEED, RatioOfSums
-from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies, classes_of_payout
+from winchcascade.reduction.wave_energies import WaveEnergies
 from winchcascade.reduction.wave_record import CampaignWaves, LogWaves
 from winchcascade.report.content import (
     Block,
+    Cell,
     Column,
     Measured,
     Note,
     Picture,
     Section,
     Span,
-    Table,
     picture,
     section,
     table,
@@ -38,35 +37,82 @@ DRAWN_WAVES = 1500
 ROUNDING = 1e-9
 """An uncertainty below this share of its value is none. [1]"""
 
-LISTED_CLASSES = 40
-"""Rows of classes that a table lists; of more the first and the last half of that."""
-
 
 def wave_section(found: WaveEnergies, drawn: Picture | None = None) -> Section:
     """Waves of one log; `drawn` is the figure of `wave_picture`."""
-    return section("waves", "Waves", drawn, *_wave_tables(found))
+    return section("waves", "Waves", drawn, *_wave_blocks(found))
 
 
-def _wave_tables(found: WaveEnergies) -> list[Block | None]:
-    """Record, efficiencies and classes of waves, of one log or of several, and what their intervals contain."""
-    logs = f" of {len(found.counts)} logs" if len(found.counts) > 1 else ""
-    named = f"{sum(found.counts)} complete waves{logs}; {found.record_duration:.1f} s of record."
-    return [
-        Note(named, "Waves"),
-        _record_table(found),
-        table("wave-efficiencies", "Efficiencies of all waves together.", EFFICIENCIES, found.efficiency.items()),
-        Note(_intervals(found), "Intervals"),
-        _classes_table(found),
+def campaign_waves_section(found: CampaignWaves, *, drawn: bool = True) -> Section:
+    """Waves of all logs together over their payout, and each log beside the others.
+
+    Parameters
+    ----------
+    drawn : with the figure, which needs the style of figures
+    """
+    stages = tuple(BUILT_IN.get(name) or Stage(name, ()) for name in found.together.record_energy)
+    columns: list[Column[LogWaves]] = [
+        Column("log", lambda log: log.name),
+        Column("load", lambda log: load_words(log.load, "ohm", unknown="-")),
+        Column("waves", lambda log: sum(log.waves.counts), decimals=0),
+        Column("record", lambda log: log.waves.record_duration, "s", 1),
+        *(Column(short(f"power_{s}"), partial(_mean_power, s), "W", own_digits=True) for s in found.together.record_energy),
+        *(Column(name, partial(_efficiency, name), decimals=3) for name in found.together.efficiency),
     ]  # fmt: skip
+    return section(
+        "waves", "Waves",
+        wave_picture(found.together, Cascade(stages, configured=True)) if drawn else None,
+        *_wave_blocks(found.together),
+        table("wave-logs", "Mean powers of each record, and ratios of sums of its waves.", columns, found.logs, brief=False),
+        *(Note(text, "Left out") for text in found.left_out),
+    )  # fmt: skip
 
 
-def _intervals(found: WaveEnergies) -> str:
-    """What the intervals contain, and which sensors they leave out."""
+def _mean_power(stage: str, log: LogWaves) -> float | None:
+    return log.waves.record_power.get(stage)
+
+
+def _efficiency(name: str, log: LogWaves) -> float | None:
+    return log.waves.efficiency[name].value if name in log.waves.efficiency else None
+
+
+Row = tuple[str, RatioOfSums | None]
+"""A stage with its mean power, or an efficiency of all waves together."""
+
+UNCERTAINTY: tuple[Column[Row], ...] = (
+    Column("95 %", lambda row: _interval(row[1]), own_digits=True),
+    Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False, own_digits=True),
+    Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False, own_digits=True),
+)
+
+EFFICIENCIES: tuple[Column[Row], ...] = (
+    Column("efficiency", lambda row: row[0]),
+    Column("ratio of sums", lambda row: row[1].value if row[1] else None, decimals=3),
+    *UNCERTAINTY,
+    Column("block", lambda row: row[1].block if row[1] else None, "waves", 0),
+)
+
+
+def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
+    """Record and efficiencies of waves, of one log or of several, and what their intervals contain."""
+    logs = f" of {len(found.counts)} logs" if len(found.counts) > 1 else ""
     unknown = sorted({channel for channels in found.unknown.values() for channel in channels})
-    without = (
-        f"; without sensors where the accuracy of {', '.join(unknown)} is needed, which is unknown" if unknown else ""
-    )
-    return f"95 %, by waves in blocks ({DRAWS} draws, seed {SEED}) and sensors{without}."
+    without = f", without sensors where the unknown accuracy of {', '.join(unknown)} is needed" if unknown else ""
+    powers: list[Column[Row]] = [
+        Column("stage", lambda row: row[0]),
+        Column("mean power", lambda row: found.record_power.get(row[0]), "W", own_digits=True),
+        *UNCERTAINTY,
+        Column("energy of the record", lambda row: found.record_energy[row[0]], "J", 0, brief=False),
+        Column("of its waves", lambda row: float(x.sum()) if (x := found.energy.get(row[0])) is not None else None, "J", 0,
+               brief=False),
+    ]  # fmt: skip
+    return [
+        Note(f"{sum(found.counts)} complete waves{logs}; {found.record_duration:.1f} s of record.", "Waves"),
+        table("wave-record", "The whole record, and its complete waves.", powers,
+              [(stage, found.power.get(stage)) for stage in found.record_energy]),
+        table("wave-efficiencies", "Efficiencies of all waves together.", EFFICIENCIES, found.efficiency.items()),
+        Note(f"95 %, by waves in blocks ({DRAWS} draws, seed {SEED}) and sensors{without}.", "Intervals"),
+    ]  # fmt: skip
 
 
 def _interval(of: RatioOfSums | None) -> Span | None:
@@ -76,108 +122,10 @@ def _interval(of: RatioOfSums | None) -> Span | None:
     return Span(*of.interval, math.hypot(of.u_waves or 0.0, of.u_sensors or 0.0))
 
 
-def _u(of: RatioOfSums | None, *, sensors: bool) -> Measured | float | None:
+def _u(of: RatioOfSums | None, *, sensors: bool) -> Cell:
     """The part of the standard uncertainty by waves or by sensors; zero for what rounding of numbers alone makes."""
     u = None if of is None else of.u_sensors if sensors else of.u_waves
     return 0.0 if of is not None and u is not None and u < ROUNDING * abs(of.value or 1.0) else Measured(u, u)
-
-
-EFFICIENCIES: tuple[Column[tuple[str, RatioOfSums]], ...] = (
-    Column("efficiency", lambda row: row[0]),
-    Column("ratio of sums", lambda row: row[1].value, decimals=3),
-    Column("95 %", lambda row: _interval(row[1]), decimals=3, own_digits=True),
-    Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False, own_digits=True),
-    Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False, own_digits=True),
-    Column("block", lambda row: row[1].block, "waves", 0),
-)
-"""An efficiency of all waves together."""
-
-
-def _record_table(found: WaveEnergies) -> Table[str] | None:
-    """Energy and mean power of each stage over the record, and over its waves."""
-    power = found.power.get
-    columns: list[Column[str]] = [
-        Column("stage", lambda s: s),
-        Column("mean power", lambda s: found.record_power.get(s), "W", own_digits=True),
-        Column("95 %", lambda s: _interval(power(s)), "W", own_digits=True),
-        Column("u of waves", lambda s: _u(power(s), sensors=False), "W", brief=False, own_digits=True),
-        Column("u of sensors", lambda s: _u(power(s), sensors=True), "W", brief=False, own_digits=True),
-        Column("energy of the record", lambda s: found.record_energy[s], "J", 0, brief=False),
-        Column("of its waves", lambda s: float(found.energy[s].sum()) if s in found.energy else None, "J", 0, brief=False),
-    ]  # fmt: skip
-    return table("wave-record", "The whole record, and its complete waves.", columns, found.record_energy)
-
-
-def _classes_table(found: WaveEnergies) -> Table[WaveClass] | None:
-    """Energies and efficiencies by classes of payout and period."""
-    columns: list[Column[WaveClass]] = [
-        Column("payout", lambda c: _range(c.payout), found.payout_unit),
-        Column("period", lambda c: _range(c.period), "s"),
-        Column("waves", lambda c: c.count, decimals=0),
-        *(Column(short(f"energy_{s}"), partial(_energy, s), "J", own_digits=True) for s in found.energy),
-        *(Column(name, partial(_efficiency, name), decimals=3) for name in found.efficiency),
-    ]
-    caption = "Waves by payout, the travel of the positive half, and period: sums of each class and their ratios."
-    return Table("wave-classes", caption, columns, found.classes, limit=LISTED_CLASSES) if found.classes else None
-
-
-def _energy(stage: str, of: WaveClass) -> float | None:
-    return of.energy.get(stage)
-
-
-def _efficiency(name: str, of: WaveClass) -> float | None:
-    return of.efficiency.get(name)
-
-
-def _power(stage: str, log: LogWaves) -> float | None:
-    return log.waves.record_power.get(stage)
-
-
-def _range(ends: tuple[float, float]) -> str:
-    return f"{ends[0]:g} to {ends[1]:g}"
-
-
-# -------------------------------------------------------------------------------------------------------- of a campaign
-def campaign_waves_section(found: CampaignWaves, *, drawn: bool = True) -> Section:
-    """Waves of all logs together over their payout, by class, and each log beside the others.
-
-    Parameters
-    ----------
-    drawn : with the figure, which needs the style of figures
-    """
-    stages = tuple(BUILT_IN.get(name) or Stage(name, ()) for name in found.together.record_energy)
-    figure = wave_picture(found.together, Cascade(stages, configured=True)) if drawn else None
-    left_out = [Note(text, "Left out") for text in found.left_out]
-    return section("waves", "Waves", figure, *_wave_tables(found.together), _logs_table(found), *left_out)
-
-
-def _logs_table(found: CampaignWaves) -> Table[LogWaves] | None:
-    waves = found.together
-    columns: list[Column[LogWaves]] = [
-        Column("log", lambda log: log.name),
-        Column("load", lambda log: load_words(log.load, "ohm", unknown="-")),
-        Column("waves", lambda log: sum(log.waves.counts), decimals=0),
-        Column("record", lambda log: log.waves.record_duration, "s", 1),
-        *(
-            Column(short(f"power_{s}"), partial(_power, s), "W", own_digits=True)
-            for s in waves.record_energy
-        ),
-        *(column for name in waves.efficiency for column in _efficiency_columns(name)),
-    ]  # fmt: skip
-    caption = "Mean powers of the record of each log, and ratios of the sums of its waves."
-    return table("wave-logs", caption, columns, found.logs, brief=False)
-
-
-def _efficiency_columns(name: str) -> Sequence[Column[LogWaves]]:
-    """An efficiency of all waves of a log, and its interval."""
-
-    def eta(of: Mapping[str, RatioOfSums]) -> float | None:
-        return of[name].value if name in of else None
-
-    return (
-        Column(name, lambda log: eta(log.waves.efficiency), decimals=3),
-        Column(f"95 % of {name}", lambda log: _interval(log.waves.efficiency.get(name)), decimals=3),
-    )
 
 
 # ----------------------------------------------------------------------------------------------------------- the figure
@@ -186,8 +134,8 @@ def wave_picture(found: WaveEnergies, cascade: Cascade) -> Picture | None:
     return picture(
         _wave_figure(found, cascade), "wave-energies",
         "Energy of each wave over its payout"
-        + (", and its efficiency; lines: ratios of sums by class." if found.efficiency else "."),
-        "Dots of energies and efficiencies over payout; sums by class are in the table.",
+        + (", and its efficiency; lines: ratios of sums." if found.efficiency else "."),
+        "Dots of energies and efficiencies over payout, and lines of the ratios of sums in the table.",
     )  # fmt: skip
 
 
@@ -200,27 +148,22 @@ def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
         return None
     figure, (left, *others) = panel_figure(2.9, 1, 1 + bool(found.efficiency))
     rows = np.unique(np.linspace(0, found.cycle.size - 1, min(found.cycle.size, DRAWN_WAVES)).astype(np.intp))
+    payout, x_label = found.payout[rows], f"Payout ({found.payout_unit})"
     for stage, joule in found.energy.items():
         look = look_of(stage)
-        left.plot(
-            found.payout[rows], joule[rows], look.mark, ms=2.6, color=COLOURS[look.colour], label=tex(f"energy_{stage}")
-        )
-    for name in found.efficiency:
-        into, out = cascade.between(name)
-        look = look_of(stage_of(cascade, name))
-        x, y = found.energy[into][rows], found.energy[out][rows]
-        eta = np.divide(y, x, out=np.full(x.size, np.nan), where=x > 0.0)
-        eta[(eta < 0.0) | (eta > 1.0)] = np.nan
-        colour = COLOURS[look.colour]
-        others[0].plot(found.payout[rows], eta, look.mark, ms=2.6, color=colour, alpha=0.5)
-        steps = [(*of.payout, of.efficiency[name]) for of in classes_of_payout(found)]
-        ends = np.array([(low, high, np.nan) for low, high, _ in steps]).ravel()
-        levels = np.array([3 * [np.nan if value is None else value] for *_, value in steps], dtype=float).ravel()
-        others[0].plot(ends, levels, color=colour, lw=1.6, ls=look.dashes, label=tex(name))
-    payout = f"Payout ({found.payout_unit})"
-    label_panel(left, "a", "Energy of each wave", x=payout, y="Energy (J)")
+        left.plot(payout, joule[rows], look.mark, ms=2.6, color=COLOURS[look.colour], label=tex(f"energy_{stage}"))
+    label_panel(left, "a", "Energy of each wave", x=x_label, y="Energy (J)")
     for right in others:
-        label_panel(right, "b", "Efficiency of each wave", x=payout, y="Efficiency (1)")
+        for name, together in found.efficiency.items():
+            into, out = cascade.between(name)
+            look = look_of(stage_of(cascade, name))
+            x, y = found.energy[into][rows], found.energy[out][rows]
+            eta = np.divide(y, x, out=np.full(x.size, np.nan), where=x > 0.0)
+            eta[(eta < 0.0) | (eta > 1.0)] = np.nan
+            right.plot(payout, eta, look.mark, ms=2.6, color=COLOURS[look.colour], alpha=0.5)
+            if together.value is not None:
+                right.axhline(together.value, color=COLOURS[look.colour], lw=1.6, ls=look.dashes, label=tex(name))
+        label_panel(right, "b", "Efficiency of each wave", x=x_label, y="Efficiency (1)")
     for axes in (left, *others):
         axes.legend(loc="best")
     return figure
