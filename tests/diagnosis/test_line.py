@@ -127,7 +127,7 @@ def test_one_cycle_alone_is_cut_into_pieces() -> None:
     found = diagnose_line(Entries([planted(1, cycles=1, mass=3000.0, drag=300.0)]), RIG, EFFECTS)
     assert effects(found) == {"drum_inertia", "line_drag"}
     assert found.moments.folds == 8
-    assert "8 stretches" in flat(terminal_text(diagnosis_report(found)))
+    assert "one of 8 stretches" in flat(terminal_text(diagnosis_report(found)))
 
 
 def test_the_slope_is_over_few_samples_where_the_velocity_has_no_noise_and_over_more_where_it_has() -> None:

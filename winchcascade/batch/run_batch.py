@@ -139,7 +139,7 @@ def _cleared(out: Path) -> Path:
 def result_of(work: Work, reports: Sequence[str]) -> Output:
     """The record of a log and its reports, as they would be made now."""
     key = result_key(work, fingerprint(work.path))
-    return Output(f"{work.name}.json", ENTRY, key, tuple(f"{work.name}.{ending}" for ending in reports))
+    return Output(f"{work.name}.json", ENTRY, key, tuple(reports), f"{work.name}.")
 
 
 def _check_own(out: Path, todo: Iterable[str], *, force: bool) -> None:

@@ -90,15 +90,20 @@ def painted(text: str, clean: Callable[[str], str]) -> str:
 
 @contextmanager
 def status_line(title: str) -> Iterator[Callable[[str], None]]:
-    """Show in one changing line of a terminal what is being done; elsewhere show nothing."""
+    """Show in one changing line of a terminal the present step and the time until now; elsewhere show nothing."""
     if QUIET.get() or not sys.stderr.isatty():
         yield lambda _: None
         return
     from rich.console import Console
     from rich.markup import escape
+    from rich.progress import Progress as Bar
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.table import Column
 
-    with Console(stderr=True).status(escape(one_line(title))) as line:
-        yield lambda text: line.update(escape(f"{one_line(title)}: {one_line(text)}"))
+    step = TextColumn("{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis"))
+    with Bar(SpinnerColumn(), TimeElapsedColumn(), step, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(escape(one_line(title)))
+        yield lambda text: bar.update(task, description=escape(one_line(text)))
 
 
 class Progress:

@@ -14,7 +14,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, StagePlace
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.load_costs import load_costs
+from winchcascade.diagnosis.load_costs import cost_of, load_costs, ranked_causes, worst_costs
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.simulated_cycle import largest_gap
 from winchcascade.diagnosis.thresholds import Threshold
@@ -53,16 +53,13 @@ from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import provenance
 from winchcascade.report.results.diagnosis_parts import (
     causes_table,
-    cost_of,
     first_points,
     minor_table,
     note_of,
     numbers,
-    ranked_causes,
     residual,
     step_tile,
     verdict_tile,
-    worst_costs,
 )
 from winchcascade.report.results.line_diagnosis import line_report
 from winchcascade.report.wording import load_words
@@ -420,7 +417,8 @@ def _provenance(found: ModelDiagnosis, command: str) -> Section:
     rows: list[tuple[str, Cell]] = [
         ("Campaign", found.title),
         *((run.name, f"{load_words(run.load, 'ohm')}, {run.sha256 or 'no file'}") for run in found.runs),
-        ("Withheld", words.judged_words(found)),
+        ("Judged", words.judged_words(found)),
+        ("Causes chosen on", words.chosen_words(found)),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("Source of the rig's numbers", rig.source),
         ("SHA-256 of the rig file", fingerprint(rig.path)),

@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from winchcascade.diagnosis.contributions import leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, Contribution, DiagnosisResult, Minor, NamedCause, Reported
-from winchcascade.diagnosis.load_costs import load_costs
+from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, Minor, NamedCause, Reported
+from winchcascade.diagnosis.load_costs import cost_of, ranked_causes, worst_costs
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -72,24 +71,6 @@ class CauseRow(NamedTuple):
     how: Display
     value: Reported
     first: bool
-
-
-def worst_costs(found: DiagnosisResult) -> Contribution | None:
-    """The split of the leading efficiency at the load at which model and run differ most [%, points]; None without one."""
-    costs = load_costs(found, leading_metric(found.contributions)) if isinstance(found, ModelDiagnosis) else []
-    return max(costs, key=lambda one: abs(one.measured - one.as_given), default=None)
-
-
-def cost_of(costs: Contribution | None, cause: NamedCause) -> float | None:
-    """What a cause changes of an efficiency [points]; None where nothing can be said."""
-    parts = () if costs is None else costs.parts
-    return next((part.value for part in parts if part.effect == cause.effect), None)
-
-
-def ranked_causes(found: DiagnosisResult) -> list[NamedCause]:
-    """The causes, those that cost most of the leading efficiency first; without a model as they are."""
-    costs = worst_costs(found)
-    return sorted(found.causes, key=lambda cause: -abs(cost_of(costs, cause) or 0.0))
 
 
 def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
