@@ -124,8 +124,13 @@ def _tiles(found: ModelDiagnosis) -> list[Tile]:
     alarms = () if found.remainder is None else found.remainder.alarms
     worst = max((one for one in found.places if math.isfinite(one.z)), key=lambda one: abs(one.z), default=None)
     if not found.causes and alarms:
-        place = alarm_place(alarms[0], files_of(found))
-        shown.append(Tile("First sign", alarms[0].kind, place, f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}"))
+        place, size = alarm_place(alarms[0], files_of(found)), f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}"
+        if alarms[0].kind == "nuisance":
+            shown.append(
+                Tile("Next step", "the fit moves it most", f"Check the {place}", f"standard uncertainties: {size}")
+            )
+        else:
+            shown.append(Tile("First sign", alarms[0].kind, place, size))
     elif not found.causes and worst is not None:
         where = f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load, 'ohm')}"
         limit = f"standard uncertainties; significant from {STANDS_OUT:g}"
