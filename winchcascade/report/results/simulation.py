@@ -81,16 +81,7 @@ def simulation_report(
         title=f"{run.name}: simulated at {load}",
         subtitle=" · ".join(part for part in about if part),
         tiles=[
-<<<<<<< HEAD
-            Tile(
-                part,
-                LEDGER[part],
-                f"{shown(joule[part], 0)} J",
-                f"{100.0 * joule[part] / line:.1f} % of the line" if line else "",
-            )
-=======
             Tile(part, LEDGER[part], f"{shown(joule[part], 0)} J", _of_line(joule[part], line))
->>>>>>> h-content
             for part in ("line", "gas", "dc")
             if part in ledger
         ],
