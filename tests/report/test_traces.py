@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.figures.histories import POINTS, histories_json, thinned
+from winchcascade.report.figures.histories import POINTS, history_json, log_history, thinned
 from winchcascade.report.wording import clock_zero
 
 SIX_DIGITS = 0.5e-5
@@ -57,7 +57,7 @@ def reduction() -> Reduction:
 
 
 def histories(reduction: Reduction) -> Any:
-    return json.loads(histories_json(reduction), parse_constant=lambda word: pytest.fail(word))
+    return json.loads(history_json(log_history(reduction)), parse_constant=lambda word: pytest.fail(word))
 
 
 def curves(data: Any) -> dict[str, list[float]]:
@@ -69,7 +69,7 @@ def test_the_histories_of_a_short_log_have_every_sample(reduction: Reduction) ->
     assert data["t"] == pytest.approx(run.t.tolist())
     assert curves(data)["Line tension"] == pytest.approx(run.channels["force"].tolist(), rel=SIX_DIGITS)
     power = run.channels["force"] * run.channels["velocity"]
-    assert curves(data)["P_line"] == pytest.approx(power.tolist(), rel=SIX_DIGITS)
+    assert curves(data)["Power, P_line"] == pytest.approx(power.tolist(), rel=SIX_DIGITS)
 
 
 @pytest.mark.parametrize("n", [POINTS + 1, 3 * POINTS + 17, 100_003])
