@@ -138,7 +138,7 @@ def test_every_alarm_is_listed_beyond_its_limit_and_its_kind_is_explained() -> N
     assert [(value(row["size"]), value(row["limit"])) for row in shown] == [
         (alarm.size, alarm.limit) for alarm in found.remainder.alarms
     ]
-    assert {alarm.kind for alarm in found.remainder.alarms} <= {note.about for note in notes(made)}
+    assert {alarm.kind.capitalize() for alarm in found.remainder.alarms} <= {note.about for note in notes(made)}
     assert "alarms" not in tables(report("copper"))
 
 

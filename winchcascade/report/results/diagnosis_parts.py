@@ -156,8 +156,8 @@ def residual(found: DiagnosisResult) -> Section:
     """Every sign of something that the causes leave, and what its kind means."""
     files, alarms = files_of(found), () if found.remainder is None else found.remainder.alarms
 
-    def number(size: float, alarm: Alarm) -> Cell:
-        return Measured(size, 0.1 * size) if alarm.limit else None
+    def number(size: float, u: float) -> Cell:
+        return Measured(size, u) if u else None
 
     return section(
         "residual", "Residual",
@@ -167,12 +167,12 @@ def residual(found: DiagnosisResult) -> Section:
             [
                 Column[Alarm]("where", lambda alarm: alarm_place(alarm, files)),
                 Column("kind", lambda alarm: alarm.kind),
-                Column("size", lambda alarm: number(alarm.size, alarm), own_digits=True),
-                Column("limit", lambda alarm: number(alarm.limit, alarm), own_digits=True),
+                Column("size", lambda alarm: number(alarm.size, 0.1 * alarm.size if alarm.limit else 0.0), own_digits=True),
+                Column("limit", lambda alarm: number(alarm.limit, alarm.limit), own_digits=True),
             ],
             alarms,
         ),
-        *(Note(text, kind, brief=False) for kind, text in words.kind_words(alarms).items()),
+        *(Note(upper(text), upper(kind), brief=False) for kind, text in words.kind_words(alarms).items()),
     )  # fmt: skip
 
 
