@@ -11,9 +11,6 @@ import pytest
 from calls import call
 from daily import daily
 
-from winchcascade.report.screen import PIPE, Screen, use_screen
-from winchcascade.report.text_table import aligned_lines, table_lines, wrapped
-
 if sys.platform == "win32":
     pytest.skip("terminals of this kind are those of other systems", allow_module_level=True)
 
@@ -22,7 +19,6 @@ import pty
 import struct
 import termios
 
-DOCS = Path(__file__).parent.parent / "docs" / "terminal.md"
 COLOUR = re.compile(r"\x1b\[[\d;]*m")
 TABLE = "hsu2026-table2"
 LOG = "fixtures/campaign/r36ohm.csv"
@@ -111,10 +107,9 @@ def test_a_terminal_shows_colours_and_the_same_text_without_them(place: Path) ->
     assert set(COLOUR.findall(coloured)) <= {"\x1b[1m", "\x1b[2m", "\x1b[32m", "\x1b[33m", "\x1b[0m"}
 
 
-def test_a_pipe_gets_neither_colours_nor_omitted_columns(place: Path) -> None:
+def test_a_pipe_gets_no_colours(place: Path) -> None:
     out = call(*COMMANDS["reduce"]).out
     assert "\x1b" not in out
-    assert "omitted" not in out
 
 
 def test_a_name_from_a_file_cannot_colour_the_terminal(place: Path) -> None:
@@ -122,59 +117,6 @@ def test_a_name_from_a_file_cannot_colour_the_terminal(place: Path) -> None:
     log.write_bytes(Path(LOG).read_bytes())
     text = shown("reduce", str(log), "--load-ohm", "36", columns=100)
     assert "\x1b[31m" not in text
-
-
-def documented(command: str, table: str) -> list[str]:
-    """Columns of a table in the order in which the page states that they are omitted."""
-    row = next(
-        line for line in DOCS.read_text(encoding="utf-8").splitlines() if line.startswith(f"| `{command}` | {table} |")
-    )
-    return re.findall(r"`([^`]+)`", row.split("|")[3])
-
-
-@pytest.mark.parametrize(
-    ("words", "table", "line"),
-    [
-        pytest.param(
-            ("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"),
-            "logs",
-            0,
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_columns_are_omitted_in_the_order_of_the_page(
-    place: Path, words: tuple[str, ...], table: str, line: int
-) -> None:
-    order = documented(words[0], table)
-    for width in (60, 80, 100):
-        text = _with_columns(width, *words)
-        blocks = re.split(r"\n\n", text)
-        tables = [block for block in blocks if re.match(r"(cycle|log|number|energy|metric) ", block)]
-        found = re.search(r"\(omitted at \d+ columns: ([^)]*)\)", tables[line])
-        gone = re.split(r",\s+", found[1]) if found else []
-        assert gone == order[: len(gone)]
-
-
-@pytest.mark.parametrize("width", range(12, 60, 6))
-def test_a_table_names_what_it_omits_and_then_cuts_texts(width: int) -> None:
-    rows = [("a name", "first", "second", "third"), ("x" * 30, "1", "2", "3"), ("y", "10", "20", "30")]
-    use_screen(Screen(width))
-    try:
-        lines = table_lines(rows, omit=("second", "first, third"))
-    finally:
-        use_screen(PIPE)
-    whole = aligned_lines(rows)
-    if max(map(len, whole)) <= width:
-        assert lines == whole
-    elif width >= 38:
-        assert any(line.startswith(f"(omitted at {width}") for line in lines[3:])
-    assert all(len(line) <= width for line in lines[:3])
-
-
-def test_sentences_of_a_pipe_may_stay_on_one_line() -> None:
-    assert wrapped("word " * 60, piped=None) == [" ".join(["word"] * 60)]
-    assert max(map(len, wrapped("word " * 60))) <= 100
 
 
 QUIET = {

@@ -131,7 +131,7 @@ def summary(out: Path) -> dict[str, dict[str, object]]:
 def test_a_result_is_that_of_reduce(campaign: Path, done: Path) -> None:
     for name in LOGS:
         record = json.loads((done / "runs" / f"{name}.json").read_bytes())
-        assert record.pop("batch")["files"] == {}
+        assert record.pop("batch")["reports"] == []
         assert record == json.loads(winchcascade("reduce", campaign / name, "--json", "-").stdout)
 
 

@@ -136,7 +136,7 @@ def test_a_result_whose_own_digest_was_altered_too_is_rejected(out: Path, tmp_pa
     path = results / "runs" / "r9ohm.csv.json"
     record = json.loads(path.read_bytes())
     record["mean"]["eta_pto"] = 0.9
-    path.write_bytes(with_digest(record, "batch", {key: record["batch"][key] for key in ("key", "files")}))
+    path.write_bytes(with_digest(record, "batch", {key: record["batch"][key] for key in ("key", "reports", "files")}))
     assert load_results(path).records[0][1].mean["eta_pto"] == 0.9
     with pytest.raises(OutputError, match=r"r9ohm\.csv\.json: was altered after the batch"):
         load_results(results)

@@ -127,7 +127,7 @@ def test_one_cycle_alone_is_cut_into_pieces() -> None:
     found = diagnose_line(Entries([planted(1, cycles=1, mass=3000.0, drag=300.0)]), RIG, EFFECTS)
     assert effects(found) == {"drum_inertia", "line_drag"}
     assert found.moments.folds == 8
-    assert "8 stretches" in flat(terminal_text(diagnosis_report(found)))
+    assert "one of 8 stretches" in flat(terminal_text(diagnosis_report(found)))
 
 
 def test_the_slope_is_over_few_samples_where_the_velocity_has_no_noise_and_over_more_where_it_has() -> None:
@@ -415,7 +415,7 @@ def test_a_map_without_a_model_has_one_column_and_a_waterfall_is_rejected() -> N
     assert len(ax.texts) == len(found.places) == len(found.to_pandas("map")) == len(ax.get_yticks())
     assert cells == {signed(place.z) for place in found.places}
     assert [label.get_text() for label in ax.get_xticklabels()] == ["all logs"]
-    with pytest.raises(OptionError, match=r"this diagnosis has no model.* expected 'map'"):
+    with pytest.raises(OptionError, match="expected a model"):
         found.plot("waterfall")
 
 

@@ -83,21 +83,3 @@ def test_frames_have_the_plateau_speed_beside_the_load() -> None:
     speed = dict(zip(frame.load_ohm, frame.plateau_speed_mps, strict=True))
     assert speed[9.0] == pytest.approx(0.510, abs=0.001)
     assert speed[4.5] == pytest.approx(0.317, abs=0.001)
-
-
-def test_every_table_over_loads_has_the_plateau_speed(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    from winchcascade.report.campaign import make_campaign_report
-    from winchcascade.report.content import Table
-
-    record = batched(tmp_path, {name: LOADS[name] for name in ("r36ohm", "r9ohm")})
-    report = make_campaign_report(campaign_from(record), tmp_path / "out")
-    tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
-    over_loads = [
-        found for found in tables if list(found.head[:2]) == ["Log", "Load"] and found.id != "model-differences"
-    ]
-    assert {"energies", "efficiencies", "net", "repeatability", "logs"} <= {found.id for found in over_loads}
-    for found in over_loads:
-        if found.id in ("energies", "efficiencies", "net", "repeatability", "logs"):
-            assert [row[found.head.index("Plateau")] for row in found.rows] == ["0.858", "0.510"]
-    assert all(tile.symbol != "Best load" for tile in report.tiles)

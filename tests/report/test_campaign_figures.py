@@ -95,12 +95,12 @@ def test_what_stands_beside_a_bar_is_apart(kind: str) -> None:
     rows = row_names(named)
     assert len(set(rows)) == len(rows)
     with house_style():
-        assert misplaced(budget_bars(["\n".join(row) for row in rows], [BUDGET] * len(rows), word="log")) == []
+        assert misplaced(budget_bars(rows, [BUDGET] * len(rows), word="log")) == []
 
 
 def test_a_row_names_its_log_only_where_the_load_does_not() -> None:
     named = [Named(name, load, Account()) for name, load in (("a.csv", "9 Ω"), ("b.csv", "18 Ω"), ("c.csv", "18 Ω"))]
-    assert row_names(named) == [("9 Ω",), ("18 Ω", "b.csv"), ("18 Ω", "c.csv")]
+    assert row_names(named) == ["9 Ω", "18 Ω, b.csv", "18 Ω, c.csv"]
 
 
 def test_the_line_over_the_loads_goes_through_the_mean_of_each() -> None:

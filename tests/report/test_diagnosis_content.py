@@ -8,11 +8,13 @@ from typing import Any
 import msgspec
 import pytest
 from diagnosed import SUSPECTS, diagnosed
+from layout import misplaced
 from pypdf import PdfReader
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, Spot
 from winchcascade.report.content import Cell, Measured, Note, Picture, Report, Span, Table
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.render.page import page_text
 from winchcascade.report.render.pdf import pdf_bytes
@@ -136,7 +138,7 @@ def test_every_alarm_is_listed_beyond_its_limit_and_its_kind_is_explained() -> N
     assert [(value(row["size"]), value(row["limit"])) for row in shown] == [
         (alarm.size, alarm.limit) for alarm in found.remainder.alarms
     ]
-    assert {alarm.kind for alarm in found.remainder.alarms} <= {note.about for note in notes(made)}
+    assert {alarm.kind.capitalize() for alarm in found.remainder.alarms} <= {note.about for note in notes(made)}
     assert "alarms" not in tables(report("copper"))
 
 
@@ -176,6 +178,8 @@ def test_names_are_used_once_figures_have_captions_and_synthetic_logs_are_never_
     assert all(one.caption.endswith(".") and one.alt.endswith(".") for one in pictures(made).values())
     assert "easured" not in said(made).replace("ot measured", "")
     assert made.banner
+    with house_style():
+        assert {one.id: misplaced(one.figure) for one in pictures(made).values() if misplaced(one.figure)} == {}
 
 
 @pytest.mark.parametrize("name", ALL)

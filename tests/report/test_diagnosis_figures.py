@@ -13,7 +13,7 @@ from winchcascade.diagnosis.block_series import series, sides, sides_of_one
 from winchcascade.diagnosis.cause_numbers import cause_numbers
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability
 from winchcascade.diagnosis.gap_map import STANDS_OUT
-from winchcascade.diagnosis.load_costs import waterfall_costs
+from winchcascade.diagnosis.load_costs import worst_costs
 from winchcascade.diagnosis.model_account import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
@@ -24,7 +24,7 @@ from winchcascade.report.figures.cause_figures import (
     stability_figure,
     waterfall_figure,
 )
-from winchcascade.report.figures.cycle_figure import cycle_figure, cycle_json
+from winchcascade.report.figures.cycle_figure import cycle_history
 from winchcascade.report.figures.diagnosis_figures import (
     error_figure,
     error_history,
@@ -33,6 +33,7 @@ from winchcascade.report.figures.diagnosis_figures import (
     over_speed_figure,
     stage_map,
 )
+from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
@@ -103,19 +104,16 @@ def test_the_errors_of_one_effect_are_those_of_its_blocks() -> None:
 
 
 # ------------------------------------------------------------------------------------------------------------ the causes
-def test_the_waterfall_shows_three_loads_at_most_and_ends_at_the_log() -> None:
+def test_the_waterfall_is_that_of_the_load_with_the_largest_gap_and_ends_at_the_log() -> None:
     found = diagnosed("copper")
-    more = [msgspec.structs.replace(c, load=(c.load or 0.0) + 100.0 * k) for k in range(3) for c in found.contributions]
-    for one, loads in ((found, 2), (msgspec.structs.replace(found, contributions=tuple(more)), 3)):
-        figure = waterfall_figure(one, "log")
-        assert figure is not None
-        assert len(figure.axes) == loads
-        for ax in figure.axes:
-            low, high = ax.get_xlim()
-            assert all(low <= x <= high for line in ax.lines for x in np.asarray(line.get_xdata()).tolist())
-        last = figure.axes[-1].patches[1]
-        end = last.get_x() + last.get_width()  # type: ignore[attr-defined]
-        assert end == pytest.approx(waterfall_costs(one)[-1].measured)
+    figure, worst = waterfall_figure(found, "log"), worst_costs(found)
+    assert figure is not None
+    assert worst is not None
+    (ax,) = figure.axes
+    low, high = ax.get_xlim()
+    assert all(low <= x <= high for line in ax.lines for x in np.asarray(line.get_xdata()).tolist())
+    last = ax.patches[1]
+    assert last.get_x() + last.get_width() == pytest.approx(worst.measured)  # type: ignore[attr-defined]
 
 
 def test_each_number_of_the_causes_has_a_panel() -> None:
@@ -150,8 +148,8 @@ def shown(name: str) -> SimulatedCycle:
 @pytest.mark.parametrize(("name", "curves"), [("copper", 3), ("nothing", 2)])
 def test_page_and_print_get_every_channel_of_the_cycle(name: str, curves: int) -> None:
     found, item = diagnosed(name), shown(name)
-    record: dict[str, Any] = json.loads(cycle_json(found, item, "log"))
-    assert len(record["rows"]) == len(cycle_figure(found, item, "log").axes) == len(CHANNELS)
+    record: dict[str, Any] = json.loads(history_json(cycle_history(found, item, "log")))
+    assert len(record["rows"]) == len(history_figure(cycle_history(found, item, "log")).axes) == len(CHANNELS)
     for k, (channel, row) in enumerate(zip(CHANNELS, record["rows"], strict=True)):
         assert len(row["series"]) == curves
         for one, side in zip(row["series"], item.sides, strict=True):
@@ -164,6 +162,6 @@ def test_repaired_stretches_of_the_cycle_are_marked_since_its_onset(monkeypatch:
     found, item = diagnosed("copper"), shown("copper")
     gaps = item.onset + np.array([[2.0, 2.5], [1e4, 1e4 + 1.0]])
     monkeypatch.setattr("winchcascade.report.figures.histories.all_gaps", lambda *_: gaps)
-    spans = json.loads(cycle_json(found, item, "log"))["spans"]
-    (repaired,) = [(span["from"], span["to"]) for span in spans if span["colour"] == "repaired"]
+    row = json.loads(history_json(cycle_history(found, item, "log")))["rows"][0]
+    (repaired,) = [(span["from"], span["to"]) for span in row["repaired"]]
     assert repaired == pytest.approx((2.0, 2.5))

@@ -11,9 +11,9 @@ from winchcascade.core.campaign_file import Origin
 from winchcascade.diagnosis import causes, closure, evidence, nuisances
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Alternative, Experiment, Remainder, Reported, Spot
+from winchcascade.diagnosis.load_costs import ranked_causes
 from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
 from winchcascade.report.diagnosis_names import LAWS, alarm_place, display_of, nuisance_words, number_words, word_of
-from winchcascade.report.results.diagnosis_parts import ranked_causes
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.report.results.diagnosis_sentences import arises_sentence
 from winchcascade.report.results.diagnosis_words import (
@@ -107,7 +107,7 @@ def test_verdicts_differ_and_state_the_share_with_its_interval_and_on_what() -> 
 
 def test_the_place_names_stages_of_causes_and_without_causes_the_strongest_sign() -> None:
     copper, found = diagnosed("copper"), diagnosed("outsider")
-    assert where_words(copper, ranked_causes(copper)) == "Generator: copper_heating."
+    assert where_words(copper, ranked_causes(copper)) == "Generator."
     quiet = tuple(msgspec.structs.replace(place, z=0.5) for place in found.places)
     alarm = Alarm("scatter", Spot("idc", "payout", within_blocks=True), 20.09, 2.2)
     assert where_words(found, ()) == as_json(found)["where"]["sentence"]

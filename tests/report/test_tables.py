@@ -189,7 +189,7 @@ def test_the_phases_are_stated_as_they_were_found(clean: Result) -> None:
         }  # fmt: skip
         assert {name: phases[name][k] for name in expected} == expected
         expected = {"F": plateau.force, "τ": plateau.torque, "F_hold": hold.force, "F_min": haul.force_min,
-                    "E haul-in": haul.energy_line, "P_gen": plateau.power_gen}  # fmt: skip
+                    "E haul-in": haul.energy_line, "P_gen plateau": plateau.power_gen}  # fmt: skip
         assert {name: means[name][k] for name in expected} == expected
         assert means["p_hold"][k] == pytest.approx(hold.pressure)
 

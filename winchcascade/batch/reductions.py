@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -60,8 +59,8 @@ def reduce_log(work: Work, *, reports: Sequence[str] = (), command: str = "") ->
     if reports:
         with _DRAWING:
             files, record["model"] = _reports(reduction, found, reports, command)
-    digests = {f"{work.name}.{ending}": digest_of(content) for ending, content in files.items()}
-    made_by = {"key": result_key(work, reduction.run.sha256), "files": digests}
+    digests = {ending: digest_of(content) for ending, content in files.items()}
+    made_by = {"key": result_key(work, reduction.run.sha256), "reports": list(reports), "files": digests}
     return Made(with_digest(record, ENTRY, made_by), files)
 
 
@@ -91,7 +90,7 @@ def reduce_plan(plan: Plan, workers: Workers) -> tuple[dict[str, RunRecord], dic
     """
     found: dict[str, RunRecord] = {}
     faults: dict[str, str] = {}
-    for name, outcome in workers.run(partial(reduce_log), {work.name: work for work in plan.work}, Nobody()):
+    for name, outcome in workers.run(reduce_log, {work.name: work for work in plan.work}, Nobody()):
         if outcome.value is None:
             faults[name] = outcome.fault or ""
         else:

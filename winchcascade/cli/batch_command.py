@@ -76,7 +76,9 @@ def _show(batch: Batch, files: Sequence[Path]) -> None:
     from winchcascade.report.render.terminal import terminal_text
     from winchcascade.report.results.campaign import campaign_report, fault_notes
 
-    notes = [Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call.", "Kept")] if batch.kept else []
+    notes = (
+        [Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call.", "Kept")] if batch.kept else []
+    )
     if batch.altered:
         more = f" and {len(batch.altered) - MAX_ALTERED} more" if len(batch.altered) > MAX_ALTERED else ""
         text = f"made again, as its digest did not match: {', '.join(batch.altered[:MAX_ALTERED])}{more}"

@@ -129,7 +129,7 @@ def write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) 
     from winchcascade.report.render.publish import publish
 
     with status_line(f"report of {name}") as on_progress:
-        on_progress("drawing figures")
+        on_progress(f"{name}: drawing figures")
         report = make()
         for ending in ("html", "pdf"):
             if ending in outputs.paths:

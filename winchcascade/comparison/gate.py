@@ -98,8 +98,7 @@ def _verdict(drop: float, ends: tuple[float, float] | None, limit: float) -> Ver
     if ends is None:
         return "no_interval_beyond" if beyond else "no_interval_within"
     low, high = ends
-    if math.isclose(low, high, abs_tol=ROUNDING):
-        return "beyond" if beyond else "within"
+    exact = math.isclose(low, high, abs_tol=ROUNDING)
     if beyond:
-        return "beyond" if low > limit else "beyond_uncertain"
-    return "within" if high <= limit else "within_uncertain"
+        return "beyond" if exact or low > limit else "beyond_uncertain"
+    return "within" if exact or high <= limit else "within_uncertain"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Literal
@@ -51,18 +51,20 @@ class Output(msgspec.Struct, frozen=True):
     record : name of the record
     entry : of the record that states how it was made, its last one
     key : of the output as it would be made now
-    files : names of those that are wanted with the record
+    files : those that are wanted with the record, as its entry names them
+    prefix : how their names in the folder begin before that
     """
 
     record: str
     entry: str
     key: str
     files: tuple[str, ...] = ()
+    prefix: str = ""
 
 
 class Present(msgspec.Struct, frozen=True):
-    """What is there of an output: whether all of it is as it would be made now, files of the same key with their digests,
-    and the names of those that were changed after an earlier call had made them.
+    """What is there of an output: whether all of it is as it would be made now, its unchanged files with their digests, and
+    the names of wanted ones that were changed after an earlier call had made them.
     """
 
     kept: bool = False
@@ -248,15 +250,12 @@ def present(folder: Path, output: Output) -> Present:
     found = kept(inside(folder, output.record), output.entry)
     if not isinstance(found, Kept) or found.key != output.key:
         return Present(altered=(output.record,) if found == "altered" else ())
-    lost = altered(folder, found.files)
+    intact = {
+        name: digest for name, digest in found.files.items() if not altered(folder, {output.prefix + name: digest})
+    }
+    lost = [output.prefix + name for name in output.files if name in found.files and name not in intact]
     return Present(
-        kept=set(output.files) <= set(found.files) - set(lost),
-        files=found.files,
+        kept=set(output.files) <= set(intact),
+        files=intact,
         altered=tuple(name for name in lost if (folder / name).exists()),
     )
-
-
-def check_links(folder: Path, names: Iterable[str]) -> None:
-    """Reject a folder of results in which one of these names is a link. Raises as `inside`."""
-    for name in names:
-        inside(folder, name)

@@ -34,5 +34,4 @@ class Viewed(msgspec.Struct, frozen=True):
 
     def _repr_html_(self) -> str:
         """The main table, for notebooks."""
-        page: str = public("summary_html")(self)
-        return page
+        return str(public("summary_html")(self))

@@ -9,7 +9,7 @@ import msgspec
 
 from winchcascade.diagnosis.contributions import leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, DiagnosisResult, NamedCause
 
 T = TypeVar("T", Contribution, ContributionPart)
 
@@ -43,19 +43,41 @@ def _mean(alike: Sequence[T], *fields: str) -> T:
     return msgspec.structs.replace(alike[0], **means)
 
 
+def worst_costs(found: DiagnosisResult) -> Contribution | None:
+    """The split of the leading efficiency at the load at which model and run differ most [%, points]; None without one."""
+    costs = load_costs(found, leading_metric(found.contributions)) if isinstance(found, ModelDiagnosis) else []
+    return max(costs, key=lambda one: abs(one.measured - one.as_given), default=None)
+
+
+def cost_of(costs: Contribution | None, cause: NamedCause) -> float | None:
+    """What a cause changes of an efficiency [points]; None where nothing can be said."""
+    parts = () if costs is None else costs.parts
+    return next((part.value for part in parts if part.effect == cause.effect), None)
+
+
+def ranked_causes(found: DiagnosisResult) -> list[NamedCause]:
+    """The causes, those that cost most of the leading efficiency first; without a model as they are."""
+    costs = worst_costs(found)
+    return sorted(found.causes, key=lambda cause: -abs(cost_of(costs, cause) or 0.0))
+
+
 def waterfall_costs(found: ModelDiagnosis) -> list[Contribution]:
-    """The split of the leading efficiency at each load in `MAX_PARTS` parts at most. [%, points]"""
-    table = load_costs(found, leading_metric(found.contributions))
+    """The split of the leading efficiency at each load in `MAX_PARTS` parts at most, ranked by their cost. [%, points]"""
+    table, worst = load_costs(found, leading_metric(found.contributions)), worst_costs(found)
+    if worst is None:
+        return []
     count = len(found.causes)
-    if not table or len(table[0].parts) <= MAX_PARTS:
-        return table
-    own = MAX_PARTS - 1 - (len(table[0].parts) - count)
-    largest = sorted(range(count), key=lambda k: -max(abs(costs.parts[k].value) for costs in table))
-    kept, rest = sorted(largest[:own]), largest[own:]
+    ranked = sorted(range(count), key=lambda k: -abs(worst.parts[k].value))
+    own = count if len(worst.parts) <= MAX_PARTS else MAX_PARTS - 1 - (len(worst.parts) - count)
+    kept, rest = ranked[:own], ranked[own:]
     return [
         msgspec.structs.replace(
             costs,
-            parts=(*(costs.parts[k] for k in kept), _sum([costs.parts[k] for k in rest]), *costs.parts[count:]),
+            parts=(
+                *(costs.parts[k] for k in kept),
+                *([_sum([costs.parts[k] for k in rest])] if rest else []),
+                *costs.parts[count:],
+            ),
         )
         for costs in table
     ]

@@ -241,6 +241,11 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
         """Mean speed of the plateaus of the complete cycles, None where there is none. [m/s]"""
         return mean_plateau_speed(cycle.phase_summary.payout for cycle in self.cycles if cycle.complete)
 
+    @property
+    def intervals(self) -> dict[str, Interval95 | None]:
+        """95 % intervals of the metrics by their names, those of configured stages among them."""
+        return self.interval_95 | (self.stages.interval_95 if self.stages else {})
+
     def numbers(self, part: Part) -> Numbers:
         """Numbers of the metrics by their names, those of configured stages among them."""
         own: Numbers = getattr(self, part)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
-from msgspec import UNSET
 
 from winchcascade.core.cascade import Cascade, field_of
 from winchcascade.core.channels import CHANNELS, Channel
@@ -95,12 +94,6 @@ def _own_ends(table: str, metric: str) -> tuple[str, ...]:
 
 
 # ------------------------------------------------------------------------------------------------------ tables of reductions
-def parquet_files(folder: Path, log: str) -> dict[str, Path]:
-    """The Parquet files of one log in a folder, by table."""
-    stem = Path(log).name
-    return {table: folder / f"{stem}.{table}.parquet" for table in ("cycles", "bins", "findings")}
-
-
 def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) -> list[Path]:
     """Write cycles, bins and findings of one log as Parquet tables, with names and units as in the JSON.
 
@@ -112,22 +105,18 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     from pyarrow import parquet
 
     make_one(folder, "another")
-    files = parquet_files(folder, reduction.run.name)
+    stem = Path(reduction.run.name).name
+    files = {table: folder / f"{stem}.{table}.parquet" for table in ("cycles", "bins", "findings")}
     for path in files.values():
         check_replaceable(path, force=force)
     run, cascade = reduction.run, reduction.rig.cascade
     about = {"schema": REDUCTION_SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
     about |= {} if run.load is None else {"load_ohm": repr(run.load)}
-    rows = reduction_rows(reduction)
+    rows = table_rows(run.name, reduction_record(reduction))
     for table, path in files.items():
         content = pa.Table.from_pylist(rows[table], schema=table_schema(table, about, [cascade]))
         write_whole(path, lambda part, content=content: parquet.write_table(content, part), force=force)  # type: ignore[misc]
     return list(files.values())
-
-
-def reduction_rows(reduction: Reduction) -> dict[str, list[Row]]:
-    """Rows of the tables of a log that has just been reduced, as `table_rows`."""
-    return table_rows(reduction.run.name, reduction_record(reduction))
 
 
 def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
@@ -141,7 +130,7 @@ def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
         "runs": [begin | _flat_run(record)],
         "cycles": [begin | _flat_cycle(one) for one in cycles],
         "bins": [begin | one | one.get("stages", {}) for one in bins],
-        "findings": [begin | one | _repair(one["repaired"]) for one in findings],
+        "findings": [begin | one | _flat_repair(one["repaired"] or {}) for one in findings],
     }
 
 
@@ -159,8 +148,8 @@ def _flat_run(record: RunRecord) -> Row:
         "complete": sum(c.complete for c in record.cycles),
         "findings": len(record.quality),
     }
-    intervals = record.interval_95 | ({} if record.stages is UNSET else record.stages.interval_95)
     u, deviation = record.numbers("standard_uncertainty"), record.numbers("max_deviation_percent")
+    intervals = record.intervals
     for field, mean in record.numbers("mean").items():
         values = (mean, u[field], *(intervals[field] or (None, None)), deviation[field])
         row |= {f"{field}{end}": value for end, value in zip(RUN_ENDS, values, strict=True)}
@@ -179,14 +168,15 @@ def _flat_cycle(cycle: Row) -> Row:
     return row
 
 
-def _repair(repaired: Row | None) -> Row:
-    return {} if repaired is None else {"repair": repaired["what"], "repair_applied": repaired["applied"]}
+def _flat_repair(repaired: Row) -> Row:
+    return {"repair": repaired.get("what"), "repair_applied": repaired.get("applied")}
 
 
 # ------------------------------------------------------------------------------------------------------------------- frames
 def reduction_frame(reduction: Reduction, table: str, units: Units) -> pd.DataFrame:
     """Cycles, bins of generator speed, or findings of a reduction."""
-    return _of_table(table, reduction_rows(reduction)[table], [reduction.rig.cascade], units)
+    rows = table_rows(reduction.run.name, reduction_record(reduction))[table]
+    return _of_table(table, rows, [reduction.rig.cascade], units)
 
 
 def campaign_frame(campaign: CampaignReduction, table: str, units: Units) -> pd.DataFrame:

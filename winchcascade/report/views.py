@@ -61,8 +61,8 @@ class Plot(NamedTuple):
     share: Literal["x", "y", ""] = ""
 
 
-Plots = Mapping[str, Callable[[], Plot]]
-"""What makes the plots of a result, by their names; the first is the main one."""
+Plots = Mapping[str, Plot]
+"""The plots of a result, by their names; the first is the main one."""
 
 
 def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
@@ -94,7 +94,7 @@ def plot(result: object, what: str = "", ax: axes.Axes | None = None) -> Any:
     plots = plots_of(result)
     what = what if what != "" else next(iter(plots))
     check_choice("plot", what, list(plots), "plot of this result")
-    made = plots[what]()
+    made = plots[what]
     if made.lacks:
         raise OptionError(f"plot({what!r}): the result has nothing to draw; expected {made.lacks}.")
     return _drawn(made, ax)
@@ -182,6 +182,11 @@ def plots_of(result: object) -> Plots:
     _refuse("plot", result)
 
 
+def _single(draw: Callable[..., object], *drawn: object, lacks: str = "", height: float = 2.9) -> Plot:
+    """A plot on one Axes by a function of these and of what is `drawn`."""
+    return Plot(lambda axes: draw(axes[0], *drawn), lacks, height=height)
+
+
 @plots_of.register(Reduction)
 def _(result: Reduction) -> Plots:
     """Powers of one cycle, histories of the log, powers over generator speed, efficiencies of the cycles."""
@@ -189,26 +194,18 @@ def _(result: Reduction) -> Plots:
     from winchcascade.report.figures import reduction_figures as figures
 
     powers, ratios = histories.powers_of(result), figures.known_ratios(result)
-    panels = histories.panels_of(result, powers)
+    history = histories.log_history(result)
+    rows = len(history.panels)
+    lacks = {
+        "power": "" if powers and result.cycles else "a cycle and a power",
+        "speed": "" if result.bins else "the speed of the generator in a complete cycle",
+        "efficiency": "" if ratios and result.complete else "an efficiency of a complete cycle",
+    }
     return {
-        "power": lambda: Plot(
-            lambda axes: figures.draw_one_cycle(axes[0], result, powers),
-            "" if powers and result.cycles else "a cycle and a power",
-        ),
-        "history": lambda: Plot(
-            lambda axes: histories.draw_histories(axes, result, panels[-len(axes) :]),
-            rows=len(panels),
-            height=2.9 if len(panels) == 1 else 1.2,
-            share="x",
-        ),
-        "speed": lambda: Plot(
-            lambda axes: figures.draw_over_speed(axes[0], result, powers),
-            "" if result.bins else "the speed of the generator in a complete cycle",
-        ),
-        "efficiency": lambda: Plot(
-            lambda axes: _draw_efficiencies(axes[0], result, ratios),
-            "" if ratios and result.complete else "an efficiency of a complete cycle",
-        ),
+        "power": _single(figures.draw_one_cycle, result, powers, lacks=lacks["power"]),
+        "history": Plot(lambda axes: histories.draw_history(axes, history), "", rows, 2.9 if rows == 1 else 1.2, "x"),
+        "speed": _single(figures.draw_over_speed, result, powers, lacks=lacks["speed"]),
+        "efficiency": _single(_draw_efficiencies, result, ratios, lacks=lacks["efficiency"]),
     }
 
 
@@ -231,14 +228,9 @@ def _(result: CampaignReduction) -> Plots:
     runs = [run for run in runs_by_load(reduced) if not run.open_circuit] or reduced
     bins = {name: found for name, found in result.bins.items() if found}
     lacks = "" if runs else "a run that could be reduced"
-    return {
-        "power": lambda: Plot(lambda axes: figures.draw_over_load(axes[0], runs, "power"), lacks),
-        "efficiency": lambda: Plot(lambda axes: figures.draw_over_load(axes[0], runs, "efficiency"), lacks),
-        "speed": lambda: Plot(
-            lambda axes: figures.draw_power_over_speed(axes[0], runs, bins),
-            lacks or ("" if bins else "the speed of the generator in a run"),
-        ),
-    }
+    made = {what: _single(figures.draw_over_load, runs, what, lacks=lacks) for what in ("power", "efficiency")}
+    without = lacks or ("" if bins else "the speed of the generator in a run")
+    return {**made, "speed": _single(figures.draw_power_over_speed, runs, bins, lacks=without)}
 
 
 @plots_of.register(DiagnosisResult)
@@ -246,38 +238,28 @@ def _(result: DiagnosisResult) -> Plots:
     """The map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency, by load."""
     from winchcascade.report.figures.diagnosis_figures import draw_gap_map
 
-    rows = len({(place.channel, place.phase) for place in result.places})
-    return {
-        "map": lambda: Plot(
-            lambda axes: draw_gap_map(axes[0], result),
-            "" if result.places else "a place with a gap that can be weighed",
-            height=0.6 + 0.235 * rows,
-        ),
-        "waterfall": lambda: _waterfalls(result),
-    }
+    height = 0.6 + 0.235 * len({(place.channel, place.phase) for place in result.places})
+    lacks = "" if result.places else "a place with a gap that can be weighed"
+    return {"map": _single(draw_gap_map, result, lacks=lacks, height=height), "waterfall": _waterfalls(result)}
 
 
 def _waterfalls(found: DiagnosisResult) -> Plot:
-    """What each cause costs, by load, of the largest difference alone on one Axes."""
+    """What each cause costs, by load, on one Axes of the largest difference alone."""
     from winchcascade.diagnosis.load_costs import waterfall_costs
     from winchcascade.report.diagnosis_names import word_of
     from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 
     if not isinstance(found, ModelDiagnosis):
-        raise OptionError(
-            "plot('waterfall'): this diagnosis has no model, which could split an efficiency by its causes; expected 'map', or "
-            "a rig file with all numbers of the rig."
-        )
+        return Plot(list, "a model that splits an efficiency by its causes, of a rig file with all numbers of the rig")
     costs = waterfall_costs(found)
     if not costs:
         return Plot(list, "a split of an efficiency at a load")
     largest = max(costs, key=lambda one: abs(one.measured - one.as_given))
-    height = 0.6 + BAR * (len(costs[0].parts) + 2)
 
     def draw(axes: list[axes.Axes]) -> None:
         draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs, word_of(found))
 
-    return Plot(draw, "", len(costs), height, "y")
+    return Plot(draw, "", len(costs), 0.6 + BAR * (len(costs[0].parts) + 2), "y")
 
 
 @plots_of.register(Comparison)
@@ -293,7 +275,7 @@ def _(result: Comparison) -> Plots:
     def draw(axes: list[axes.Axes]) -> None:
         draw_differences(axes, result, whole if len(axes) == 1 else metrics)
 
-    return {"efficiency": lambda: Plot(draw, lacks, len(metrics), height=1.5, share="x")}
+    return {"efficiency": Plot(draw, lacks, len(metrics), 1.5, "x")}
 
 
 def _drawn(made: Plot, ax: axes.Axes | None) -> Any:

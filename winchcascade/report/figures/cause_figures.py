@@ -19,8 +19,8 @@ from winchcascade.report.content import number_text
 from winchcascade.report.diagnosis_names import display_of, has_own_simulation, runs_with_number, shown_as
 from winchcascade.report.figures.style import (
     COLOURS,
+    NARROW,
     broken,
-    evenly,
     legend_above,
     line_entry,
     panel_figure,
@@ -31,10 +31,7 @@ from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 # --------------------------------------------------------------------------------------------------------- the waterfall
-LOADS = 3
-"""Loads of which a waterfall is drawn, at most."""
-
-BAR = 0.18
+BAR = 0.155
 """Height of a bar with its margin. [in]"""
 
 COLOUR_OF = {"sensor": "extra", "entry": "load4"}
@@ -54,17 +51,18 @@ def given_head(found: ModelDiagnosis) -> str:
 
 
 def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
-    """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, at three loads at most.
+    """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, at the load of the largest gap.
 
     Parameters
     ----------
     word : what the logs are called
     """
-    table = evenly(waterfall_costs(found), LOADS)
-    if not table:
+    largest = max(waterfall_costs(found), key=lambda one: abs(one.measured - one.as_given), default=None)
+    if largest is None:
         return None
-    figure, panels = panel_figure(BAR * (len(table[0].parts) + 2) + 0.75, 1, len(table), share="y")
-    draw_waterfalls(panels, found, table, word)
+    figure, panels = panel_figure(BAR * (len(largest.parts) + 2) + 0.6)
+    figure.set_figwidth(NARROW)
+    draw_waterfalls(panels, found, [largest], word)
     return figure
 
 

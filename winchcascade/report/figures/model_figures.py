@@ -96,7 +96,9 @@ class Drawn(NamedTuple):
 
 
 def styled_by_load(names: Sequence[str], curves: Sequence[Mapping[str, ComparedCurve]]) -> list[Drawn]:
-    """Give each of several loads a colour and a marker of its own; logs of one load share its name and look alike."""
+    """Give each of several loads a colour and a marker of its own; logs of one load look alike, a single one is in ink."""
+    if len(names) == 1:
+        return [Drawn("", curves[0])]
     found = {name: load_style(k) for k, name in enumerate(dict.fromkeys(names))}
     return [Drawn(name, c, found[name][0], *found[name]) for name, c in zip(names, curves, strict=True)]
 
@@ -122,7 +124,7 @@ def panels(
     names : of `SHOWN`
     word : what the logs are called
     rated : speed of the generator above which a panel over speed is shaded [rpm]
-    gear : adds an axis above with the speed of the drum, which is slower by this
+    gear : adds an axis above the torque with the speed of the drum, which is slower by this
     """
     given = given_names(drawn, names)
     drawn = [d for d in drawn if any(name in d.curves for name in given)]
@@ -137,7 +139,7 @@ def panels(
         if SHOWN[name].over == SPEED:
             ax.set_xlim(left=0.0)
             shaded |= shade_over_speed(ax, rated)
-        if gear is not None:
+        if gear is not None and name == "torque_nm":
             slower = (lambda rpm, gear=gear: np.asarray(rpm) / gear, lambda rpm, gear=gear: np.asarray(rpm) * gear)
             ax.secondary_xaxis("top", functions=slower).set_xlabel("Drum speed (rpm)")
     for ax in grid[len(given) :]:
@@ -282,7 +284,7 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
 
     Parameters
     ----------
-    names : what stands left of each bar, of one line or two
+    names : what stands left of each bar
     """
     figure, (ax,) = panel_figure(0.9 + 0.45 * len(names))
     segments, rows = segments_of(budgets), np.arange(len(names))[::-1]

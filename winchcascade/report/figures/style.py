@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 WIDTH = 6.7
-"""Width of every figure: that of a page of A4 between its margins. [in]"""
+"""Width of every figure but the first one of a diagnosis: that of a page of A4 between its margins. [in]"""
+
+NARROW = 4.4
+"""Width of a figure that stands beside the sentences of the first screen. [in]"""
 
 COLOURS = {
     "ink": "#1b1e23",

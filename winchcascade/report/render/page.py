@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.report.content import Picture, Report, Section, Table
-from winchcascade.report.figures.style import COLOURS
+from winchcascade.report.figures.style import COLOURS, WIDTH
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.render.drawing import drawn
 from winchcascade.report.render.fonts import template_folder
@@ -36,6 +36,7 @@ def page_text(report: Report) -> str:
             style=Markup("".join((folder / name).read_text(encoding="utf-8") for name in styles)),
             scripts=[Markup((folder / name).read_text(encoding="utf-8")) for name in scripts],
             numbers=_numbered(report.filled, report.lead),
+            beside=report.lead is not None and report.lead.figure.get_figwidth() < WIDTH,
         )
     )
 

@@ -9,6 +9,7 @@ import msgspec
 
 from winchcascade.core.version import made_at
 from winchcascade.report.content import Block, Picture, Report, Table
+from winchcascade.report.figures.style import WIDTH
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.render import drawing
 from winchcascade.report.render.fonts import fonts_for, fonts_in, lacking_letters, template_folder
@@ -63,7 +64,8 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
 def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
     if isinstance(block, Picture):
         svg = drawing.drawn(block.figure).decode() if drawn else ""
-        return {"type": "picture", "caption": _text(block.caption), "alt": _text(block.alt), "svg": svg}
+        share = float(block.figure.get_figwidth() / WIDTH)
+        return {"type": "picture", "caption": _text(block.caption), "alt": _text(block.alt), "svg": svg, "share": share}
     if isinstance(block, Table):
         used = block.used()
         texts, count = used.texts, len(used.items)

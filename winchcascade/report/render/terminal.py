@@ -86,7 +86,7 @@ def _safe(text: str) -> str:
     return lines(text.translate(SIGNS).replace("Ω", "ohm"))
 
 
-SIGNS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "·": "."})
+SIGNS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "·": ".", ESCAPE: ""})
 """Signs of the field, and what stands for them in a terminal."""
 
 

@@ -14,7 +14,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, StagePlace
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.load_costs import load_costs
+from winchcascade.diagnosis.load_costs import cost_of, load_costs, ranked_causes, worst_costs
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.simulated_cycle import largest_gap
 from winchcascade.diagnosis.thresholds import Threshold
@@ -46,23 +46,21 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.figures import diagnosis_figures as figures
 from winchcascade.report.figures.cause_figures import given_head, waterfall_figure
-from winchcascade.report.figures.cycle_figure import cycle_figure, cycle_json
+from winchcascade.report.figures.cycle_figure import cycle_history
+from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import provenance
 from winchcascade.report.results.diagnosis_parts import (
     causes_table,
-    cost_of,
     first_points,
     minor_table,
     note_of,
     numbers,
-    ranked_causes,
     residual,
     step_tile,
     verdict_tile,
-    worst_costs,
 )
 from winchcascade.report.results.line_diagnosis import line_report
 from winchcascade.report.wording import load_words
@@ -127,8 +125,13 @@ def _tiles(found: ModelDiagnosis) -> list[Tile]:
     alarms = () if found.remainder is None else found.remainder.alarms
     worst = max((one for one in found.places if math.isfinite(one.z)), key=lambda one: abs(one.z), default=None)
     if not found.causes and alarms:
-        place = alarm_place(alarms[0], files_of(found))
-        shown.append(Tile("First sign", alarms[0].kind, place, f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}"))
+        place, size = alarm_place(alarms[0], files_of(found)), f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}"
+        if alarms[0].kind == "nuisance":
+            shown.append(
+                Tile("Next step", "the fit moves it most", f"Check the {place}", f"standard uncertainties: {size}")
+            )
+        else:
+            shown.append(Tile("First sign", alarms[0].kind, place, size))
     elif not found.causes and worst is not None:
         where = f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load, 'ohm')}"
         limit = f"standard uncertainties; significant from {STANDS_OUT:g}"
@@ -349,13 +352,13 @@ def _cycle(found: ModelDiagnosis, word: str) -> Picture | None:
     item = largest_gap(found)
     if item is None:
         return None
-    run = found.data.logs[item.log].run
+    run, history = found.data.logs[item.log].run, cycle_history(found, item, word)
     return picture(
-        cycle_figure(found, item, word), "histories",
+        history_figure(history), "histories",
         f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest gap, over the time since its "
         f"onset; the zeros of the sensors are taken off the {word}. Shaded: payout.",
         "Line plots of every channel over time; the values are in the log.",
-        cycle_json(found, item, word),
+        history_json(history),
     )  # fmt: skip
 
 
@@ -420,7 +423,8 @@ def _provenance(found: ModelDiagnosis, command: str) -> Section:
     rows: list[tuple[str, Cell]] = [
         ("Campaign", found.title),
         *((run.name, f"{load_words(run.load, 'ohm')}, {run.sha256 or 'no file'}") for run in found.runs),
-        ("Withheld", words.judged_words(found)),
+        ("Judged", words.judged_words(found)),
+        ("Causes chosen on", words.chosen_words(found)),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("Source of the rig's numbers", rig.source),
         ("SHA-256 of the rig file", fingerprint(rig.path)),

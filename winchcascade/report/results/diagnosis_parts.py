@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from winchcascade.diagnosis.contributions import leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, Contribution, DiagnosisResult, Minor, NamedCause, Reported
-from winchcascade.diagnosis.load_costs import load_costs
+from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, Minor, NamedCause, Reported
+from winchcascade.diagnosis.load_costs import cost_of, ranked_causes, worst_costs
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -72,24 +71,6 @@ class CauseRow(NamedTuple):
     how: Display
     value: Reported
     first: bool
-
-
-def worst_costs(found: DiagnosisResult) -> Contribution | None:
-    """The split of the leading efficiency at the load at which model and run differ most [%, points]; None without one."""
-    costs = load_costs(found, leading_metric(found.contributions)) if isinstance(found, ModelDiagnosis) else []
-    return max(costs, key=lambda one: abs(one.measured - one.as_given), default=None)
-
-
-def cost_of(costs: Contribution | None, cause: NamedCause) -> float | None:
-    """What a cause changes of an efficiency [points]; None where nothing can be said."""
-    parts = () if costs is None else costs.parts
-    return next((part.value for part in parts if part.effect == cause.effect), None)
-
-
-def ranked_causes(found: DiagnosisResult) -> list[NamedCause]:
-    """The causes, those that cost most of the leading efficiency first; without a model as they are."""
-    costs = worst_costs(found)
-    return sorted(found.causes, key=lambda cause: -abs(cost_of(costs, cause) or 0.0))
 
 
 def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
@@ -175,8 +156,8 @@ def residual(found: DiagnosisResult) -> Section:
     """Every sign of something that the causes leave, and what its kind means."""
     files, alarms = files_of(found), () if found.remainder is None else found.remainder.alarms
 
-    def number(size: float, alarm: Alarm) -> Cell:
-        return Measured(size, 0.1 * size) if alarm.limit else None
+    def number(size: float, u: float) -> Cell:
+        return Measured(size, u) if u else None
 
     return section(
         "residual", "Residual",
@@ -186,12 +167,12 @@ def residual(found: DiagnosisResult) -> Section:
             [
                 Column[Alarm]("where", lambda alarm: alarm_place(alarm, files)),
                 Column("kind", lambda alarm: alarm.kind),
-                Column("size", lambda alarm: number(alarm.size, alarm), own_digits=True),
-                Column("limit", lambda alarm: number(alarm.limit, alarm), own_digits=True),
+                Column("size", lambda alarm: number(alarm.size, 0.1 * alarm.size if alarm.limit else 0.0), own_digits=True),
+                Column("limit", lambda alarm: number(alarm.limit, alarm.limit), own_digits=True),
             ],
             alarms,
         ),
-        *(Note(text, kind, brief=False) for kind, text in words.kind_words(alarms).items()),
+        *(Note(upper(text), upper(kind), brief=False) for kind, text in words.kind_words(alarms).items()),
     )  # fmt: skip
 
 

@@ -32,7 +32,13 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.glossary import SENSORS, upper
 from winchcascade.report.render.terminal import terminal_text
-from winchcascade.report.results.diagnosis_sentences import place_sentence, profile_words, stated_text, trend_sentence
+from winchcascade.report.results.diagnosis_sentences import (
+    closure_kind,
+    place_sentence,
+    profile_words,
+    stated_text,
+    trend_sentence,
+)
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change
 
@@ -56,23 +62,24 @@ MANY_DEVIATIONS = 100.0
 
 # ----------------------------------------------------------------------------------------------------------- the verdict
 def judged_words(found: DiagnosisResult) -> str:
-    """On what the gap is closed, and whether that took part in the choice of the causes."""
+    """On what the gap is closed: on held-out data, or by leaving parts out of the fit in turn."""
     if isinstance(found, LineDiagnosis):
-        parts = found.lines.parts
+        parts, folds = found.lines.parts, found.moments.folds
         held = [f"{part.cycle.min()} to {part.cycle.max()} of {part.run.name}" for part in parts if part.withheld]
-        whole = sum(len(set(part.cycle.tolist())) for part in parts) >= found.moments.folds
-        held_out, each, items = "cycles", "cycle", "cycles"
-        if not whole:
-            each, items = "stretch", f"{found.moments.folds} stretches"
+        held_out = "cycles"
+        whole = sum(len(set(part.cycle.tolist())) for part in parts) >= folds
+        each = "by leave-one-cycle-out" if whole else f"by leaving out one of {folds} stretches"
     else:
         assert isinstance(found, ModelDiagnosis)  # there are no others
         held = [load_words(found.data.logs[k].run.load, "ohm") for k in sorted(found.data.withheld)]
-        held_out, each, items = "logs", "load", "loads"
-        if found.closure is not None and by_cycles(found.data, found.closure.withheld):
-            each, items = "part", "cycles"
-    if held:
-        return f"on held-out {held_out} ({', '.join(held)})"
-    return f"by leave-one-{each}-out (causes chosen on all {items})"
+        cycles = found.closure is not None and by_cycles(found.data, found.closure.withheld)
+        held_out, each = "logs", "by leaving out some cycles" if cycles else "by leave-one-load-out"
+    return f"on held-out {held_out} ({', '.join(held)})" if held else each
+
+
+def chosen_words(found: DiagnosisResult) -> str:
+    """Whether the data on which the causes are judged took part in their choice."""
+    return "data that are not held out" if closure_kind(found) == "held_out" else "all logs"
 
 
 def interval_words(low: float, high: float) -> str:
@@ -138,10 +145,9 @@ def _residual_words(found: DiagnosisResult) -> str:
 def where_words(found: DiagnosisResult, ranked: Sequence[NamedCause]) -> str:
     """The stages of the causes, those that cost most first; without causes the place, or the strongest sign, of the gap."""
     if ranked:
-        stages: dict[str, list[str]] = {}
-        for cause in ranked:
-            stages.setdefault(cause.stage, []).append(cause.effect)
-        return upper("; ".join(f"{stage}: {', '.join(effects)}" for stage, effects in stages.items()) + ".")
+        stages = list(dict.fromkeys(cause.stage for cause in ranked))
+        others = f", then {', '.join(stages[1:])}" if len(stages) > 1 else ""
+        return f"{upper(stages[0])}{others}."
     if found.where is None:
         return ""
     alarms = found.remainder.alarms if found.remainder is not None else ()

@@ -49,6 +49,7 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
         ("Campaign", found.title),
         *((p.run.name, f"cycles {p.cycle.min()} to {p.cycle.max()}, {p.run.sha256 or 'no file'}") for p in parts),
         ("Judged", words.judged_words(found)),
+        ("Causes chosen on", words.chosen_words(found)),
         ("Rig", f"{found.rig.name} ({found.rig.path})" if found.rig.path else found.rig.name),
         ("SHA-256 of the rig file", fingerprint(found.rig.path)),
         ("Acceleration", f"slope of a local quadratic over {found.lines.span:g} s"),

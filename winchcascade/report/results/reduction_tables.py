@@ -160,7 +160,7 @@ MEANS = (
     _phase("v_max", "payout", "speed_max", "m/s", 2),
     _phase("F", "plateau", "force", "N", 0),
     _phase("τ", "plateau", "torque", "N.m", 1),
-    *(_phase(f"P_{s}", "plateau", f"power_{s}", "W", 0) for s in ("line", "mech", "gen")),
+    *(_phase(f"P_{s} plateau", "plateau", f"power_{s}", "W", 0) for s in ("line", "mech", "gen")),
     _phase("F_hold", "hold", "force", "N", 0),
     _phase("τ_hold", "hold", "torque", "N.m", 1),
     _phase("p_hold", "hold", "pressure", "kg/cm2", 2),
@@ -261,9 +261,9 @@ def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | Non
         part = shares(known.repeatability if row is None else row.of, known.mean)[m]
         return 100.0 * part if part else None
 
-    def stated(attribute: str, otherwise: str, row: Share) -> str:
+    def stated(attribute: str, row: Share) -> str:
         value = None if row is None or row.source is None else getattr(row.source, attribute)
-        return otherwise if value is None else str(value).replace("_", " ")
+        return "" if value is None else str(value)
 
     def size(attribute: str, row: Share) -> str | None:
         source = None if row is None else row.source
@@ -277,10 +277,10 @@ def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | Non
     columns: list[Column[Share]] = [
         Column("source", lambda row: "repeatability" if row is None else source_name(row.source)),
         Column("limit", partial(size, "limit")),
-        Column("distribution", partial(stated, "shape", "")),
+        Column("distribution", lambda row: stated("shape", row).replace("_", " ")),
         Column("u", partial(size, "u")),
-        Column("known by", partial(stated, "basis", "")),
-        Column("from", partial(stated, "origin", "")),
+        Column("known by", lambda row: stated("basis", row).replace("_", " ")),
+        Column("from", partial(stated, "origin")),
         *(Column(short(m), partial(share, m), "%", 0) for m in metrics),
     ]
     caption = (

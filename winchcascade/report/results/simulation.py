@@ -81,7 +81,7 @@ def simulation_report(
         title=f"{run.name}: simulated at {load}",
         subtitle=" · ".join(part for part in about if part),
         tiles=[
-            Tile(part, LEDGER[part], f"{shown(joule[part], 0)} J", f"{100.0 * joule[part] / line:.1f} % of the line")
+            Tile(part, LEDGER[part], f"{shown(joule[part], 0)} J", _of_line(joule[part], line))
             for part in ("line", "gas", "dc")
             if part in ledger
         ],
@@ -140,3 +140,7 @@ def _stages(t: Signal) -> list[Column[tuple[str, Signal]]]:
         Column("energy delivered", lambda row: float(np.trapezoid(row[1].clip(0.0), t)), "J", 0),
         Column("energy returned", lambda row: float(np.trapezoid((-row[1]).clip(0.0), t)), "J", 0),
     ]
+
+
+def _of_line(part: float, line: float) -> str:
+    return f"{100.0 * part / line:.1f} % of the line" if line else ""
