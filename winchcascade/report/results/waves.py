@@ -53,7 +53,7 @@ def wave_tiles(found: WaveEnergies) -> list[Tile]:
             name,
             ratio_words(name, found.pairs[name]),
             shown(eta.value, 3),
-            f"95 %: {shown(_interval(eta), 3)}" if eta.interval else "too few waves for an interval",
+            f"95 %: {shown(interval_of(eta), 3)}" if eta.interval else "too few waves for an interval",
         )
         for name, eta in found.efficiency.items()
         if eta.value is not None
@@ -102,7 +102,7 @@ Row = tuple[str, RatioOfSums | None]
 """A stage with its mean power, or an efficiency of all waves together."""
 
 UNCERTAINTY: tuple[Column[Row], ...] = (
-    Column("95 %", lambda row: _interval(row[1]), own_digits=True),
+    Column("95 %", lambda row: interval_of(row[1]), own_digits=True),
     Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False, own_digits=True),
     Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False, own_digits=True),
 )
@@ -137,7 +137,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
     ]  # fmt: skip
 
 
-def _interval(of: RatioOfSums | None) -> Span | None:
+def interval_of(of: RatioOfSums | None) -> Span | None:
     """A 95 % interval, with the digits of its uncertainty by waves and sensors."""
     if of is None or of.interval is None:
         return None
