@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.ingest.read import read_by
@@ -87,4 +88,5 @@ def write_campaign_loss_map(
             report = stated(loss_map_pictures(found), links_to(["campaign.html", INDEX]))
         publish(report, html=pages.get("html"), pdf=pages.get("pdf"))
         files += pages.values()
+        write_index(batch.folder)
     return f"\n{terminal_text(stated(), files)}"
