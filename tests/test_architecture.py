@@ -29,7 +29,6 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 PATTERNS = {
     "glossary": "symbols of physics, signs and units of texts that are set on a page",
     "check_record": "characters that XML forbids",
-    "publish": "symbols of physics, names of fonts, and characters that no report shows",
     "wording": "symbols of physics, signs and units of sentences that are set on a page",
 }
 """Modules of `report` that may search texts by a pattern, and which texts."""

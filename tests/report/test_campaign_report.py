@@ -10,7 +10,7 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
-from page_scripts import markup_of
+from page_reader import PageReader
 from summaries import run
 
 from winchcascade.batch.plan import make_plan
@@ -237,7 +237,7 @@ def test_a_campaign_of_logs_without_efficiencies_has_a_report(tmp_path: Path, ch
 
 # ------------------------------------------------------------------------------------------------------------- the page
 def test_the_page_links_to_the_report_of_each_log(made: Made) -> None:
-    links = re.findall(r'href="(?!#|data:)([^"]*)"', markup_of(made.page))
+    links = PageReader(made.page).links
     assert {unquote(link) for link in links} == {
         f"runs/{r['name']}.html" for r in made.summary["runs"] if r["fault"] is None
     }
@@ -247,7 +247,7 @@ def test_the_index_leads_to_every_file_and_states_the_verdict_of_a_diagnosis(mad
     diagnosis = {"verdict": "explained", "causes": [{"label": "gain", "effect": "torque_gain"}], "closure": None}
     files = ["campaign.html", "campaign.json", "diagnosis.json"]
     report = results_index(campaign_from(made.summary), files, ["html", "pdf", "json"], diagnosis)
-    links = {unquote(link) for link in re.findall(r'href="(?!#|data:)([^"]*)"', markup_of(page_text(report)))}
+    links = {unquote(link) for link in PageReader(page_text(report)).links}
     names = [r["name"] for r in made.summary["runs"] if r["fault"] is None]
     assert links == {*files, *(f"runs/{name}.{ending}" for name in names for ending in ("html", "pdf", "json"))}
     assert any("torque_gain" in note.text for note in report.notes if note.about == "Diagnosis")
@@ -259,7 +259,7 @@ def test_texts_of_a_campaign_are_no_markup(made: Made) -> None:
     record = summary(run(hostile, None, 0.7, 0.01), failed(hostile, hostile))
     page = page_text(campaign_report(record, linked=True))
     assert "<script>alert" not in page
-    (link,) = set(re.findall(r'href="(?!#|data:)([^"]*)"', markup_of(page)))
+    (link,) = PageReader(page).links
     assert unquote(link) == f"runs/{hostile}.html"
     assert not any(sign in link for sign in '"#? <')
 

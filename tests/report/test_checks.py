@@ -1,5 +1,4 @@
 import json
-import math
 import re
 from pathlib import Path
 from xml.etree import ElementTree
@@ -10,14 +9,9 @@ import pytest
 
 from winchcascade.core.table_toml import load_table
 from winchcascade.report.content import Report, Table
-from winchcascade.report.render.terminal import terminal_text
-from winchcascade.report.results.audit_record import audit_record
-from winchcascade.report.results.audits import audit_report
 from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
 from winchcascade.report.results.checks import check_report
-from winchcascade.report.screen import PIPE, Screen, use_screen
-from winchcascade.tables.audit import audit_by_load as audit
-from winchcascade.tables.check import Check, Factors, Measured, check
+from winchcascade.tables.check import Check, Measured, check
 
 TABLE = load_table("hsu2026-table2")
 NASTY = 'a<b>&"c"\x1b[31m,50%:\n].csv'
@@ -66,34 +60,6 @@ def test_a_small_difference_beyond_the_allowed_one_is_not_shown_as_zero() -> Non
     (table,) = (block for block in check_report(found).blocks if isinstance(block, Table) and block.id == "cells")
     beyond = [column.name for column in table.columns].index("beyond")
     assert float(table.texts[0][beyond]) == pytest.approx(1e-4)
-
-
-@pytest.mark.parametrize("width", [60, 80, 100])
-def test_no_line_is_longer_than_the_terminal(found: Check, width: int) -> None:
-    use_screen(Screen(width))
-    try:
-        texts = [terminal_text(check_report(found)), terminal_text(audit_report(audit(TABLE)))]
-    finally:
-        use_screen(PIPE)
-    for text in texts:
-        assert max(map(len, text.splitlines())) <= width
-        assert "\x1b" not in text
-
-
-def test_factors_other_than_one_are_shown() -> None:
-    found = check([measured(45.0, "a")], TABLE, Factors(deviation=0.5), whole_campaign=False)
-    assert found.ok
-    assert any("0.5 x" in note.text for note in check_report(found).notes if note.about == "Allowed")
-
-
-def test_the_report_of_an_audit_holds_findings_claims_and_windows() -> None:
-    tables = frames(audit_report(audit(TABLE)))
-    (item,) = tables["contradictions"].to_dict("records")
-    assert (item["row"], item["cell"], item["printed"]) == ("27 ohm", "eta_pto", 0.707)
-    assert item["printed"] + 0.0005 < item["allowed, low"] < item["allowed, high"]
-    assert (tables["claims"]["verdict"] == "contradicted").sum() == 2
-    assert len(tables["claims"]) + len(tables["confirmed"]) == len(TABLE.claims)
-    assert tables["windows"]["window (s), low"].between(5.47, 5.97).all()
 
 
 def test_junit_has_a_case_for_every_cell_and_a_failure_for_every_miss(found: Check) -> None:
@@ -150,18 +116,3 @@ def test_the_record_of_a_check_is_plain_json(found: Check) -> None:
     assert record["misses"] == 38
     cell = record["cells"][0]
     assert cell["tolerance"]["total"] == sum(cell["tolerance"][p] for p in ("rounding", "deviation", "uncertainty"))
-
-
-def test_the_record_of_an_audit_is_plain_json() -> None:
-    record = json.loads(json.dumps(audit_record(audit(TABLE)), allow_nan=False))
-    assert record["schema"] == "winchcascade/audit/1"
-    assert record["ok"] is False
-    (item,) = record["contradictions"]
-    assert (item["load_ohm"], item["metric"], item["cells"]) == (
-        27.0,
-        "eta_pto",
-        ["energy_line", "energy_gen", "eta_pto"],
-    )
-    assert [claim["verdict"] for claim in record["claims"]].count("contradicted") == 2
-    assert [group["shortest_s"] for group in record["shared_windows"]] == [5.48, 5.96]
-    assert all(math.isfinite(w["window_s"][0]) for w in record["windows"])

@@ -24,7 +24,7 @@ from winchcascade.report.figures.cause_figures import (
     stability_figure,
     waterfall_figure,
 )
-from winchcascade.report.figures.cycle_figure import cycle_figure, cycle_json
+from winchcascade.report.figures.cycle_figure import cycle_history
 from winchcascade.report.figures.diagnosis_figures import (
     error_figure,
     error_history,
@@ -33,6 +33,7 @@ from winchcascade.report.figures.diagnosis_figures import (
     over_speed_figure,
     stage_map,
 )
+from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
@@ -147,8 +148,8 @@ def shown(name: str) -> SimulatedCycle:
 @pytest.mark.parametrize(("name", "curves"), [("copper", 3), ("nothing", 2)])
 def test_page_and_print_get_every_channel_of_the_cycle(name: str, curves: int) -> None:
     found, item = diagnosed(name), shown(name)
-    record: dict[str, Any] = json.loads(cycle_json(found, item, "log"))
-    assert len(record["rows"]) == len(cycle_figure(found, item, "log").axes) == len(CHANNELS)
+    record: dict[str, Any] = json.loads(history_json(cycle_history(found, item, "log")))
+    assert len(record["rows"]) == len(history_figure(cycle_history(found, item, "log")).axes) == len(CHANNELS)
     for k, (channel, row) in enumerate(zip(CHANNELS, record["rows"], strict=True)):
         assert len(row["series"]) == curves
         for one, side in zip(row["series"], item.sides, strict=True):
@@ -161,6 +162,6 @@ def test_repaired_stretches_of_the_cycle_are_marked_since_its_onset(monkeypatch:
     found, item = diagnosed("copper"), shown("copper")
     gaps = item.onset + np.array([[2.0, 2.5], [1e4, 1e4 + 1.0]])
     monkeypatch.setattr("winchcascade.report.figures.histories.all_gaps", lambda *_: gaps)
-    spans = json.loads(cycle_json(found, item, "log"))["spans"]
-    (repaired,) = [(span["from"], span["to"]) for span in spans if span["colour"] == "repaired"]
+    row = json.loads(history_json(cycle_history(found, item, "log")))["rows"][0]
+    (repaired,) = [(span["from"], span["to"]) for span in row["repaired"]]
     assert repaired == pytest.approx((2.0, 2.5))

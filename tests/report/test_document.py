@@ -8,20 +8,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-import msgspec
-import numpy as np
 import pytest
 from calls import error_sentence
 
 from winchcascade import __version__
 from winchcascade.core.rig_toml import parse_rig
-from winchcascade.core.run import CLOCK, SIMULATED_HEADERS
+from winchcascade.core.run import SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.content import Note, Picture, Report, Span, Table, shown
+from winchcascade.report.content import Note, Report, Span, Table, shown
 from winchcascade.report.results.drawn_reduction import drawn_report
 from winchcascade.report.results.reduction import reduction_report
 from winchcascade.rig.open_rig import load_rig
@@ -82,10 +79,6 @@ def provenance(report: Report) -> dict[str, str]:
 
 
 # ------------------------------------------------------------------------------------------------------ the summary
-def test_a_clean_log_has_no_warning(reports: dict[str, Report]) -> None:
-    assert {note.tone for note in reports["clean"].notes} == {"plain", "good"}
-    assert point(reports["clean"], "Findings").tone == "good"
-    assert "findings" not in [one.id for one in reports["clean"].filled]
 
 
 def test_the_tiles_show_the_efficiencies_with_their_intervals(clean: Result, reports: dict[str, Report]) -> None:
@@ -107,50 +100,6 @@ def test_an_open_circuit_shows_energies_where_it_has_no_efficiency(simulated: Re
     assert "open circuit" in simulated.subtitle
 
 
-def test_the_measured_load_stands_beside_the_stated_one(clean: Result, reports: dict[str, Report]) -> None:
-    measured = clean[0].measured_load
-    assert measured is not None
-    assert f"{measured.ohm:.4g} ohm" in reports["clean"].subtitle
-
-
-def with_metrics(reduction: Reduction, *cycles: Metrics) -> Reduction:
-    numbered = zip(reduction.cycles, cycles, strict=True)
-    return msgspec.structs.replace(reduction, cycles=tuple(msgspec.structs.replace(c, metrics=m) for c, m in numbered))
-
-
-@pytest.mark.parametrize(
-    ("cycles", "expected"),
-    [
-        ([Metrics(eta_trans=1 - eta, eta_pto=eta) for eta in (0.70, 0.61, 0.65)], (1, 2, "eta_pto")),
-        (
-            [Metrics(eta_trans=eta, energy_line=e) for eta, e in ((0.7, 1.0), (0.8, 2.0), (0.9, 0.5))],
-            (3, 1, "eta_trans"),
-        ),
-        ([Metrics(eta_pto=0.7), Metrics(), Metrics(eta_pto=0.6)], (1, 3, "eta_pto")),
-    ],
-)
-def test_best_and_worst_are_the_cycles_of_the_highest_and_lowest_efficiency(
-    clean: Result, cycles: list[Metrics], expected: tuple[int, int, str]
-) -> None:
-    best, worst, metric = with_metrics(clean[0], *cycles).extremes or pytest.fail("two cycles can be compared")
-    assert (best.cycle, worst.cycle, metric) == expected
-
-
-def test_an_incomplete_cycle_is_neither_best_nor_worst(clean: Result) -> None:
-    made = with_metrics(clean[0], *(Metrics(eta_pto=eta) for eta in (0.99, 0.61, 0.65)))
-    first, *rest = made.cycles
-    made = msgspec.structs.replace(made, cycles=(msgspec.structs.replace(first, complete=False), *rest))
-    best, worst, _ = made.extremes or pytest.fail("two cycles can be compared")
-    assert (best.cycle, worst.cycle) == (3, 2)
-    assert msgspec.structs.replace(made, cycles=made.cycles[:2]).extremes is None
-
-
-def test_findings_and_incomplete_cycles_are_warned_of(reports: dict[str, Report]) -> None:
-    report = reports["aborted"]
-    assert (point(report, "Cycles").tone, point(report, "Findings").tone) == ("warn", "warn")
-    assert "ncomplete cycle" in point(report, "Findings").text
-
-
 def test_a_rig_without_accuracies_is_warned_of(reports: dict[str, Report]) -> None:
     warned = point(reports["no accuracies"], "Accuracy")
     assert warned.tone == "warn"
@@ -165,51 +114,7 @@ def test_a_simulated_log_is_said_to_be_simulated_before_all_else(simulated: Repo
     assert simulated.banner
 
 
-def test_a_log_of_which_nothing_is_stated_has_no_banner(reports: dict[str, Report]) -> None:
-    assert reports["clean"].banner == ""
-
-
-HAND = [
-    ({}, 0.0),
-    ({"force": [(1.0, 2.0)]}, 0.96),  # from the last good sample to the first: 24 of 25 samples are missing
-    ({"force": [(1.0, 2.0)], "torque": [(1.0, 2.0)]}, 0.96),
-    ({"force": [(1.0, 2.0)], "torque": [(1.48, 3.0)]}, 1.96),
-    ({"force": [(1.0, 3.0)], "torque": [(1.48, 2.0)]}, 1.96),
-    ({CLOCK: [(1.0, 2.0), (5.0, 5.08)]}, 1.0),
-    ({"vdc": [(5.0, 6.0)], "force": [(1.0, 2.0)]}, 1.92),
-]
-"""Gaps [s] of a log of 10 s at 25 Hz, and what is bridged by hand [s]."""
-
-
-@pytest.mark.parametrize(("gaps", "seconds"), HAND)
-def test_the_lost_share_counts_time_that_any_channel_lost_once(
-    clean: Result, gaps: dict[str, list[tuple[float, float]]], seconds: float
-) -> None:
-    run = msgspec.structs.replace(
-        clean[0].run, t=0.04 * np.arange(251), fs=25.0, gaps={name: np.array(spans) for name, spans in gaps.items()}
-    )
-    assert msgspec.structs.replace(clean[0], run=run).lost_share == pytest.approx(seconds / 10.0)
-
-
 # ----------------------------------------------------------------------------------------------------- the sections
-@pytest.mark.parametrize("kind", ["clean", "aborted", "no accuracies", "none complete"])
-def test_every_id_is_its_own_and_energies_follow_the_findings(reports: dict[str, Report], kind: str) -> None:
-    report = reports[kind]
-    blocks = [block for block in report.blocks if isinstance(block, Table | Picture)]
-    for ids in ([s.id for s in report.sections], [block.id for block in blocks]):
-        assert len(ids) == len(set(ids))
-    assert all(b.caption.endswith(".") for b in blocks)
-    assert all(b.alt for b in blocks if isinstance(b, Picture))
-    shown = [one.id for one in report.filled if one.id != "findings"]
-    assert (shown[0], shown[-1]) == ("results", "provenance")
-
-
-def test_what_is_open_has_room_on_four_screens(reports: dict[str, Report]) -> None:
-    opened = [section for section in reports["clean"].filled if not section.folded]
-    assert [section.id for section in opened] == ["results", "histories"]
-    assert all(
-        len(block.items) <= block.limit <= 14 for one in opened for block in one.blocks if isinstance(block, Table)
-    )
 
 
 # --------------------------------------------------------------------------------------------------- the provenance
@@ -231,10 +136,6 @@ def test_the_provenance_holds_the_digest_of_ones_own_rig_file(simulated: Report)
     assert (rows["Source of the rig's numbers"], rows["What the rig is"]) == ("the workshop", "My winch")
 
 
-def test_the_time_of_making_is_that_of_source_date_epoch(simulated: Report) -> None:
-    assert provenance(simulated)["Made on"] == "2026-04-18 10:00:00 UTC"
-
-
 # --------------------------------------------------------------------------------------------------- the command line
 def command(
     *arguments: str | Path | bytes, cwd: Path | None = None, **environment: str
@@ -254,31 +155,12 @@ def log(tmp_path: Path) -> Path:
     return Path(shutil.copy(CLEAN, folder / "run 1 36 ohm.csv"))
 
 
-@pytest.mark.slow
-def test_with_source_date_epoch_the_page_is_the_same_byte_for_byte(log: Path) -> None:
-    pages = []
-    for seed in ("1", "2"):
-        done = command(
-            log.name, "--html", "my report.html", cwd=log.parent, SOURCE_DATE_EPOCH="1776506400", PYTHONHASHSEED=seed
-        )
-        assert done.returncode == 0, done.stderr
-        pages.append((log.parent / "my report.html").read_bytes())
-    assert pages[0] == pages[1]
-    given = "winchcascade reduce &#39;run 1 36 ohm.csv&#39; --html &#39;my report.html&#39;"
-    assert given in pages[0].decode()
-
-
 def rejected(log: Path, *arguments: str | Path) -> str:
     """The one sentence of a rejection; nothing is written and the log is as it was."""
     before = {p: p.read_bytes() for p in log.parent.rglob("*") if p.is_file()}
     said = error_sentence(["reduce", log, *arguments])
     assert {p: p.read_bytes() for p in log.parent.rglob("*") if p.is_file()} == before
     return said
-
-
-def test_two_reports_of_one_name_are_rejected(log: Path) -> None:
-    one = log.parent / "my report"
-    assert "--html and --pdf both name" in rejected(log, "--html", one, "--pdf", one)
 
 
 def test_two_spellings_of_one_name_are_rejected(log: Path) -> None:

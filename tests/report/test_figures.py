@@ -18,7 +18,7 @@ from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.figures import reduction_figures as figures
-from winchcascade.report.figures.histories import PANELS, powers_of, time_histories
+from winchcascade.report.figures.histories import PANELS, history_figure, log_history, powers_of
 from winchcascade.report.figures.style import COLOURS, house_style
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
@@ -52,6 +52,10 @@ def many(reduction: Reduction, count: int) -> Reduction:
     """A reduction of many cycles, those of one that has three."""
     cycles = [msgspec.structs.replace(reduction.cycles[k % 3], cycle=k + 1) for k in range(count)]
     return msgspec.structs.replace(reduction, cycles=tuple(cycles))
+
+
+def time_histories(reduction: Reduction) -> Figure:
+    return history_figure(log_history(reduction))
 
 
 def drawn(result: Result) -> Iterator[tuple[str, Figure]]:

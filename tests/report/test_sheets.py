@@ -14,9 +14,8 @@ import pytest
 from calls import call
 from pypdf import PdfReader
 
-from winchcascade import audit, open_campaign, write_report
+from winchcascade import audit
 from winchcascade.core.errors import OptionError
-from winchcascade.tables.audit import Audit
 from winchcascade.tables.point_audit import PointAudit
 
 
@@ -109,17 +108,6 @@ def _traces(page: Path) -> Any:
     return json.loads(found[1])
 
 
-def test_an_audit_lists_every_finding_with_its_row(tmp_path: Path) -> None:
-    found = json.loads(_run("audit", "hsu2026-table2", "--json", "-", "--html", tmp_path / "a.html", code=1))
-    (row,) = _rows(tmp_path / "a.html", "contradictions")[1:]
-    (item,) = found["contradictions"]
-    assert "27\u00a0Ω" in row
-    assert {str(item["line"]), f"{item['printed']:.3f}"} < set(row)
-    verdicts = [row[0] for name in ("claims", "confirmed") for row in _rows(tmp_path / "a.html", name)[1:]]
-    assert len(verdicts) == len(found["claims"])
-    assert verdicts.count("contradicted") == 2
-
-
 def test_an_audit_of_operating_points_lists_every_broken_cell(tmp_path: Path) -> None:
     table = tmp_path / "points.toml"
     table.write_text(
@@ -159,19 +147,3 @@ def test_a_check_gives_each_cell_its_verdict(fixtures: Path, tmp_path: Path) -> 
     name = "hsu2026-table2_check_cells.csv"
     with (tmp_path / "tables" / name).open(encoding="utf-8", newline="") as file:
         assert [float(row["found"]) for row in csv.DictReader(file)] == [cell["measured"] for cell in cells]
-
-
-def test_every_result_has_a_report_in_python(fixtures: Path, tmp_path: Path) -> None:
-    results: list[object] = [audit("hsu2026-table2"), open_campaign(fixtures / "campaign").check("hsu2026-table2")]
-    for k, result in enumerate(results):
-        assert "<h1>" in write_report(result, tmp_path / f"{k}.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.slow
-def test_the_physics_of_a_table_are_audited_in_python(tmp_path: Path) -> None:
-    found = audit("hsu2026-table2", physics=True)
-    assert isinstance(found, Audit)
-    assert found.physics is not None
-    assert not found.physics.ok
-    rows = _rows(write_report(found, tmp_path / "a.html"), "attainable")
-    assert len(rows) == 1 + sum(len(row.cells) for row in found.physics.rows)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.figures.histories import POINTS, histories_json, thinned
+from winchcascade.report.figures.histories import POINTS, history_json, log_history, thinned
 from winchcascade.report.wording import clock_zero
 
 SIX_DIGITS = 0.5e-5
@@ -57,7 +57,7 @@ def reduction() -> Reduction:
 
 
 def histories(reduction: Reduction) -> Any:
-    return json.loads(histories_json(reduction), parse_constant=lambda word: pytest.fail(word))
+    return json.loads(history_json(log_history(reduction)), parse_constant=lambda word: pytest.fail(word))
 
 
 def curves(data: Any) -> dict[str, list[float]]:
@@ -69,7 +69,7 @@ def test_the_histories_of_a_short_log_have_every_sample(reduction: Reduction) ->
     assert data["t"] == pytest.approx(run.t.tolist())
     assert curves(data)["Line tension"] == pytest.approx(run.channels["force"].tolist(), rel=SIX_DIGITS)
     power = run.channels["force"] * run.channels["velocity"]
-    assert curves(data)["P_line"] == pytest.approx(power.tolist(), rel=SIX_DIGITS)
+    assert curves(data)["Power, P_line"] == pytest.approx(power.tolist(), rel=SIX_DIGITS)
 
 
 @pytest.mark.parametrize("n", [POINTS + 1, 3 * POINTS + 17, 100_003])
@@ -89,7 +89,8 @@ def test_the_histories_of_a_long_log_keep_its_peaks(reduction: Reduction, n: int
 def test_the_histories_mark_payouts_holds_and_repaired_stretches() -> None:
     log = Path(__file__).parents[2] / "fixtures" / "damaged_logs" / "dropouts.csv"
     found = reduce(read_run(log), window=5.48)
-    spans = histories(found)["spans"]
+    data = histories(found)
+    spans = data["spans"]
     for kind, ends in (
         ("payout", [[c.phases.onset, c.phases.payout_end] for c in found.cycles]),
         ("hold", [list(c.phases.hold) for c in found.cycles if c.phases.hold is not None]),
@@ -97,7 +98,9 @@ def test_the_histories_mark_payouts_holds_and_repaired_stretches() -> None:
         assert [[span["from"], span["to"]] for span in spans if span["colour"] == kind] == ends
     (begin, end) = found.run.gaps["force"].tolist()[0]
     middle = 0.5 * (begin + end)
-    assert any(span["from"] <= middle <= span["to"] for span in spans if span["colour"] == "repaired")
+    marked = {row["series"][0]["label"]: row["repaired"] for row in data["rows"]}
+    assert any(span["from"] <= middle <= span["to"] for span in marked["Line tension"])
+    assert not any(span["from"] <= middle <= span["to"] for span in marked["Voltage of the DC link"])
 
 
 EPOCH = 1_776_506_400.0

@@ -194,18 +194,16 @@ def _(result: Reduction) -> Plots:
     from winchcascade.report.figures import reduction_figures as figures
 
     powers, ratios = histories.powers_of(result), figures.known_ratios(result)
-    panels = histories.panels_of(result, powers)
+    history = histories.log_history(result)
+    rows = len(history.panels)
     lacks = {
         "power": "" if powers and result.cycles else "a cycle and a power",
         "speed": "" if result.bins else "the speed of the generator in a complete cycle",
         "efficiency": "" if ratios and result.complete else "an efficiency of a complete cycle",
     }
-    height = 2.9 if len(panels) == 1 else 1.2
     return {
         "power": _single(figures.draw_one_cycle, result, powers, lacks=lacks["power"]),
-        "history": Plot(
-            lambda axes: histories.draw_histories(axes, result, panels[-len(axes) :]), "", len(panels), height, "x"
-        ),
+        "history": Plot(lambda axes: histories.draw_history(axes, history), "", rows, 2.9 if rows == 1 else 1.2, "x"),
         "speed": _single(figures.draw_over_speed, result, powers, lacks=lacks["speed"]),
         "efficiency": _single(_draw_efficiencies, result, ratios, lacks=lacks["efficiency"]),
     }

@@ -1,9 +1,9 @@
-"""Time histories of a log, as a figure and as the JSON of the interactive ones of a page, from the same panels."""
+"""Time histories: what is drawn over time, as a figure and as the JSON of the interactive ones of a page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,6 +19,7 @@ from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report.figures.style import (
     COLOURS,
+    Dashes,
     Entry,
     label_panel,
     legend_above,
@@ -64,20 +65,193 @@ PANELS = (
 """Channels that have a panel of their own: name, title, unit, and what turns SI units into it."""
 
 
-class Curve(NamedTuple):
-    """A curve of a panel: its stage, empty for a channel, its values, (n,), and the channels that it is computed from."""
+Span = tuple[float, float]
+"""Begin and end. [s]"""
 
-    stage: str
+
+class Curve(NamedTuple):
+    """A curve over time: its name, as in a page and, where that differs, in a figure, its values, (n,), and its look."""
+
+    name: str
     values: Signal
-    channels: tuple[str, ...]
+    colour: str = "ink"
+    dashes: Dashes = "-"
+    symbol: str = ""
 
 
 class Panel(NamedTuple):
-    """A panel of the histories: what it shows, its unit, and its curves in that unit."""
+    """A quantity over time: its title and unit, its curves in that unit, and the stretches in which they were repaired."""
 
     title: str
     unit: str
-    curves: list[Curve]
+    curves: Sequence[Curve]
+    repaired: Sequence[Span] = ()
+
+
+class Mark(NamedTuple):
+    """Stretches that every panel shades, or, with dashes, instants at which it has a line: what they are, and their colour."""
+
+    name: str
+    colour: str
+    spans: Sequence[Span]
+    dashes: str = ""
+
+
+class History(NamedTuple):
+    """Panels one below the other, their instants, (n,) [s], the label of these, and what all panels mark."""
+
+    t: Signal
+    label: str
+    panels: Sequence[Panel]
+    marks: Sequence[Mark]
+
+
+# ----------------------------------------------------------------------------------------------------------- figure and page
+def history_figure(history: History) -> Figure:
+    """Draw the panels of a history, with one legend above them."""
+    panels = history.panels
+    figure, axes = panel_figure(0.6 + 0.95 * len(panels), len(panels), share="x")
+    draw_history(axes, history)
+    several = [curve for panel in panels if len(panel.curves) > 1 for curve in panel.curves]
+    named = {c.symbol or c.name: line_entry(c.symbol or c.name, c.colour, ls=c.dashes) for c in several}
+    repaired = [patch_entry(REPAIRED, "repaired")] if any(panel.repaired for panel in panels) else []
+    entries = [*named.values(), *mark_entries(history.marks), *repaired]
+    if entries:
+        legend_above(figure, entries)
+    figure.align_ylabels(axes)
+    return figure
+
+
+def draw_history(axes: Sequence[Axes], history: History) -> None:
+    """Draw as many panels as there are axes, which share the time: the last ones."""
+    for ax, letter, panel in zip(axes, ascii_lowercase, history.panels[-len(axes) :], strict=False):
+        short, unit = readable(panel.unit, *(curve.values for curve in panel.curves))
+        for curve in panel.curves:
+            style: Any = {"color": COLOURS[curve.colour], "ls": curve.dashes, "label": curve.symbol or curve.name}
+            ax.plot(history.t, curve.values * short, **style)
+        label_panel(ax, letter, panel.title, unit=unit)
+        ax.set_xlim(history.t[0], history.t[-1])
+        draw_marks(ax, history.marks)
+        mark_repaired(ax, panel.repaired)
+    axes[-1].set_xlabel(history.label)
+
+
+def draw_marks(ax: Axes, marks: Sequence[Mark]) -> None:
+    """Shade stretches over the height of a panel, and draw lines at instants."""
+    across, limits = ax.get_xaxis_transform(), ax.get_xlim()
+    for mark in marks:
+        if mark.dashes:
+            at = [begin for begin, _ in mark.spans]
+            ax.vlines(at, 0.0, 1.0, transform=across, colors=COLOURS[mark.colour], ls=mark.dashes, lw=0.7)
+        else:
+            bars = [(begin, end - begin) for begin, end in mark.spans]
+            ax.broken_barh(bars, (0.0, 1.0), transform=across, fc=COLOURS[mark.colour], lw=0, zorder=0.1)
+    ax.set_xlim(limits)
+
+
+def mark_repaired(ax: Axes, spans: Sequence[Span]) -> None:
+    """Mark stretches at the lower edge of a panel; a mark is never narrower than its outline."""
+    bars, limits = [(begin, end - begin) for begin, end in spans], ax.get_xlim()
+    colour, across = COLOURS["repaired"], ax.get_xaxis_transform()
+    ax.broken_barh(bars, (0.0, REPAIRED_HEIGHT), transform=across, fc=colour, ec=colour, lw=0.8, zorder=1.5)
+    ax.set_xlim(limits)
+
+
+def mark_entries(marks: Sequence[Mark]) -> list[Entry]:
+    """Entries of a legend that name the shades and lines."""
+    return [
+        line_entry(mark.name, mark.colour, ls=mark.dashes, lw=0.8)
+        if mark.dashes
+        else patch_entry(mark.name, mark.colour)
+        for mark in marks
+    ]
+
+
+def history_json(history: History) -> str:
+    """A history as `page.js` reads it: the first curve of a panel is named with the quantity."""
+    rows = [
+        {
+            "label": panel.unit,
+            "series": [
+                {
+                    "label": ", ".join(filter(None, (panel.title if k == 0 else "", curve.name))),
+                    "colour": curve.colour,
+                    "values": plain(curve.values),
+                    **({} if curve.dashes == "-" else {"dash": [6, 3]}),
+                }
+                for k, curve in enumerate(panel.curves)
+            ],
+            "repaired": [_placed(*span, "repaired") for span in panel.repaired],
+        }
+        for panel in history.panels
+    ]
+    spans = [_placed(*span, mark.colour) for mark in history.marks for span in mark.spans]
+    return msgspec.json.encode({"t": plain(history.t), "rows": rows, "spans": spans}).decode()
+
+
+def _placed(begin: float, end: float, colour: str) -> dict[str, float | str]:
+    return {"from": begin, "to": end, "colour": colour}
+
+
+def plain(x: Signal) -> list[float | None]:
+    """Numbers with six digits, none where the log has none."""
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in x.tolist()]
+
+
+def thinned(t: Signal, curves: Sequence[Signal], points: int = POINTS) -> tuple[Signal, list[Signal]]:
+    """Instants and curves of a log with the peaks of each, two instants for each bin of samples.
+
+    >>> t, (x,) = thinned(np.arange(1e5), [np.r_[np.zeros(99_999), 1.0]])
+    >>> t.size <= POINTS, float(x.max())
+    (True, 1.0)
+    """
+    bins = points // 2
+    if t.size <= points:
+        return t, list(curves)
+    edges = np.linspace(0, t.size, bins + 1).astype(int)[:-1]
+    ends = np.r_[edges[1:], t.size] - 1
+    times = np.column_stack([t[edges], t[ends]]).ravel()
+    return times, [
+        np.column_stack([np.minimum.reduceat(x, edges), np.maximum.reduceat(x, edges)]).ravel() for x in curves
+    ]
+
+
+# ---------------------------------------------------------------------------------------------------------------- of a log
+def log_history(reduction: Reduction) -> History:
+    """Every channel and the powers over the whole log, with phases and windows (the paper's Fig. 5)."""
+    run, zero = reduction.run, clock_zero(reduction.run)
+    powers, channels = powers_of(reduction), channels_drawn(reduction.run, reduction.rig)
+    signals = [run.channels[name] * factor for name, *_, factor in channels]
+    t, curves = thinned(run.t - zero, [*signals, *powers.values()])
+    panels = [
+        Panel(title, unit, [Curve("", curve)], repaired_spans(run, (name,), zero))
+        for (name, title, unit, _), curve in zip(channels, curves, strict=False)
+    ]
+    if powers:
+        drawn = [power_curve(stage, curve) for stage, curve in zip(powers, curves[len(channels) :], strict=True)]
+        panels.append(Panel("Power", "W", drawn, repaired_spans(run, power_sources(reduction, powers), zero)))
+    shaded = reduction.cycles if len(reduction.cycles) <= SHADED_CYCLES else ()
+    return History(t, time_label(run), panels, phase_marks(reduction, shaded, zero))
+
+
+def power_curve(stage: str, watts: Signal) -> Curve:
+    """The power of a stage in its look."""
+    look = look_of(stage)
+    return Curve(typeset(metric(f"power_{stage}").symbol), watts, look.colour, look.dashes, tex(f"power_{stage}"))
+
+
+def phase_marks(reduction: Reduction, cycles: Sequence[CycleResult], zero: float) -> list[Mark]:
+    """Payouts, holds and the ends of the windows of some cycles, dotted lines of incomplete ones."""
+    marks = [
+        Mark(span_word(reduction), "payout", [(c.phases.onset, c.phases.payout_end) for c in cycles]),
+        Mark("hold", "hold", [c.phases.hold for c in cycles if c.phases.hold is not None]),
+    ]
+    for complete, name, dash in ((True, "integration window", "--"), (False, "of an incomplete cycle", ":")):
+        edges = [e for c in cycles if c.complete is complete for e in (c.window.onset, c.window.cutoff)]
+        marks.append(Mark(name, "soft", [(edge, edge) for edge in edges], dash))
+    return [
+        mark._replace(spans=[(begin - zero, end - zero) for begin, end in mark.spans]) for mark in marks if mark.spans
+    ]
 
 
 def powers_of(reduction: Reduction) -> dict[str, Signal]:
@@ -107,86 +281,15 @@ def _unit_drawn(channel: Channel) -> tuple[str, float]:
     return (si_unit(channel.dimension), 1.0) if found is None or found.offset else (channel.unit, 1.0 / found.factor)
 
 
-def power_panel(reduction: Reduction, powers: Mapping[str, Signal]) -> Panel:
-    """The powers of the stages."""
-    return Panel("Power", "W", [Curve(s, watts, power_sources(reduction, [s])) for s, watts in powers.items()])
-
-
-def panels_of(reduction: Reduction, powers: Mapping[str, Signal]) -> list[Panel]:
-    """Panels of the histories: a channel each, and the powers last."""
-    run = reduction.run
-    panels = [
-        Panel(title, unit, [Curve("", run.channels[name] * factor, (name,))])
-        for name, title, unit, factor in channels_drawn(run, reduction.rig)
-    ]
-    return [*panels, *([power_panel(reduction, powers)] if powers else [])]
-
-
-def thinned(t: Signal, curves: Sequence[Signal], points: int = POINTS) -> tuple[Signal, list[Signal]]:
-    """Instants and curves of a log with the peaks of each, two instants for each bin of samples.
-
-    >>> t, (x,) = thinned(np.arange(1e5), [np.r_[np.zeros(99_999), 1.0]])
-    >>> t.size <= POINTS, float(x.max())
-    (True, 1.0)
-    """
-    bins = points // 2
-    if t.size <= points:
-        return t, list(curves)
-    edges = np.linspace(0, t.size, bins + 1).astype(int)[:-1]
-    ends = np.r_[edges[1:], t.size] - 1
-    times = np.column_stack([t[edges], t[ends]]).ravel()
-    return times, [
-        np.column_stack([np.minimum.reduceat(x, edges), np.maximum.reduceat(x, edges)]).ravel() for x in curves
-    ]
-
-
-# ------------------------------------------------------------------------------------------------------- phases and repairs
-def repaired_spans(run: Run, channels: Sequence[str]) -> list[tuple[float, float]]:
-    """Stretches in which any of the channels was bridged, those that touch or nearly touch as one. [s]"""
-    near, spans = NEAR * float(run.t[-1] - run.t[0]), list[tuple[float, float]]()
-    for begin, end in all_gaps(run, channels).tolist():
+def repaired_spans(run: Run, channels: Sequence[str], zero: float) -> list[Span]:
+    """Stretches since an instant in which any of the channels was bridged, those that nearly touch as one. [s]"""
+    near, spans = NEAR * float(run.t[-1] - run.t[0]), list[Span]()
+    for begin, end in (all_gaps(run, channels) - zero).tolist():
         if spans and begin <= spans[-1][1] + near:
             spans[-1] = (spans[-1][0], max(spans[-1][1], end))
         else:
             spans.append((begin, end))
     return spans
-
-
-def phase_spans(cycles: Sequence[CycleResult]) -> dict[str, list[tuple[float, float]]]:
-    """Begin and end of every payout and hold, by the colour of the shade. [s]"""
-    return {
-        "payout": [(c.phases.onset, c.phases.payout_end) for c in cycles],
-        "hold": [c.phases.hold for c in cycles if c.phases.hold is not None],
-    }
-
-
-def shade_phases(ax: Axes, cycles: Sequence[CycleResult], zero: float) -> None:
-    """Shade payouts and holds, and bound the windows by dashed lines, dotted ones of incomplete cycles."""
-    across, limits = ax.get_xaxis_transform(), ax.get_xlim()
-    for name, spans in phase_spans(cycles).items():
-        bars = [(begin - zero, end - begin) for begin, end in spans]
-        ax.broken_barh(bars, (0.0, 1.0), transform=across, fc=COLOURS[name], lw=0, zorder=0.1)
-    for complete, dash in ((True, "--"), (False, ":")):
-        edges = [e - zero for c in cycles if c.complete is complete for e in (c.window.onset, c.window.cutoff)]
-        ax.vlines(edges, 0.0, 1.0, transform=across, colors=COLOURS["soft"], ls=dash, lw=0.7)
-    ax.set_xlim(limits)
-
-
-def mark_repaired(ax: Axes, spans: Sequence[tuple[float, float]], zero: float) -> None:
-    """Mark stretches at the lower edge of a panel; a mark is never narrower than its outline."""
-    bars, limits = [(begin - zero, end - begin) for begin, end in spans], ax.get_xlim()
-    colour, across = COLOURS["repaired"], ax.get_xaxis_transform()
-    ax.broken_barh(bars, (0.0, REPAIRED_HEIGHT), transform=across, fc=colour, ec=colour, lw=0.8, zorder=1.5)
-    ax.set_xlim(limits)
-
-
-def phase_entries(reduction: Reduction) -> list[Entry]:
-    """Entries of a legend that name the shades and the dashed lines."""
-    word = span_word(reduction)
-    entries = [patch_entry(word, "payout"), *([patch_entry("hold", "hold")] if word == "payout" else [])]
-    complete = all(c.complete for c in reduction.cycles)
-    lines = {"integration window": "--"} | ({} if complete else {"of an incomplete cycle": ":"})
-    return entries + [line_entry(name, "soft", ls=dash, lw=0.8) for name, dash in lines.items()]
 
 
 def time_label(run: Run) -> str:
@@ -199,77 +302,3 @@ def end_of(cycle: CycleResult) -> float:
     """End of the last phase of a cycle that the log holds. [s]"""
     phases = cycle.phases
     return (phases.haul_in or phases.hold or (0.0, phases.payout_end))[1]
-
-
-# -------------------------------------------------------------------------------------------------------------- the figure
-def time_histories(reduction: Reduction) -> Figure:
-    """Draw every channel and the powers over the whole log, phases shaded, windows marked (the paper's Fig. 5)."""
-    panels, run = panels_of(reduction, powers_of(reduction)), reduction.run
-    figure, axes = panel_figure(0.6 + 0.95 * len(panels), len(panels), share="x")
-    draw_histories(axes, reduction, panels)
-    repaired = [patch_entry(REPAIRED, "repaired")] if repaired_spans(run, tuple(run.channels)) else []
-    stages = [line_entry(curve.stage, **_looks(curve.stage)) for curve in panels[-1].curves if curve.stage]
-    named = [(handle, tex(f"power_{stage}")) for handle, stage in stages]
-    legend_above(figure, [*named, *(phase_entries(reduction) if _shaded(reduction) else []), *repaired])
-    figure.align_ylabels(axes)
-    return figure
-
-
-def draw_histories(axes: Sequence[Axes], reduction: Reduction, panels: Sequence[Panel]) -> None:
-    """Draw each of some panels on axes that share the time."""
-    run, zero = reduction.run, clock_zero(reduction.run)
-    for ax, letter, (title, unit, curves) in zip(axes, ascii_lowercase, panels, strict=False):
-        short, shown = readable(unit, *(curve.values for curve in curves))
-        for curve in curves:
-            t, (x,) = thinned(run.t - zero, [curve.values * short])
-            ax.plot(t, x, **_looks(curve.stage))
-        label_panel(ax, letter, title, unit=shown)
-        ax.set_xlim(run.t[0] - zero, run.t[-1] - zero)
-        if _shaded(reduction):
-            shade_phases(ax, reduction.cycles, zero)
-        mark_repaired(ax, repaired_spans(run, [name for curve in curves for name in curve.channels]), zero)
-    axes[-1].set_xlabel(time_label(run))
-
-
-def _shaded(reduction: Reduction) -> bool:
-    return 0 < len(reduction.cycles) <= SHADED_CYCLES
-
-
-def _looks(stage: str) -> dict[str, Any]:
-    """Colour and dashes of the power of a stage, or of a channel without one."""
-    look = look_of(stage)
-    return {"color": COLOURS[look.colour], "ls": look.dashes} if stage else {"color": COLOURS["ink"]}
-
-
-# ---------------------------------------------------------------------------------------------------------------- the JSON
-def histories_json(reduction: Reduction) -> str:
-    """The histories as `page.js` reads them: channels, powers, phases, ends of windows, repaired stretches."""
-    run, zero = reduction.run, clock_zero(reduction.run)
-    panels = panels_of(reduction, powers_of(reduction))
-    t, curves = thinned(run.t - zero, [np.asarray(curve.values) for panel in panels for curve in panel.curves])
-    shown = iter(curves)
-    rows = [
-        {
-            "label": panel.unit,
-            "series": [
-                {
-                    "label": typeset(metric(f"power_{curve.stage}").symbol) if curve.stage else panel.title,
-                    "colour": look_of(curve.stage).colour if curve.stage else "ink",
-                    "values": plain(next(shown)),
-                }
-                for curve in panel.curves
-            ],
-        }
-        for panel in panels
-    ]
-    cycles = reduction.cycles if _shaded(reduction) else ()
-    spans = [(begin, end, colour) for colour, found in phase_spans(cycles).items() for begin, end in found]
-    spans += [(edge, edge, "soft") for c in cycles for edge in (c.window.onset, c.window.cutoff)]
-    spans += [(begin, end, "repaired") for begin, end in repaired_spans(run, tuple(run.channels))]
-    marked = [{"from": begin - zero, "to": end - zero, "colour": colour} for begin, end, colour in spans]
-    return msgspec.json.encode({"t": plain(t), "rows": rows, "spans": marked}).decode()
-
-
-def plain(x: Signal) -> list[float | None]:
-    """Numbers with six digits, none where the log has none."""
-    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in x.tolist()]

@@ -21,12 +21,13 @@ from winchcascade.reduction.uncertainty import Budget, budgeted
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.histories import (
     channels_drawn,
+    draw_marks,
     end_of,
+    mark_entries,
     mark_repaired,
-    phase_entries,
+    phase_marks,
     power_sources,
     repaired_spans,
-    shade_phases,
     thinned,
     time_label,
 )
@@ -97,7 +98,7 @@ def power_streams(reduction: Reduction, powers: Mapping[str, Signal]) -> Figure 
     figure, axes = panel_figure(2.75, 1, 1 + bool(reduction.bins) + current)
     draw_one_cycle(axes[0], reduction, powers)
     entries = [line_entry(tex(f"power_{s}"), look_of(s).colour, ls=look_of(s).dashes) for s in powers]
-    entries += phase_entries(reduction)
+    entries += mark_entries(phase_marks(reduction, [representative(reduction)], 0.0))
     if reduction.bins:
         shaded = draw_over_speed(axes[1], reduction, powers)
         entries += [patch_entry("over rated speed", "over")] if shaded else []
@@ -118,8 +119,8 @@ def draw_one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal])
         ax.plot(t, drawn, **_stage_style(stage))
     label_panel(ax, "a", f"Cycle {cycle.cycle}", x=time_label(run), y=f"Power ({unit})")
     ax.margins(x=0.0)
-    shade_phases(ax, [cycle], zero)
-    mark_repaired(ax, repaired_spans(run, power_sources(reduction, powers)), zero)
+    draw_marks(ax, phase_marks(reduction, [cycle], zero))
+    mark_repaired(ax, repaired_spans(run, power_sources(reduction, powers), zero))
 
 
 def draw_over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> bool:

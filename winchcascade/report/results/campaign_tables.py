@@ -78,14 +78,19 @@ def interval(run: LogSummary, name: str) -> Span | None:
     return None if ends is None or not u else Span(*ends, u)
 
 
-def deviation_column(name: str, *, brief: bool = True) -> LogColumn:
-    """Largest deviation of any cycle from the mean of a metric, where there are several cycles."""
+def deviation_column(name: str, head: str = "") -> LogColumn:
+    """Largest deviation of any cycle from the mean of a metric, where there are several cycles.
+
+    Parameters
+    ----------
+    head : of the column, if the name of the metric alone would not tell
+    """
     field = field_of(name)
 
     def cell(run: LogSummary) -> Cell:
         return run.max_deviation_percent.get(field) if run.complete > 1 else None
 
-    return Column(f"dev({short(name)})", cell, "%", 2, brief)
+    return Column(head or short(name), cell, "%", 2, brief=False)
 
 
 def given(runs: Sequence[LogSummary], names: Iterable[str]) -> list[str]:
@@ -133,7 +138,7 @@ def budget_table(runs: Sequence[LogSummary], *, linked: bool) -> LogTable:
     columns = [
         *(mean_column(m, brief=m in (f"energy_{stages[0]}", f"energy_{last}")) for m in known),
         *map(mean_column, ratios),
-        *(deviation_column(name, brief=False) for name in overall),
+        *(deviation_column(name, f"dev({short(name)})") for name in overall),
     ]
     note = (
         "dev: largest deviation of a cycle from the mean. Digits: as the standard uncertainty allows."

@@ -54,18 +54,18 @@ def provenance(rows: Sequence[tuple[str, Cell]], command: str = "") -> Section:
 
 def histories(reduction: Reduction) -> Section:
     """Channels and powers over the whole log, phases shaded. Called within the style of figures."""
-    from winchcascade.report.figures.histories import SHADED_CYCLES, histories_json, time_histories
+    from winchcascade.report.figures.histories import history_figure, history_json, log_history
 
-    shaded = len(reduction.cycles) <= SHADED_CYCLES and bool(reduction.cycles)
+    history = log_history(reduction)
     caption = "Channels and powers over the whole log." + (
-        " Shaded: payout and hold; lines: integration window." if shaded else ""
+        " Shaded: payout and hold; lines: integration window." if history.marks else ""
     )
     caption += " At the lower edge: repaired stretches." if reduction.run.gaps else ""
     return section(
         "histories", "Time histories",
         picture(
-            time_histories(reduction), "histories", caption,
+            history_figure(history), "histories", caption,
             "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
-            histories_json(reduction),
+            history_json(history),
         ),
     )  # fmt: skip

@@ -52,20 +52,9 @@ def comparison_record(found: Comparison, gate: Gate | None = None) -> dict[str, 
 
 def difference_record(one: Difference) -> dict[str, Any]:
     """One difference; degrees of freedom are null where they are infinite."""
-    return {
-        "a": one.a,
-        "b": one.b,
-        "difference": one.value,
-        "relative": one.relative,
-        "standard_uncertainty": one.uncertainty,
-        "degrees_of_freedom": None if one.freedom == math.inf else one.freedom,
-        "interval_95": one.interval,
-        "excludes_zero": one.excludes_zero,
-        "repeatability": one.repeatability,
-        "sensors": one.sensors,
-        "interval_95_repeatability": one.interval_repeatability,
-        "cycles": [one.cycles_a, one.cycles_b],
-    }
+    row: dict[str, Any] = msgspec.to_builtins(one)
+    del row["metric"]
+    return row | {"degrees_of_freedom": None if one.freedom == math.inf else one.freedom}
 
 
 def _side(side: ComparedSide) -> dict[str, Any]:

@@ -46,7 +46,8 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.figures import diagnosis_figures as figures
 from winchcascade.report.figures.cause_figures import given_head, waterfall_figure
-from winchcascade.report.figures.cycle_figure import cycle_figure, cycle_json
+from winchcascade.report.figures.cycle_figure import cycle_history
+from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
@@ -335,13 +336,13 @@ def _cycle(found: ModelDiagnosis, word: str) -> Picture | None:
     item = largest_gap(found)
     if item is None:
         return None
-    run = found.data.logs[item.log].run
+    run, history = found.data.logs[item.log].run, cycle_history(found, item, word)
     return picture(
-        cycle_figure(found, item, word), "histories",
+        history_figure(history), "histories",
         f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest gap, over the time since its "
         f"onset; the zeros of the sensors are taken off the {word}. Shaded: payout.",
         "Line plots of every channel over time; the values are in the log.",
-        cycle_json(found, item, word),
+        history_json(history),
     )  # fmt: skip
 
 

@@ -1,7 +1,10 @@
 """What a page consists of, as a parser of HTML sees it."""
 
+import json
 import re
 from html.parser import HTMLParser
+
+from winchcascade.report.render.fonts import template_folder
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "col", "wbr"}
 NAMESPACES = {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
@@ -47,6 +50,18 @@ class PageReader(HTMLParser):
     def values(self, attribute: str) -> list[str]:
         """Values of an attribute wherever it is."""
         return [attributes[attribute] for _, attributes in self.elements if attribute in attributes]
+
+    @property
+    def links(self) -> set[str]:
+        """Addresses of other files."""
+        return {value for value in self.values("href") if not value.startswith(("#", "data:"))}
+
+    def foreign_scripts(self) -> list[str]:
+        """Scripts that are neither those of the templates nor JSON that no text can end."""
+        own = [(template_folder() / name).read_text(encoding="utf-8") for name in ("uplot.js", "page.js")]
+        found = [text for tag, text in self.texts if tag == "script"]
+        data = [text for text in found if text.startswith("{") and "<" not in text and json.loads(text)]
+        return [text for text in found if text not in own and text not in data]
 
     def dangling(self) -> set[str]:
         """Targets within the page that do not exist."""
