@@ -34,6 +34,7 @@ from winchcascade.report.diagnosis_names import (
     phase_words,
     probability_words,
     range_words,
+    share_words,
     shown_as,
 )
 from winchcascade.report.figures.cause_figures import numbers_figure, profile_figure, stability_figure
@@ -79,7 +80,7 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
             Column("range", lambda row: range_words(row.value)),
             Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
             Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
-            Column("without", lambda row: 100.0 * row.cause.ablation if row.first and model else None, "%", 0),
+            Column("without", lambda row: share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""),
             Column("look-alikes", lambda row: ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""),
             Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
         ],
