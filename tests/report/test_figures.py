@@ -110,7 +110,7 @@ def test_a_large_force_is_drawn_in_thousands_and_says_so(clean: Result) -> None:
 def edges(ax: Axes) -> dict[float, str]:
     """Instants of the dashed lines of a panel, and the pattern of each."""
     return {
-        float(segment[0][0]): str(lines.get_linestyle()[0][1])
+        float(segment[0][0]): str(np.asarray(lines.get_linestyle(), dtype=object)[0])
         for lines in ax.collections
         if isinstance(lines, LineCollection)
         for segment in lines.get_segments()
@@ -141,13 +141,13 @@ def test_windows_of_all_cycles_are_marked_incomplete_ones_otherwise(results: dic
 
 def repaired(ax: Axes) -> list[tuple[float, float]]:
     """Begin and end of the stretches that are marked in a panel."""
-    colour = matplotlib.colors.to_rgba(COLOURS["repaired"])
-    return [
-        (float(path.vertices[:, 0].min()), float(path.vertices[:, 0].max()))
-        for bars in ax.collections
-        if isinstance(bars, PolyCollection) and len(bars.get_paths()) and tuple(bars.get_facecolor()[0]) == colour
-        for path in bars.get_paths()
-    ]
+    colour, found = matplotlib.colors.to_rgba(COLOURS["repaired"]), []
+    for bars in ax.collections:
+        face = np.asarray(bars.get_facecolor()).ravel()
+        if isinstance(bars, PolyCollection) and len(bars.get_paths()) and tuple(face[:4]) == colour:
+            corners = [np.asarray(path.vertices)[:, 0] for path in bars.get_paths()]
+            found += [(float(x.min()), float(x.max())) for x in corners]
+    return found
 
 
 def test_repaired_stretches_are_marked_in_the_panels_of_their_channels_alone(clean: Result) -> None:
