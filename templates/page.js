@@ -14,13 +14,13 @@ reveal();
 
 function colour(name) { return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim(); }
 
-// spans of phases behind the curves of a row, and what is marked in it
-function spans(plot, found) {
+// stretches behind the curves of a row, from its lower edge to a share of its height
+function spans(plot, found, share) {
   const { ctx, bbox } = plot;
   for (const span of found) {
     const [left, right] = [span.from, span.to].map((t) => Math.round(plot.valToPos(t, "x", true)));
     ctx.fillStyle = colour(span.colour);
-    ctx.fillRect(left, bbox.top, Math.max(right - left, 1), bbox.height);
+    ctx.fillRect(left, bbox.top + (1 - share) * bbox.height, Math.max(right - left, 1), share * bbox.height);
   }
 }
 
@@ -42,7 +42,7 @@ function histories(place, data) {
       ],
       series: [{ label: "t (s)" }, ...row.series.map((one) => ({ label: one.label, stroke: colour(one.colour), width: 1.25, dash: one.dash }))],
       hooks: {
-        drawClear: [(drawn) => spans(drawn, data.spans)],
+        drawClear: [(drawn) => { spans(drawn, data.spans, 1); spans(drawn, row.repaired, 0.07); }],
         setScale: [(drawn, name) => {
           if (name !== "x") return;
           const { min, max } = drawn.scales.x;

@@ -162,6 +162,6 @@ def test_repaired_stretches_of_the_cycle_are_marked_since_its_onset(monkeypatch:
     found, item = diagnosed("copper"), shown("copper")
     gaps = item.onset + np.array([[2.0, 2.5], [1e4, 1e4 + 1.0]])
     monkeypatch.setattr("winchcascade.report.figures.histories.all_gaps", lambda *_: gaps)
-    spans = json.loads(history_json(cycle_history(found, item, "log")))["spans"]
-    (repaired,) = [(span["from"], span["to"]) for span in spans if span["colour"] == "repaired"]
+    row = json.loads(history_json(cycle_history(found, item, "log")))["rows"][0]
+    (repaired,) = [(span["from"], span["to"]) for span in row["repaired"]]
     assert repaired == pytest.approx((2.0, 2.5))

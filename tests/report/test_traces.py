@@ -89,7 +89,8 @@ def test_the_histories_of_a_long_log_keep_its_peaks(reduction: Reduction, n: int
 def test_the_histories_mark_payouts_holds_and_repaired_stretches() -> None:
     log = Path(__file__).parents[2] / "fixtures" / "damaged_logs" / "dropouts.csv"
     found = reduce(read_run(log), window=5.48)
-    spans = histories(found)["spans"]
+    data = histories(found)
+    spans = data["spans"]
     for kind, ends in (
         ("payout", [[c.phases.onset, c.phases.payout_end] for c in found.cycles]),
         ("hold", [list(c.phases.hold) for c in found.cycles if c.phases.hold is not None]),
@@ -97,7 +98,9 @@ def test_the_histories_mark_payouts_holds_and_repaired_stretches() -> None:
         assert [[span["from"], span["to"]] for span in spans if span["colour"] == kind] == ends
     (begin, end) = found.run.gaps["force"].tolist()[0]
     middle = 0.5 * (begin + end)
-    assert any(span["from"] <= middle <= span["to"] for span in spans if span["colour"] == "repaired")
+    marked = {row["series"][0]["label"]: row["repaired"] for row in data["rows"]}
+    assert any(span["from"] <= middle <= span["to"] for span in marked["Line tension"])
+    assert not any(span["from"] <= middle <= span["to"] for span in marked["Voltage of the DC link"])
 
 
 EPOCH = 1_776_506_400.0

@@ -20,7 +20,6 @@ from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.scratch import clear, scratch_folder
 from winchcascade.core.store import (
     Output,
-    check_links,
     digest_of,
     fingerprint,
     inside,
@@ -129,11 +128,11 @@ def run_batch(
 
 def _cleared(out: Path) -> Path:
     """The folder of the results of single logs, made if it is not there, without what killed calls left."""
-    check_links(out, ["runs", "dataset", INDEX, *CAMPAIGN_FILES, *DATASET])
-    make_one(out / "runs", "another")
-    for place in (out, out / "runs", out / "dataset"):
+    runs = inside(out, "runs")
+    make_one(runs, "another")
+    for place in (out, runs, inside(out, "dataset")):
         clear(place)
-    return out / "runs"
+    return runs
 
 
 def result_of(work: Work, reports: Sequence[str]) -> Output:

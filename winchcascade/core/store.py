@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Literal
@@ -259,9 +259,3 @@ def present(folder: Path, output: Output) -> Present:
         files=intact,
         altered=tuple(name for name in lost if (folder / name).exists()),
     )
-
-
-def check_links(folder: Path, names: Iterable[str]) -> None:
-    """Reject a folder of results in which one of these names is a link. Raises as `inside`."""
-    for name in names:
-        inside(folder, name)

@@ -181,16 +181,16 @@ def history_json(history: History) -> str:
                 }
                 for k, curve in enumerate(panel.curves)
             ],
+            "repaired": [_placed(*span, "repaired") for span in panel.repaired],
         }
         for panel in history.panels
     ]
-    repaired = Mark(REPAIRED, "repaired", sorted({span for panel in history.panels for span in panel.repaired}))
-    spans = [
-        {"from": begin, "to": end, "colour": mark.colour}
-        for mark in (*history.marks, repaired)
-        for begin, end in mark.spans
-    ]
+    spans = [_placed(*span, mark.colour) for mark in history.marks for span in mark.spans]
     return msgspec.json.encode({"t": plain(history.t), "rows": rows, "spans": spans}).decode()
+
+
+def _placed(begin: float, end: float, colour: str) -> dict[str, float | str]:
+    return {"from": begin, "to": end, "colour": colour}
 
 
 def plain(x: Signal) -> list[float | None]:

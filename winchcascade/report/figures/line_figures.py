@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.diagnosis_names import set_words
@@ -120,6 +121,7 @@ def power_by_cycle(found: LineDiagnosis, word: str) -> Figure | None:
         ylim=(0.0, None), xlabel="Cycle" if len(parts) == 1 else "Cycle, one after the other", ylabel="RMS error (kW)"
     )
     ax.grid(False, axis="x")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     legend_above(
         figure, [line_entry(f"{word} − {GIVEN}", **HOLLOW), line_entry(f"{word} − predicted {CAUSED}", **FILLED)]
     )

@@ -99,6 +99,7 @@ OTHER_FONTS = (
 """Fonts of systems for letters that it lacks, as far as they are there."""
 
 _RC = {
+    "text.hinting": "none",  # texts as wide as in SVG and PDF, so that a layout holds there
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.titlelocation": "left",

@@ -10,9 +10,7 @@ from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number, Strain
 from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.report.content import (
-    PAIRS,
     Block,
-    Cell,
     Column,
     Measured,
     Note,
@@ -24,7 +22,6 @@ from winchcascade.report.content import (
     shown,
     table,
 )
-from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.results.common import data_note, provenance
 
 SURE = 3.0
@@ -55,7 +52,7 @@ NUMBERS: tuple[Column[Number], ...] = (
 
 STRAINS: tuple[Column[Strain], ...] = (
     Column("number or sensor", lambda strain: strain.name),
-    Column("moved by", lambda strain: strain.by, "standard uncertainties", 1, signed=True),
+    Column("moved by", lambda strain: strain.by, "standard uncertainties", 0, signed=True),
 )
 
 DAMPERS: tuple[Column[tuple[float, float, float]], ...] = (
@@ -78,7 +75,7 @@ def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (
     return Report(
         kind="Calibration of a rig in open circuit",
         title=f"{rig.name} calibrated by {run.name}",
-        subtitle=f"open circuit ({run.load_source}), {run.samples} samples at {run.fs:.6g} Hz",
+        subtitle=f"open circuit ({run.load_source})",
         tiles=[_tile(n) for n in _found(calibration)],
         points=[data_note([run.origin]), outcome, *against, _advice(calibration)],
         sections=[
@@ -92,13 +89,11 @@ def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (
                 "strained", "Priors that the fit exceeds",
                 table("strained", "Moves beyond what is known.", STRAINS, calibration.strained, brief=False), folded=True,
             ),
-            section(
-                "conditions", "Conditions",
-                table("conditions", "Ranges of the log.", PAIRS, _conditions(calibration), brief=False), folded=True,
-            ),
             provenance(
                 [
                     ("Log file", run.path),
+                    ("Samples", f"{run.samples} at {run.fs:.6g} Hz in {len(calibration.payouts)} payouts"),
+                    ("First stamp of the log", run.first_stamp),
                     ("SHA-256 of the log", run.sha256),
                     ("Table in the file", run.table),
                     ("Rig file", rig.path or rig.name),
@@ -214,19 +209,3 @@ def fit_blocks(calibration: Calibration, curves: DamperCurves | None) -> list[Bl
             "Dots along a straight line through zero.",
         ),
     ]  # fmt: skip
-
-
-def _conditions(calibration: Calibration) -> list[tuple[str, Cell]]:
-    """The ranges within which the numbers were found."""
-    run, vdc = calibration.run, calibration.regression.vdc
-    rows: list[tuple[str, Cell]] = [("First stamp of the log", run.first_stamp)] if run.first_stamp else []
-    rows += [
-        ("Payouts", len(calibration.payouts)),
-        ("Vdc of the regression (V)", Span(float(vdc.min()), float(vdc.max()))),
-    ]
-    for name in ("velocity", "force", "pressure"):
-        if name in run.channels:
-            term, x = CHANNELS[name], run.channels[name]
-            ends = Span(float(x.min()) * term.factor, float(x.max()) * term.factor)
-            rows.append((f"{term.label} ({term.unit})", ends))
-    return rows
