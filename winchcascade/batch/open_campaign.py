@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from winchcascade.batch.plan import Plan, make_plan
-from winchcascade.core.arguments import (
-    FLAG,
-    LOADS,
-    NAMES,
-    PATH,
-    PATH_OR_NONE,
-    PROCESSES,
-    SEED_NUMBER,
-    check_arguments,
-)
+from winchcascade.core.arguments import FLAG, LOADS, NAMES, PATH, PATH_OR_NONE, PROCESSES, SEED_NUMBER, check_arguments
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, check_type
 from winchcascade.core.jobs import Workers

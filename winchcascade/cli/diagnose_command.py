@@ -72,11 +72,7 @@ def diagnose_command(
         outputs = outputs.without(name)
     report = _linked_report(found, outputs["html"])
     present(
-        lambda: report,
-        outputs,
-        record=lambda: diagnosis_record(found),
-        name="diagnosis",
-        notes=list(lacking.values()),
+        lambda: report, outputs, record=lambda: diagnosis_record(found), name="diagnosis", notes=list(lacking.values())
     )
     _list_in_results(outputs)
 

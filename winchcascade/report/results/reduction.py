@@ -36,7 +36,7 @@ from winchcascade.report.results.reduction_tables import (
     phases_tables,
     uncertainty_table,
 )
-from winchcascade.report.results.waves import wave_section
+from winchcascade.report.results.waves import interval_of, wave_section
 from winchcascade.report.wording import decisive, load_words, measured_load_words, net_reasons, not_known, window_words
 
 LISTED_REASONS = 3
@@ -168,7 +168,7 @@ def _wave_tiles(found: WaveEnergies, cascade: Cascade) -> list[Tile]:
             name,
             _called(cascade, name),
             shown(eta.value, 3),
-            f"95 %: {shown(Span(*eta.interval), 3)}" if eta.interval else "too few waves for an interval",
+            f"95 %: {shown(ends, 3)}" if (ends := interval_of(eta)) else "too few waves for an interval",
         )
         for name, eta in found.efficiency.items()
         if eta.value is not None

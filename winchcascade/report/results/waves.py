@@ -80,7 +80,7 @@ Row = tuple[str, RatioOfSums | None]
 """A stage with its mean power, or an efficiency of all waves together."""
 
 UNCERTAINTY: tuple[Column[Row], ...] = (
-    Column("95 %", lambda row: _interval(row[1]), own_digits=True),
+    Column("95 %", lambda row: interval_of(row[1]), own_digits=True),
     Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False, own_digits=True),
     Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False, own_digits=True),
 )
@@ -115,7 +115,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
     ]  # fmt: skip
 
 
-def _interval(of: RatioOfSums | None) -> Span | None:
+def interval_of(of: RatioOfSums | None) -> Span | None:
     """A 95 % interval, with the digits of its uncertainty by waves and sensors."""
     if of is None or of.interval is None:
         return None
