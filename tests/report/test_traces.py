@@ -50,6 +50,11 @@ def test_a_thinned_trace_keeps_its_ends_and_its_extremes(shape: str, n: int, max
     assert n > maximum or kept.tolist() == x.tolist()
 
 
+def test_a_falling_trace_stays_one() -> None:
+    _, (kept,) = thinned(np.arange(1000.0), [np.linspace(1.0, 0.0, 1000)], 100)
+    assert (np.diff(kept) < 0.0).all()
+
+
 @pytest.fixture(scope="module")
 def reduction() -> Reduction:
     log = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"

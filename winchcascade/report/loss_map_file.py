@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
@@ -56,13 +57,8 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
         "loss_standard_uncertainty_w": found.u_loss,
         "hull": {"torque_nm": found.hull[:, 0], "speed_rad_s": found.hull[:, 1]},
         "surface": {
-            c.term: {
-                "value": c.value,
-                "low": c.low,
-                "high": c.high,
-                "unit": c.unit,
-                "contained_in": list(c.contained_in),
-            }
+            c.term: {name: getattr(c, name) for name in ("value", "low", "high", "unit")}
+            | {"contained_in": list(c.contained_in)}
             for c in surface.coefficients
         },
         "condition": surface.condition,
@@ -87,7 +83,7 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
     made: dict[str, Callable[[], bytes]] = {
         ".csv": lambda: _csv(record),
         ".mat": lambda: matlab_bytes("loss_map", record),
-        ".json": lambda: json_bytes(_plain(record)),
+        ".json": lambda: json_bytes(msgspec.to_builtins(record, enc_hook=np.ndarray.tolist)),
     }
     write_content(path, made[path.suffix.casefold()](), force=force)
 
@@ -111,12 +107,3 @@ def _csv(record: dict[str, Any]) -> bytes:
         ),
     ]
     return ("\n".join(lines) + "\n").encode()
-
-
-def _plain(value: Any) -> Any:
-    """A value as JSON holds it: lists, and null for what is not finite."""
-    if isinstance(value, dict):
-        return {name: _plain(inner) for name, inner in value.items()}
-    if isinstance(value, np.ndarray | list):
-        return [_plain(inner) for inner in (value.tolist() if isinstance(value, np.ndarray) else value)]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -37,7 +37,7 @@ DRAWN_RUNS = 12
 Bins = Mapping[str, Sequence[Mapping[str, float]]]
 """Bins of each run by its name, their known values by the names of the dataset."""
 
-APART = 0.06
+APART = 0.12
 """Loads that are nearer to each other than this share of a logarithmic axis have one number."""
 
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))

@@ -201,6 +201,8 @@ def plain(x: Signal) -> list[float | None]:
 def thinned(t: Signal, curves: Sequence[Signal], points: int = POINTS) -> tuple[Signal, list[Signal]]:
     """Instants and curves of a log with the peaks of each, two instants for each bin of samples.
 
+    The larger one stands first where a curve falls within the bin.
+
     >>> t, (x,) = thinned(np.arange(1e5), [np.r_[np.zeros(99_999), 1.0]])
     >>> t.size <= POINTS, float(x.max())
     (True, 1.0)
@@ -211,9 +213,13 @@ def thinned(t: Signal, curves: Sequence[Signal], points: int = POINTS) -> tuple[
     edges = np.linspace(0, t.size, bins + 1).astype(int)[:-1]
     ends = np.r_[edges[1:], t.size] - 1
     times = np.column_stack([t[edges], t[ends]]).ravel()
-    return times, [
-        np.column_stack([np.minimum.reduceat(x, edges), np.maximum.reduceat(x, edges)]).ravel() for x in curves
-    ]
+    found = []
+    for x in curves:
+        peaks = np.column_stack([np.minimum.reduceat(x, edges), np.maximum.reduceat(x, edges)])
+        falls = x[edges] > x[ends]
+        peaks[falls] = peaks[falls, ::-1]
+        found.append(peaks.ravel())
+    return times, found
 
 
 # ---------------------------------------------------------------------------------------------------------------- of a log

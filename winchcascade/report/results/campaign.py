@@ -36,7 +36,7 @@ from winchcascade.report.results.campaign_tables import (
     uncertainty_tables,
 )
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.report.results.waves import campaign_waves_section
+from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
 from winchcascade.report.wording import load_words
 
 LISTED = 800
@@ -69,16 +69,23 @@ def campaign_report(
     """
     runs, figure = runs_by_load(campaign.reduced), (drawn or {}).get
     rigs, verdict = sorted({run.rig for run in runs}), verdict_note(runs)
+    if waves is None and campaign.waves is not UNSET:
+        waves = CampaignWaves(waves_from_record(campaign.waves), (), campaign.waves.left_out)
     return Report(
         kind="Campaign",
         title=campaign.title,
         subtitle=f"rig {', '.join(rigs)}" if rigs else "",
-        tiles=tiles(runs),
-        lead=figure("loads"),
+        tiles=tiles(runs) if waves is None else wave_tiles(waves.together),
+        lead=figure("loads") if waves is None else None,
         points=[verdict, *points(campaign, runs), *_between(campaign), *fault_notes(campaign.failed)],
         sections=[
-            section("results", "Energies and efficiencies", budget_table(runs, linked=linked) if runs else None),
-            *_waves(campaign, waves, drawn=drawn is not None),
+            *([] if waves is None else [campaign_waves_section(waves, drawn=drawn is not None)]),
+            section(
+                "results", "Energies and efficiencies",
+                None if waves is None else figure("loads"),
+                budget_table(runs, linked=linked) if runs else None,
+                folded=waves is not None,
+            ),
             section("whole-cycles", "Whole cycles", net_table(runs), folded=True),
             section(
                 "uncertainty", "Uncertainty and repeatability",
@@ -111,12 +118,6 @@ FAULTS: tuple[Column[FailedLog], ...] = (
     Column("why", lambda run: run.fault),
 )
 """A log that could not be used."""
-
-
-def _waves(campaign: CampaignRecord, waves: CampaignWaves | None, *, drawn: bool) -> list[Section]:
-    if waves is None and campaign.waves is not UNSET:
-        waves = CampaignWaves(waves_from_record(campaign.waves), (), campaign.waves.left_out)
-    return [] if waves is None else [campaign_waves_section(waves, drawn=drawn)]
 
 
 # ---------------------------------------------------------------------------------------------------- the first screen

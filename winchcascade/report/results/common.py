@@ -69,3 +69,12 @@ def histories(reduction: Reduction) -> Section:
             history_json(history),
         ),
     )  # fmt: skip
+
+
+RATIOS = {"eta_trans": "line to shaft", "eta_gen": "shaft to DC link", "eta_pto": "line to DC link"}
+"""Efficiencies of the cascade of the paper, for a tile."""
+
+
+def ratio_words(eta: str, stages: tuple[str, str]) -> str:
+    """Between which stages an efficiency is."""
+    return RATIOS.get(eta) or " to ".join(stages)

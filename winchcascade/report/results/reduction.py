@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.core.cascade import Cascade
 from winchcascade.core.store import fingerprint
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
@@ -24,7 +23,7 @@ from winchcascade.report.content import (
     shown,
 )
 from winchcascade.report.glossary import metric, upper
-from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.common import data_note, provenance, ratio_words
 from winchcascade.report.results.reduction_tables import (
     bins_table,
     budget_table,
@@ -36,7 +35,7 @@ from winchcascade.report.results.reduction_tables import (
     phases_tables,
     uncertainty_table,
 )
-from winchcascade.report.results.waves import wave_section
+from winchcascade.report.results.waves import wave_section, wave_tiles
 from winchcascade.report.wording import decisive, load_words, measured_load_words, net_reasons, not_known, window_words
 
 LISTED_REASONS = 3
@@ -44,9 +43,6 @@ LISTED_REASONS = 3
 
 OPEN_FINDINGS = 4
 """Findings whose table is open on a page; of more the first screen names the kinds."""
-
-RATIOS = {"eta_trans": "line to shaft", "eta_gen": "shaft to DC link", "eta_pto": "line to DC link"}
-"""Efficiencies of the cascade of the paper, for a tile."""
 
 
 def reduction_report(
@@ -84,7 +80,7 @@ def reduction_report(
         kind="Reduction of a log",
         title=run.name + ("" if run.table is None else f", table {run.table!r}"),
         subtitle=" · ".join(filter(None, about)),
-        tiles=_tiles(reduction, found) if waves is None else _wave_tiles(waves, rig.cascade),
+        tiles=_tiles(reduction, found) if waves is None else wave_tiles(waves),
         points=[
             data_note([run.origin]),
             *_outcome(reduction),
@@ -132,7 +128,7 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
     return [
         Tile(
             m,
-            _called(cascade, m) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
+            ratio_words(m, cascade.between(m)) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
             f"{stated_text(reduction, found, m)} {metric(m).unit}".strip(),
             _interval(found, m) if repeats else "all cycles together",
         )
@@ -146,10 +142,6 @@ def stated_text(reduction: Reduction, found: Uncertainty, name: str) -> str:
     return number_text(of[name], metric_decimals(reduction, found, name))
 
 
-def _called(cascade: Cascade, eta: str) -> str:
-    return RATIOS.get(eta) or " to ".join(cascade.between(eta))
-
-
 def _interval(found: Uncertainty, name: str) -> str:
     """The 95 % interval of a mean, or what is known of its uncertainty in its place."""
     unit, interval, u = metric(name).unit, found.interval_95.get(name), found.standard[name]
@@ -159,25 +151,6 @@ def _interval(found: Uncertainty, name: str) -> str:
     if not scatter:
         return "uncertainty unknown"
     return f"+- {shown(Measured(scatter, scatter))} {unit}".rstrip() + ", by repeatability alone"
-
-
-def _wave_tiles(found: WaveEnergies, cascade: Cascade) -> list[Tile]:
-    """Efficiencies of all waves together, and mean powers of the record where there are fewer than three."""
-    etas = [
-        Tile(
-            name,
-            _called(cascade, name),
-            shown(eta.value, 3),
-            f"95 %: {shown(Span(*eta.interval), 3)}" if eta.interval else "too few waves for an interval",
-        )
-        for name, eta in found.efficiency.items()
-        if eta.value is not None
-    ]
-    powers = [
-        Tile(f"power_{stage}", "mean of the record", f"{shown(watt)} W", f"{found.record_duration:.0f} s")
-        for stage, watt in found.record_power.items()
-    ]
-    return [*etas, *powers][:3]
 
 
 def _outcome(reduction: Reduction) -> list[Note]:

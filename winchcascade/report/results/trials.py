@@ -41,12 +41,14 @@ TAKEN: tuple[Column[tuple[str, dict[str, int]]], ...] = (
     Column("injected", lambda row: row[0]),
     Column("cases", lambda row: sum(row[1].values())),
     Column("named", lambda row: row[1].get(row[0], 0)),
-    Column("otherwise taken for (cases)", lambda row: _otherwise(*row)),
+    Column("otherwise taken for (cases)", lambda row: _otherwise(row)),
 )
 
 CASES: tuple[Column[CaseScore], ...] = (
     Column("case", lambda case: case.case),
-    Column("injected", lambda case: _hidden(case)),
+    Column(
+        "injected", lambda case: " + ".join(f"{name} x {s:g}" for name, s in case.hidden.items()) or hidden_name(case)
+    ),
     Column("outcome", lambda case: case.outcome.replace("_", " ")),
     Column("diagnosis", lambda case: _said(case)),
 )
@@ -56,6 +58,8 @@ def trial_report(score: Score) -> Report:
     """Report of a scored trial."""
     wrong = [case for case in score.cases if not case.went_well and case.outcome != "missing"]
     made = len(score.cases) - score.missing.part
+    known = [name for name in (NOTHING, *INJECTED, *OUTSIDERS) if name in score.taken_for]
+    taken = [(name, score.taken_for[name]) for name in (*known, *sorted(score.taken_for.keys() - set(known)))]
     return Report(
         kind="Trial of the diagnosis",
         title=f"{len(score.cases)} cases with sealed answers, seed {score.seed}",
@@ -67,7 +71,7 @@ def trial_report(score: Score) -> Report:
                 table("strengths", "Strength of full.", COUNTS, [(f"{s:g}", count) for s, count in score.strengths.items()]),
             ),
             section("closure", "Closure, computed again from the predictions", Note(_closure(score))),
-            section("taken", "What each was taken for", table("taken", "Cases by what they hide.", TAKEN, _taken(score))),
+            section("taken", "What each was taken for", table("taken", "Cases by what they hide.", TAKEN, taken)),
             section("cases", "Cases that were not named, misnamed or reported without a cause",
                     table("cases", "Cases that went wrong.", CASES, wrong)),
         ],
@@ -83,11 +87,6 @@ def _totals(score: Score) -> list[tuple[str, Count]]:
     return [row for row in counted if row[1].of]
 
 
-def _hidden(case: CaseScore) -> str:
-    """What a case hides and how strongly."""
-    return " + ".join(f"{name} x {strength:g}" for name, strength in case.hidden.items()) or hidden_name(case)
-
-
 def _said(case: CaseScore) -> str:
     """Verdict of a case, and its causes with their alternatives."""
     pairs = zip(case.causes, case.rivals, strict=True)
@@ -95,15 +94,9 @@ def _said(case: CaseScore) -> str:
     return ": ".join(filter(None, [(case.verdict or "not diagnosed").replace("_", " "), " + ".join(causes)]))
 
 
-def _taken(score: Score) -> list[tuple[str, dict[str, int]]]:
-    """What each was taken for by what was injected, in the order of the catalogue, then pairs."""
-    found = score.taken_for
-    single = [name for name in (NOTHING, *INJECTED, *OUTSIDERS) if name in found]
-    return [(name, found[name]) for name in (*single, *sorted(found.keys() - set(single)))]
-
-
-def _otherwise(hidden: str, taken: dict[str, int]) -> str:
-    others = sorted(((name, n) for name, n in taken.items() if name != hidden), key=lambda one: -one[1])
+def _otherwise(row: tuple[str, dict[str, int]]) -> str:
+    """What it was taken for instead, most cases first."""
+    others = sorted(((name, n) for name, n in row[1].items() if name != row[0]), key=lambda one: -one[1])
     return ", ".join(f"{name} ({n})" for name, n in others) or "-"
 
 
@@ -113,16 +106,18 @@ def _closure(score: Score) -> str:
     both = [(case.closure.share, case.share_claimed) for case in score.cases]
     apart = [100.0 * abs(found - said) for found, said in both if found is not None and said is not None]
     faults = sum(case.closure.fault is not None for case in score.cases)
-    sentences = [f"{faults} cases have no usable predictions."] if faults else []
-    if apart:
-        sentences[:0] = [
-            f"The claims deviate by {median(apart):.1f} percentage points (median), {max(apart):.1f} at most."
-        ]
+    sentences = []
     if shares:
-        middle = f"{median(shares):.1f} % of the gap is closed on withheld logs"
-        sentences[:0] = [
-            f"Where the effect was named, {middle} (median of {len(shares)} cases; {min(shares):.1f} % at least)."
-        ]
+        least = f"median of {len(shares)} cases; {min(shares):.1f} % at least"
+        sentences.append(
+            f"Where the effect was named, {median(shares):.1f} % of the gap is closed on withheld logs ({least})."
+        )
+    if apart:
+        sentences.append(
+            f"The claims deviate by {median(apart):.1f} percentage points (median), {max(apart):.1f} at most."
+        )
+    if faults:
+        sentences.append(f"{faults} cases have no usable predictions.")
     return " ".join(sentences) or "There is no prediction to compute it from."
 
 

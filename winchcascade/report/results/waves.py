@@ -21,11 +21,14 @@ from winchcascade.report.content import (
     Picture,
     Section,
     Span,
+    Tile,
     picture,
     section,
+    shown,
     table,
 )
 from winchcascade.report.glossary import short, tex
+from winchcascade.report.results.common import ratio_words
 from winchcascade.report.wording import load_words
 
 if TYPE_CHECKING:
@@ -41,6 +44,25 @@ ROUNDING = 1e-9
 def wave_section(found: WaveEnergies, drawn: Picture | None = None) -> Section:
     """Waves of one log; `drawn` is the figure of `wave_picture`."""
     return section("waves", "Waves", drawn, *_wave_blocks(found))
+
+
+def wave_tiles(found: WaveEnergies) -> list[Tile]:
+    """Efficiencies of all waves together, and mean powers of the record where there are fewer than three."""
+    etas = [
+        Tile(
+            name,
+            ratio_words(name, found.pairs[name]),
+            shown(eta.value, 3),
+            f"95 %: {shown(interval_of(eta), 3)}" if eta.interval else "too few waves for an interval",
+        )
+        for name, eta in found.efficiency.items()
+        if eta.value is not None
+    ]
+    powers = [
+        Tile(f"power_{stage}", "mean of the record", f"{shown(watt)} W", f"{found.record_duration:.0f} s")
+        for stage, watt in found.record_power.items()
+    ]
+    return [*etas, *powers][:3]
 
 
 def campaign_waves_section(found: CampaignWaves, *, drawn: bool = True) -> Section:
@@ -80,7 +102,7 @@ Row = tuple[str, RatioOfSums | None]
 """A stage with its mean power, or an efficiency of all waves together."""
 
 UNCERTAINTY: tuple[Column[Row], ...] = (
-    Column("95 %", lambda row: _interval(row[1]), own_digits=True),
+    Column("95 %", lambda row: interval_of(row[1]), own_digits=True),
     Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False, own_digits=True),
     Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False, own_digits=True),
 )
@@ -115,7 +137,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
     ]  # fmt: skip
 
 
-def _interval(of: RatioOfSums | None) -> Span | None:
+def interval_of(of: RatioOfSums | None) -> Span | None:
     """A 95 % interval, with the digits of its uncertainty by waves and sensors."""
     if of is None or of.interval is None:
         return None
