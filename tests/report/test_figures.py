@@ -1,13 +1,11 @@
 """Figures draw what was reduced, with names or units on their axes and no text over another."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib
 import msgspec
 import numpy as np
 import pytest
-from layout import misplaced
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -56,32 +54,6 @@ def many(reduction: Reduction, count: int) -> Reduction:
 
 def time_histories(reduction: Reduction) -> Figure:
     return history_figure(log_history(reduction))
-
-
-def drawn(result: Result) -> Iterator[tuple[str, Figure]]:
-    """Every figure that a log has."""
-    reduction, found = result
-    powers = powers_of(reduction)
-    every = {
-        "flow": figures.window_flow(reduction),
-        "cycle flow": figures.cycle_flow(reduction),
-        "histories": time_histories(reduction),
-        "streams": figures.power_streams(reduction, powers),
-        "overlaid": figures.overlaid(reduction, powers, None, None),
-        "trend": figures.trend(many(reduction, 9)) if len(reduction.cycles) == 3 else None,
-        "variance": figures.uncertainty_bars(found.budget),
-    }
-    yield from ((name, figure) for name, figure in every.items() if figure is not None)
-
-
-@pytest.mark.parametrize("log", LOGS)
-def test_no_text_lies_over_another_and_every_axis_says_what_it_has(results: dict[str, Result], log: str) -> None:
-    with house_style():
-        for name, figure in drawn(results[log]):
-            assert misplaced(figure) == [], name
-            axes = [ax for ax in figure.axes if ax.axison and ax.get_visible()]
-            assert all(ax.get_ylabel() for ax in axes) or name == "variance", name
-            assert all(axes[-1].get_xlabel() for ax in axes), name
 
 
 @pytest.mark.parametrize("log", LOGS)
