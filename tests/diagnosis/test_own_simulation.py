@@ -89,7 +89,9 @@ def test_an_effect_that_the_simulation_contains_already_is_reported_with_its_num
     _, found = diagnosed("copper_heating")
     assert found.own_simulation is not None
     assert [form.likely for form in found.own_simulation.forms] == ["copper_heating"]
-    assert "copper_heating: stator resistance" in tables(found)["model-form"].note
+    (row,) = tables(found)["model-form"].cells
+    assert row[0] == "copper_heating"
+    assert "stator resistance" in str(row[-2])
     value = found.own_simulation.numbers["copper_heating"]["r_s_change"]
     assert value.low < 0.3 < value.high
 

@@ -30,7 +30,6 @@ from winchcascade.report.figures.diagnosis_figures import (
     error_history,
     error_panels,
     gap_map,
-    over_speed_figure,
     stage_map,
 )
 from winchcascade.report.figures.histories import history_figure, history_json
@@ -58,21 +57,6 @@ def test_the_maps_have_a_number_for_every_place(name: str) -> None:
     assert bold == sum(abs(place.z) > STANDS_OUT for place in found.places)
     names = stages.axes[0].get_yticklabels()
     assert len(names) == len({(place.stage, place.phase) for place in found.stages})
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_every_axis_has_a_label_with_its_unit(name: str) -> None:
-    found = diagnosed(name)
-    both = sides(found)
-    figures = (
-        error_history(found, both, 0, "log"),
-        over_speed_figure(found, both, "log"),
-        error_figure(found, both, "log"),
-    )
-    for figure in figures:
-        assert figure is not None
-        assert all(ax.get_ylabel() for ax in figure.axes)
-        assert all("(" in ax.get_xlabel() for ax in figure.axes if ax.get_xlabel())
 
 
 def test_the_history_draws_logged_minus_simulated() -> None:

@@ -20,7 +20,6 @@ from winchcascade.report.results.diagnosis_words import (
     SIGNS,
     action_of,
     certainty_words,
-    checked_words,
     diagnosis_lines,
     diagnosis_note,
     experiment_words,
@@ -148,14 +147,6 @@ def test_what_to_do_follows_from_kind_look_alikes_next_run_and_verdict() -> None
         "measure r_s directly",
         "find first what else acts",
     ]
-
-
-def test_what_was_checked_counts_means_and_stages() -> None:
-    found = diagnosed("nothing")
-    one = msgspec.structs.replace(found.stages[0], z=-5.0)
-    text = checked_words(changed(found, stages=(one, *found.stages[1:])))
-    assert f"0 of {len(found.places)} means" in text
-    assert f"1 of {len(found.stages)} stage" in text
 
 
 def test_what_the_catalogue_lacks_and_looks_like_a_cause_is_named() -> None:

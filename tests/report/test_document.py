@@ -114,9 +114,6 @@ def test_a_simulated_log_is_said_to_be_simulated_before_all_else(simulated: Repo
     assert simulated.banner
 
 
-# ----------------------------------------------------------------------------------------------------- the sections
-
-
 # --------------------------------------------------------------------------------------------------- the provenance
 def test_the_provenance_names_log_command_version_and_seed(clean: Result, reports: dict[str, Report]) -> None:
     rows = provenance(reports["clean"])
@@ -178,14 +175,6 @@ def test_the_log_is_never_replaced_by_its_report(log: Path, option: str) -> None
 def test_a_place_that_no_report_can_have_is_reported(log: Path, name: str, says: str) -> None:
     for option in ("--html", "--pdf"):
         assert says in rejected(log, option, log.parent / name)
-
-
-def test_a_file_of_somebody_else_is_no_report_to_replace(log: Path) -> None:
-    for option, name, content in (
-        ("--html", "thesis.html", b"<!doctype html><p>mine"), ("--pdf", "thesis.pdf", b"%PDF-1.7\nmine\n%%EOF"),
-    ):  # fmt: skip
-        (log.parent / name).write_bytes(content)
-        assert "was not written by winchcascade" in rejected(log, option, log.parent / name)
 
 
 def test_a_rejected_pdf_leaves_no_page_behind(log: Path) -> None:

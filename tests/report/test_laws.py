@@ -12,10 +12,12 @@ import pandas as pd
 import pypdf
 import pytest
 from every_report import COMMANDS, KITE, SLOW, Made, made
+from layout import misplaced
 from matplotlib.text import Text
 from page_reader import PageReader
 
 from winchcascade.report.content import Note, Picture, Report, Table
+from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import typeset
 from winchcascade.report.render.folders import write_tables
 from winchcascade.report.render.pdf import pdf_bytes
@@ -186,6 +188,13 @@ def test_every_block_has_a_name_of_its_own_a_caption_and_words_for_its_drawing(p
         assert len({one.id for one in report.sections}) == len(report.sections)
         assert [block.id for block in blocks if not block.caption.endswith((".", ":", "?"))] == []
         assert [one.id for one in pictures(report) if len(one.alt) < 10] == []
+
+
+def test_no_text_of_a_figure_lies_over_another(pages: list[Made]) -> None:
+    for report, _ in pages:
+        for one in pictures(report):
+            with house_style():
+                assert misplaced(one.figure) == [], (report.kind, one.id)
 
 
 def test_no_quantity_has_two_numbers_on_a_page(pages: list[Made]) -> None:

@@ -26,7 +26,7 @@ from winchcascade.core.store import (
     locked,
     make_folder,
     make_one,
-    present,
+    state_of,
     with_digest,
 )
 from winchcascade.core.version import __version__
@@ -102,7 +102,7 @@ def run_batch(
     make_folder(out, ours=(out / "runs").is_dir(), what="a batch", force=force)
     with locked(out, watch.waiting):
         runs = _cleared(out)
-        there = {work.name: present(runs, result_of(work, products.reports)) for work in plan.work}
+        there = {work.name: state_of(runs, result_of(work, products.reports)) for work in plan.work}
         todo = {work.name: work for work in plan.work if not there[work.name].kept}
         _check_own(out, todo, force=force)
         watch.begin(len(plan.work) - len(todo), len(todo))
@@ -166,7 +166,7 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
     logs = [(work.name, work.key, batch.faults.get(work.name)) for work in plan.work]
     key = digest_of(repr((plan.title, __version__, logs, sorted(results.items()))).encode())
     wanted = (*DATASET, *(f"campaign.{ending}" for ending in reports), *([WORKBOOK] if products.workbook else []))
-    there = present(out, Output(RECORD, "store", key, wanted))
+    there = state_of(out, Output(RECORD, "store", key, wanted))
     batch = replace(batch, altered=(*batch.altered, *there.altered))
     try:
         if there.kept:

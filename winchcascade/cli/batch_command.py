@@ -12,13 +12,14 @@ import typer
 from msgspec.structs import replace
 
 from winchcascade.cli.options import OUTPUTS, option, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, show, write_report_files
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show, write_report_files
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
-from winchcascade.core.store import present
+from winchcascade.core.store import state_of
 
 if TYPE_CHECKING:
-    from winchcascade.batch.run_batch import Batch
+    from winchcascade.batch.plan import Plan
+    from winchcascade.batch.run_batch import Batch, Products
     from winchcascade.report.content import Report
 
 MAX_ALTERED = 5
@@ -42,7 +43,7 @@ def batch_command(
     A second call reduces only logs of which the content, the options or the version changed. The exit code is 1 if a log
     failed.
     """
-    from winchcascade.batch.campaign_loss_map import check_one_map, write_campaign_loss_map
+    from winchcascade.batch.campaign_loss_map import check_one_map
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
@@ -60,7 +61,7 @@ def batch_command(
     write_report_files(partial(_drawn, batch), outputs, "campaign")
     _show(batch, outputs.without("loss_map").files)
     if outputs["loss_map"] is not None:
-        show(write_campaign_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force))
+        _present_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force)
     raise typer.Exit(1 if batch.faults else 0)
 
 
@@ -68,6 +69,34 @@ def _drawn(batch: Batch) -> Report:
     from winchcascade.report.results.drawn_campaign import written_campaign
 
     return written_campaign(batch.summary, batch.folder, command=given_command())
+
+
+def _present_loss_map(
+    plan: Plan, batch: Batch, products: Products, path: Path, *, workers: Workers, force: bool
+) -> None:
+    """Write the loss map of a campaign with its reports into the folder of the batch, and print it."""
+    from winchcascade.batch.campaign_loss_map import campaign_loss_map
+    from winchcascade.batch.results_pages import write_index
+    from winchcascade.report.loss_map_file import write_loss_map
+    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.loss_surface import campaign_loss_map_report, loss_map_pictures
+
+    found, left_out = campaign_loss_map(plan, batch.results, workers)
+    write_loss_map(found, path, plan.title, force=force)
+    origins = [item.settings.origin for item in plan.work if item.name in batch.results]
+    stated = partial(campaign_loss_map_report, found, plan.title, origins, left_out=left_out, command=products.command)
+    pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
+
+    def drawn() -> Report:
+        from winchcascade.report.figures.style import house_style
+
+        with house_style():
+            return stated(loss_map_pictures(found), links_to(["campaign.html", INDEX]))
+
+    show("\n")
+    present(stated, Outputs({"loss_map": path} | pages, force), name="loss map", drawn=drawn)
+    if pages:
+        write_index(batch.folder)
 
 
 def _show(batch: Batch, files: Sequence[Path]) -> None:
@@ -113,7 +142,7 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     plan = make_plan([str(campaign)])
     products = Products(REPORTS["all"], workbook=True, command=given_command())
     diagnosis = partial(diagnosis_of, campaign, products.command, count)
-    kept = not force and present(results, diagnosis_output(campaign)).kept
+    kept = not force and state_of(results, diagnosis_output(campaign)).kept
     with run_behind(diagnosis, processes=1 if kept else count) as diagnosed:  # beside the batch, which takes less time
         with Progress(plan.title) as watch:
             batch = run_batch(plan, results, products, workers=Workers(max(count - 1, 1)), force=force, watch=watch)

@@ -61,9 +61,8 @@ def diagnose_command(
     logs = [run.file for run in listed.runs]
     simulations = [run.simulated for run in listed.runs if run.simulated is not None]
     check_export(outputs["export"])
-    outputs.check(
-        [listed.path, *logs, *simulations, rig or listed.rig], _prediction_files(outputs["predictions"], logs)
-    )
+    predicted = _prediction_files(outputs["predictions"], logs)
+    outputs.without("predictions").check([listed.path, *logs, *simulations, rig or listed.rig], predicted)
     set_threads(threads or processes())
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)

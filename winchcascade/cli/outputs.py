@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 STDOUT = Path("-")
 """Standard output, as the file of `--json`."""
 
+_FOLDERS = {"parquet", "predictions"}
+"""Options that name a folder whose files are checked one by one."""
+
 _TOGETHER = {"figures", "tables"}
 """Folders that may be one and the same, and may hold other files: each file is checked as it is written."""
 
@@ -71,7 +74,7 @@ class Outputs(msgspec.Struct, frozen=True):
                 raise OptionError(f"--{other} and {option} both name {path}; give each a name of its own.")
             if name in _TOGETHER:
                 make_one(path, "another")
-            elif name != "parquet":
+            elif name not in _FOLDERS:
                 if path.exists() and any(source.samefile(path) for source in sources):
                     raise OptionError(f"{option} {path}: is an input of this command; give the result another name.")
                 check_replaceable(path, force=self.force)

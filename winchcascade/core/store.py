@@ -245,7 +245,7 @@ def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:
     return found if state == "kept" else state
 
 
-def present(folder: Path, output: Output) -> Present:
+def state_of(folder: Path, output: Output) -> Present:
     """Find what an earlier call made of an output. Raises as `inside`."""
     found = kept(inside(folder, output.record), output.entry)
     if not isinstance(found, Kept) or found.key != output.key:

@@ -37,8 +37,8 @@ DRAWN_RUNS = 12
 Bins = Mapping[str, Sequence[Mapping[str, float]]]
 """Bins of each run by its name, their known values by the names of the dataset."""
 
-APART = 0.06
-"""Loads that are nearer to each other than this share of a logarithmic axis have one number."""
+CHARACTER = 0.026
+"""Width of a character of a number under a load, as a share of the axis."""
 
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
 
@@ -138,9 +138,10 @@ def _label_loads(ax: Axes, loads: Sequence[float]) -> None:
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(FixedLocator(loads))
     ax.xaxis.set_minor_locator(NullLocator())
-    whole, named = math.log(loads[-1] / loads[0]), list[float]()
+    room = CHARACTER * (1 + max(len(f"{load:g}") for load in loads)) * math.log(loads[-1] / loads[0])
+    named: list[float] = []
     for load in loads:
-        if not named or math.log(load / named[-1]) > APART * whole:
+        if not named or math.log(load / named[-1]) > room:
             named.append(load)
     ax.set_xticklabels([f"{load:g}" if load in named else "" for load in loads])
 

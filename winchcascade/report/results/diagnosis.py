@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.block_series import Sides, most_telling, sides, sides_of_one
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -35,6 +34,7 @@ from winchcascade.report.content import (
 from winchcascade.report.diagnosis_names import (
     NAMES,
     alarm_place,
+    at_words,
     baseline_words,
     display_of,
     files_of,
@@ -51,10 +51,10 @@ from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
-from winchcascade.report.results.common import provenance
 from winchcascade.report.results.diagnosis_parts import (
     causes_table,
     first_points,
+    made_from,
     minor_table,
     note_of,
     numbers,
@@ -145,7 +145,6 @@ def _points(found: ModelDiagnosis) -> list[Note | None]:
     return [
         *first_points(found),
         Note(f"The fit used {hidden} too: it may only imitate what acts." if hidden else "", "Not named", "warn"),
-        Note(words.checked_words(found) if found.verdict == "no_gap" else "", "Checked"),
         Note(words.start_words(found), "Start"),
         Note(words.not_visible_words(found), "Not shown"),
     ]
@@ -154,50 +153,35 @@ def _points(found: ModelDiagnosis) -> list[Note | None]:
 def _own_simulation(found: ModelDiagnosis) -> Section:
     """What the own simulation has in another form than the rig's model, the largest difference first."""
     own, causes = found.own_simulation, {cause.effect for cause in found.causes}
-    if own is None:
-        return section("own-simulation", "Your simulation")
-
-    def likely(form: ModelForm) -> str:
-        return "unknown" if form.likely is None else form.likely
+    forms = () if own is None else own.forms
+    agrees = "Your simulation agrees with the model of the rig file within its uncertainties."
 
     def size(form: ModelForm) -> Cell:
         factor = CHANNELS[form.channel].factor
         return Measured(form.bias * factor, abs(form.bias / form.z) * factor if form.z else None, signed=True)
 
-    agrees = "Your simulation agrees with the model of the rig file within its uncertainties."
+    def contained(form: ModelForm) -> str:
+        numbers = {} if own is None or form.likely is None else own.numbers.get(form.likely, {})
+        shown = [(display_of(form.likely or "", name, value.unit), value) for name, value in numbers.items()]
+        return "; ".join(f"{how.what} {number_words(how, value)[0]}" for how, value in shown)
+
     return section(
         "own-simulation", "Your simulation",
-        note_of("" if own.forms else agrees),
+        note_of(agrees if own is not None and not forms else ""),
         table(
             "model-form", "Your simulation minus the model of the rig file, where they differ most.",
             [
-                Column("likely", likely),
+                Column("likely", lambda form: form.likely or "unknown"),
                 Column("stage", lambda form: form.stage),
-                Column("channel", lambda form: NAMES[form.channel]),
-                Column("phase", lambda form: phase_words(form.phase)),
-                Column("load", lambda form: load_words(form.load, "ohm")),
+                Column("place", lambda form: f"{NAMES[form.channel]}, {phase_words(form.phase)}{at_words(form.load)}"),
                 Column("difference", size, own_digits=True),
                 Column("unit", lambda form: CHANNELS[form.channel].unit),
+                Column("it contains", contained),
                 Column("also", lambda form: "a cause" if form.likely in causes else ""),
             ],
-            own.forms,
-            note=_contained(found),
+            forms,
         ),
     )  # fmt: skip
-
-
-def _contained(found: ModelDiagnosis) -> str:
-    """Numbers of the effects that the own simulation contains."""
-    own = found.own_simulation
-    assert own is not None  # there is a table of it
-    texts = [
-        f"{form.likely}: {how.what} {number_words(how, value)[0]}"
-        for form in own.forms
-        if form.likely is not None
-        for name, value in own.numbers.get(form.likely, {}).items()
-        for how in [display_of(form.likely, name, value.unit)]
-    ]
-    return f"In your simulation {'; '.join(texts)}." if texts else ""
 
 
 # ----------------------------------------------------------------------------------------------------------------- costs
@@ -419,16 +403,8 @@ def _display(found: ModelDiagnosis, one: Threshold) -> Display:
 
 
 def _provenance(found: ModelDiagnosis, command: str) -> Section:
-    rig, sets = found.rig, len(found.sets)
     rows: list[tuple[str, Cell]] = [
-        ("Campaign", found.title),
         *((run.name, f"{load_words(run.load, 'ohm')}, {run.sha256 or 'no file'}") for run in found.runs),
-        ("Judged", words.judged_words(found)),
-        ("Causes chosen on", words.chosen_words(found)),
-        ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
-        ("Source of the rig's numbers", rig.source),
-        ("SHA-256 of the rig file", fingerprint(rig.path)),
-        ("Fits", f"{sets} sets of effects; {len(found.data.nuisances)} tolerances beside each"),
-        ("Seed of the resampled cycles", str(found.seed)),
+        ("Fits", f"{len(found.sets)} sets of effects; {len(found.data.nuisances)} nuisances beside each"),
     ]
-    return provenance(rows, command)
+    return made_from(found, rows, command)

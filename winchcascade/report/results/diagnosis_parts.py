@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, Minor, NamedCause, Reported
+from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, NamedCause, Reported
 from winchcascade.diagnosis.load_costs import cost_of, ranked_causes, worst_costs
 from winchcascade.report.content import (
     Cell,
@@ -18,6 +19,7 @@ from winchcascade.report.content import (
     Span,
     Table,
     Tile,
+    number_text,
     picture,
     section,
     table,
@@ -32,30 +34,15 @@ from winchcascade.report.diagnosis_names import (
     phase_words,
     probability_words,
     range_words,
+    share_words,
     shown_as,
 )
 from winchcascade.report.figures.cause_figures import numbers_figure, profile_figure, stability_figure
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
-from winchcascade.report.results.common import data_note
+from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display
-
-NO_ENERGY = {
-    "sensor": "costs no energy: it changes what is read",
-    "entry": "costs no energy: it changes a stated number, not the rig",
-}
-"""What is said of a cause that does not cost energy, by its kind."""
-
-
-def no_energy_words(found: ModelDiagnosis) -> str:
-    """Which causes cost no energy."""
-    return " ".join(
-        f"{found.suspects[cause.effect].label} {what}."
-        for kind, what in NO_ENERGY.items()
-        for cause in found.causes
-        if cause.stage == kind
-    )
 
 
 def note_of(text: str, about: str = "") -> Note | None:
@@ -83,7 +70,7 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     ]
     place = "" if costs is None else f"Cost: change of {costs.metric} at {load_words(costs.load, 'ohm')}. "
     without = "Without: share of the gap that is closed without the cause. " if model else ""
-    free = no_energy_words(found) if isinstance(found, ModelDiagnosis) else ""
+    free = "Sensors and entries cost no energy: they change what is read or stated." if model else ""
     return table(
         "causes", "Effects that are needed; 95 % intervals include the uncertainty of the rig file.",
         [
@@ -93,7 +80,7 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
             Column("range", lambda row: range_words(row.value)),
             Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
             Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
-            Column("without", lambda row: 100.0 * row.cause.ablation if row.first and model else None, "%", 0),
+            Column("without", lambda row: share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""),
             Column("look-alikes", lambda row: ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""),
             Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
         ],
@@ -102,16 +89,25 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     )  # fmt: skip
 
 
-def number_columns() -> list[Column[CauseRow]]:
+class EffectNumber(NamedTuple):
+    """A number of an effect beside those of the causes, how it is shown, and what it is."""
+
+    effect: str
+    how: Display
+    value: Reported
+    role: str
+
+
+def number_columns() -> list[Column[Any]]:
     """Number and interval of an effect in the unit in which it is shown, with the digits that the interval allows."""
 
-    def u(row: CauseRow) -> float:
+    def u(row: CauseRow | EffectNumber) -> float:
         return (row.value.high - row.value.low) / COVERAGE * row.how.factor
 
-    def number(row: CauseRow) -> Cell:
+    def number(row: CauseRow | EffectNumber) -> Cell:
         return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)
 
-    def interval(row: CauseRow) -> Cell:
+    def interval(row: CauseRow | EffectNumber) -> Cell:
         return Span(row.value.low * row.how.factor, row.value.high * row.how.factor, u(row))
 
     return [
@@ -161,7 +157,6 @@ def residual(found: DiagnosisResult) -> Section:
 
     return section(
         "residual", "Residual",
-        note_of(words.remainder_words(found)),
         table(
             "alarms", "Signs of something that the named causes do not explain.",
             [
@@ -201,32 +196,40 @@ def numbers(found: DiagnosisResult) -> Section:
     )  # fmt: skip
 
 
-def minor_table(found: DiagnosisResult) -> Table[Minor] | None:
+def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
     """Effects that are significant but too small to matter, and hints, each with its number and what it changes most."""
-
-    def number(one: Minor) -> Cell:
-        (name, value), *_ = one.parameters.items()
-        how = display_of(one.effect, name, value.unit)
-        return Measured(value.value * how.factor, (value.high - value.low) / COVERAGE * how.factor, signed=how.signed)
-
-    def changed(one: Minor) -> str:
-        largest = one.largest
-        return largest.name if largest.phase is None else f"{NAMES[largest.name]}, {phase_words(largest.phase)}"
-
-    return table(
-        "minor", "Effects that are significant but too small to matter; a hint has less evidence than a cause needs.",
-        [
-            Column[Minor]("effect", lambda one: one.effect),
-            Column("found", number, own_digits=True),
-            Column("unit", lambda one: display_of(one.effect, *_first_unit(one.parameters)).unit),
-            Column("changes most", changed),
-            Column("by", lambda one: 100.0 * one.largest.change, "%", 2, signed=True),
-            Column("evidence", lambda one: "significant" if math.isnan(one.hint) else "hint"),
-        ],
-        found.minor,
-    )  # fmt: skip
+    rows = []
+    for one in found.minor:
+        (name, value), largest = next(iter(one.parameters.items())), one.largest
+        changed = largest.name if largest.phase is None else f"{NAMES[largest.name]}, {phase_words(largest.phase)}"
+        kind = "significant" if math.isnan(one.hint) else "hint"
+        role = f"{kind}: changes {changed} by {number_text(100.0 * largest.change, 2, signed=True)} %"
+        rows.append(EffectNumber(one.effect, display_of(one.effect, name, value.unit), value, role))
+    caption = "Effects that are significant but too small to matter; a hint has less evidence than a cause needs."
+    return effects_table("minor", caption, rows)
 
 
-def _first_unit(parameters: dict[str, Reported]) -> Sequence[str]:
-    """Name and unit of the first number of an effect."""
-    return next((name, value.unit) for name, value in parameters.items())
+def effects_table(name: str, caption: str, rows: Sequence[EffectNumber]) -> Table[EffectNumber] | None:
+    """Numbers of some effects beside those of the causes."""
+    columns: list[Column[EffectNumber]] = [
+        Column("effect", lambda row: row.effect),
+        *number_columns(),
+        Column("what it is", lambda row: row.role),
+    ]
+    return table(name, caption, columns, rows)
+
+
+def made_from(found: DiagnosisResult, rows: Sequence[tuple[str, Cell]], command: str) -> Section:
+    """Where every number comes from: campaign, logs and what they are judged on, rig, seed."""
+    rig = found.rig
+    common: list[tuple[str, Cell]] = [
+        ("Campaign", found.title),
+        *rows,
+        ("Judged", words.judged_words(found)),
+        ("Causes chosen on", words.chosen_words(found)),
+        ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
+        ("Source of the rig's numbers", rig.source),
+        ("SHA-256 of the rig file", fingerprint(rig.path)),
+        ("Seed of the resampled cycles", str(found.seed)),
+    ]
+    return provenance(common, command)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -12,7 +12,15 @@ from winchcascade.core.campaign_file import joint_origin, origin_record
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alternative, DiagnosisResult, Minor, NamedCause, Remainder, Reported
+from winchcascade.diagnosis.diagnosis_result import (
+    Alternative,
+    DiagnosisResult,
+    Minor,
+    NamedCause,
+    Place,
+    Remainder,
+    Reported,
+)
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.line.line_data import CyclePart, beside
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, LineRemainder
@@ -87,20 +95,14 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
 
 
 def _logs(found: ModelDiagnosis | LineDiagnosis) -> list[dict[str, Any]]:
-    rows: list[tuple[dict[str, Any], Run, float | None]]
+    rows: list[tuple[dict[str, Any], Run]] = [({"file": run.name}, run) for run in found.runs]
+    line = isinstance(found, LineDiagnosis)
     if isinstance(found, LineDiagnosis):
-        rows = [(_part(part), part.run, None) for part in found.lines.parts]
-    else:
-        rows = [({"file": run.name}, run, run.load) for run in found.runs]
+        rows = [(_part(part), part.run) for part in found.lines.parts]
     return [
-        {
-            **head,
-            "sha256": run.sha256,
-            "load_ohm": _load(load),
-            "data": origin_record(run.origin),
-            "findings": _findings(run),
-        }
-        for head, run, load in rows
+        {**head, "sha256": run.sha256, "load_ohm": None if line else _load(run.load), "data": origin_record(run.origin)}
+        | {"findings": _findings(run)}
+        for head, run in rows
     ]
 
 
@@ -144,37 +146,26 @@ def _where(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
         "sentence": sentences.place_sentence(found),
         "map": map_record(found),
     }
-    if isinstance(found, LineDiagnosis):
-        return record
-    files = files_of(found)
-    stages = [
-        {"stage": one.stage, "inputs": list(one.inputs), **_fields(one, "channel", "phase"), "file": files[one.log]}
-        | _fields(one, "load", "blocks", *_PLACE)
-        for one in found.stages
-    ]
-    return {**record, "stages": stages}
+    if isinstance(found, ModelDiagnosis):
+        files = files_of(found)
+        stages = [{"stage": one.stage, "inputs": list(one.inputs), **_place(one, files)} for one in found.stages]
+        return {**record, "stages": stages}
+    return record
 
 
 def map_record(found: ModelDiagnosis | LineDiagnosis) -> list[dict[str, Any]]:
-    """Every place of the map of the gap, also where there is no gap; with a model its log and the tolerance of the rig too."""
-    if isinstance(found, LineDiagnosis):
-        numbers = [name for name in _PLACE if name != "u_tolerance"]
-        return [
-            {
-                **_fields(one, "channel", "phase", "load", "blocks", *numbers),
-                "share_of_squares": rounded_number(one.share),
-            }
-            for one in found.places
-        ]
-    files = files_of(found)
-    return [
-        {
-            **_fields(one, "channel", "phase"),
-            "file": files[one.log],
-            **_fields(one, "load", "blocks", *_PLACE),
-        }
-        for one in found.places
-    ]
+    """Every place of the map of the gap, also where there is no gap."""
+    files = files_of(found) if isinstance(found, ModelDiagnosis) else []
+    return [_place(one, files) for one in found.places]
+
+
+def _place(one: Place, files: Sequence[str]) -> dict[str, Any]:
+    """One place of a map; with a model its log and the tolerance of the rig, without one its share of the squared gap."""
+    if files:
+        return {**_fields(one, "channel", "phase"), "file": files[one.log]} | _fields(one, "load", "blocks", *_PLACE)
+    numbers = [name for name in _PLACE if name != "u_tolerance"]
+    share = {"share_of_squares": rounded_number(one.share)}
+    return _fields(one, "channel", "phase", "load", "blocks", *numbers) | share
 
 
 # -------------------------------------------------------------------------------------------------------------- the causes

@@ -17,10 +17,10 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT
-from winchcascade.diagnosis.line.line_diagnose import BURST, LineDiagnosis, LineRemainder
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.diagnosis.stability import MIN_RUNS
-from winchcascade.report.content import Note, Report, number_text
+from winchcascade.report.content import Note, Report
 from winchcascade.report.diagnosis_names import (
     about_words,
     files_of,
@@ -212,15 +212,6 @@ def certainty_words(found: DiagnosisResult) -> str:
     return f"Probability that no effect of the catalogue acts: {likely}{other}."
 
 
-def checked_words(found: ModelDiagnosis) -> str:
-    """What was checked where no gap was found."""
-    out, alone = (sum(abs(place.z) > STANDS_OUT for place in places) for places in (found.places, found.stages))
-    return (
-        f"{out} of {len(found.places)} means by channel, phase and load, and {alone} of {len(found.stages)} stage by stage, "
-        f"deviate by more than {STANDS_OUT:g} standard uncertainties."
-    )
-
-
 def not_needed_words(found: DiagnosisResult) -> str:
     """Names of the effects that are not needed beside the causes; an entry of several runs is listed once."""
     chosen = {effect_name(name) for name in found.chosen}
@@ -350,28 +341,6 @@ def kind_words(alarms: Sequence[Alarm]) -> dict[str, str]:
     shares = {alarm.kind for alarm in alarms if isinstance(alarm.about, Spot)} & {"energy"}
     own = dict.fromkeys(shares, "deviation of the predicted energy from the logged one, as a share")
     return {alarm.kind: f"{(SIGNS | own)[alarm.kind]}." for alarm in alarms}
-
-
-def remainder_words(found: DiagnosisResult) -> str:
-    """How the squared error that stays open at a winch without a model is spread; empty with a model."""
-    left = found.remainder
-    if not isinstance(left, LineRemainder) or found.closure is None or not isinstance(left.worst, Spot):
-        return ""
-    return (
-        f"Of the squared error that stays open, {number_text(100.0 * left.in_worst, 0)} % lies in "
-        f"{phase_words(left.worst.phase or '')}, {number_text(100.0 * left.bursts, 0)} % in {100.0 * BURST:.0f} % of the "
-        f"samples, and {number_text(100.0 * left.slow, 0)} % lasts longer than a second."
-    )
-
-
-# --------------------------------------------------------------------------------------------- of a winch without a model
-def small_words(found: LineDiagnosis) -> str:
-    """What the suspects that are not named would close together."""
-    rest = [name for name in found.lines.names if name not in found.chosen]
-    if not found.causes or not rest:
-        return ""
-    more = 100.0 * max(found.choice.error(found.chosen) - found.choice.error(found.lines.names), 0.0)
-    return f"Not needed: {', '.join(rest)}; they would close {'less than 0.1' if more < 0.1 else f'{more:.1g}'} % more."
 
 
 # ------------------------------------------------------------------------------------------------------------- in few lines

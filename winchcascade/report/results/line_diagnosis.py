@@ -5,12 +5,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.core.store import fingerprint
-from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place, Reported
+from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report.content import Cell, Column, Measured, Report, Section, Span, Table, picture, section, table
+from winchcascade.report.content import (
+    Cell,
+    Column,
+    Measured,
+    Note,
+    Report,
+    Section,
+    Table,
+    picture,
+    section,
+    table,
+)
 from winchcascade.report.diagnosis_names import (
-    COVERAGE,
     LINE_NUMBERS,
     origins_of,
     phase_words,
@@ -22,10 +31,12 @@ from winchcascade.report.figures import line_figures as figures
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
-from winchcascade.report.results.common import provenance
 from winchcascade.report.results.diagnosis_parts import (
+    EffectNumber,
     causes_table,
+    effects_table,
     first_points,
+    made_from,
     minor_table,
     note_of,
     numbers,
@@ -46,14 +57,8 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
     word, parts = word_of(found), found.lines.parts
     cycles = sum(len(set(part.cycle.tolist())) for part in parts)
     rows: list[tuple[str, Cell]] = [
-        ("Campaign", found.title),
         *((p.run.name, f"cycles {p.cycle.min()} to {p.cycle.max()}, {p.run.sha256 or 'no file'}") for p in parts),
-        ("Judged", words.judged_words(found)),
-        ("Causes chosen on", words.chosen_words(found)),
-        ("Rig", f"{found.rig.name} ({found.rig.path})" if found.rig.path else found.rig.name),
-        ("SHA-256 of the rig file", fingerprint(found.rig.path)),
         ("Acceleration", f"slope of a local quadratic over {found.lines.span:g} s"),
-        ("Seed of the resampled cycles", str(found.seed)),
     ]
     return Report(
         kind="Diagnosis of a campaign",
@@ -70,51 +75,31 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
             _how_far(found, word),
             numbers(found),
             _tried(found),
-            provenance(rows, command),
+            made_from(found, rows, command),
         ],
         banner=banner(origins_of(found)),
     )
 
 
-class OtherNumber(NamedTuple):
-    """A number of a suspect beside those of the causes, and from which fit it is."""
-
-    effect: str
-    value: Reported
-    role: str
-
-
-def _others_table(found: LineDiagnosis) -> Table[OtherNumber] | None:
+def _others_table(found: LineDiagnosis) -> Table[EffectNumber] | None:
     """Numbers of the effects that were fitted and are not named, and of the causes from the withheld cycles alone."""
     rows = [
-        OtherNumber(one.effect, next(iter(one.parameters.values())), "in the fit" if one.chosen else "not ruled out")
+        EffectNumber(
+            one.effect,
+            LINE_NUMBERS[one.effect],
+            next(iter(one.parameters.values())),
+            "in the fit, not named" if one.chosen else "not needed, but not ruled out",
+        )
         for one in found.fitted_effects
         if not one.named
     ]
     for cause in found.causes:
         if cause.effect in found.again:
             alone, fitted = found.again[cause.effect], next(iter(cause.parameters.values()))
-            apart = alone.low > fitted.high or alone.high < fitted.low
-            rows.append(OtherNumber(cause.effect, alone, f"withheld cycles alone: {'deviates' if apart else 'agrees'}"))
-
-    def u(row: OtherNumber) -> float:
-        return (row.value.high - row.value.low) / COVERAGE * LINE_NUMBERS[row.effect].factor
-
-    def scaled(row: OtherNumber, value: float) -> float:
-        return value * LINE_NUMBERS[row.effect].factor
-
-    return table(
-        "others", "Numbers of effects that were fitted but are not named, and of the causes from the withheld cycles alone.",
-        [
-            Column[OtherNumber]("effect", lambda row: row.effect),
-            Column("found", lambda row: Measured(scaled(row, row.value.value), u(row)), own_digits=True),
-            Column("unit", lambda row: LINE_NUMBERS[row.effect].unit),
-            Column("95 %", lambda row: Span(scaled(row, row.value.low), scaled(row, row.value.high), u(row)), own_digits=True),
-            Column("from", lambda row: row.role),
-        ],
-        rows,
-        note=words.small_words(found),
-    )  # fmt: skip
+            agrees = "deviates" if alone.low > fitted.high or alone.high < fitted.low else "agrees"
+            role = f"from the withheld cycles alone; {agrees}"
+            rows.append(EffectNumber(cause.effect, LINE_NUMBERS[cause.effect], alone, role))
+    return effects_table("others", "Numbers beside those of the causes.", rows)
 
 
 # -------------------------------------------------------------------------------------------------------------- energies
@@ -214,6 +199,7 @@ def _tried(found: LineDiagnosis) -> Section:
     ranked = sorted(choice.errors, key=lambda names: -choice.evidence[names])
     return section(
         "tried", "What was tried",
+        Note(words.not_needed_words(found), brief=False) if found.causes else None,
         picture(
             figures.closed_bars(found), "closed", "Squared error of sets of causes on held-out cycles (green: chosen).",
             "Bars of the squared error; the values are in the table of sets.",

@@ -51,11 +51,13 @@ def decimals_of(reduction: Reduction, names: Sequence[str]) -> int:
 
 
 def metric_decimals(reduction: Reduction, found: Uncertainty, name: str) -> int:
-    """Decimals of a metric wherever it stands: those that the uncertainties of its cycles and of its mean allow."""
+    """Decimals of a metric wherever it stands: as its uncertainties allow, and five digits at most."""
     uncertainties = [*(u[name] for u in found.budget.cycles), mean_u(found, name)]
     allowed = common_places([Measured(None, u) for u in uncertainties])
     alike = [m for m in reduction.rig.cascade.all_metrics if m.partition("_")[0] == name.partition("_")[0]]
-    return decimals_of(reduction, alike or [name]) if allowed is None else allowed
+    if allowed is None:
+        return decimals_of(reduction, alike or [name])
+    return min(allowed, decimals_of(reduction, [name]) + 1)
 
 
 def mean_u(found: Uncertainty, name: str) -> float | None:
@@ -78,6 +80,7 @@ def _cycles(
                 metric(m).unit,
                 metric_decimals(reduction, found, m),
                 brief=not m.startswith("power"),
+                own_digits=True,
             )
             for head, m in of.items()
         ),
@@ -90,7 +93,11 @@ def _cycles(
         for head, wanted, cell in (
             (f"mean of {n}", n > 0 and repeats, reduction.mean),
             ("max. deviation, %", n > 1 and repeats, {m: number_text(deviation[m], 2) for m in of.values()}),
-            ("std. uncertainty", n > 0 and repeats, found.standard),
+            (
+                "std. uncertainty",
+                n > 0 and repeats,
+                {m: Measured(found.standard[m], found.standard[m]) for m in of.values()},
+            ),
             ("all together", apart, reduction.total),
         )
         if wanted

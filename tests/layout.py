@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 from itertools import combinations
+from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -24,8 +24,8 @@ def texts_of(figure: Figure) -> Iterator[Text]:
                 yield from _of_axes(one)
 
 
-def _of_axes(ax: Axes) -> Iterator[Text]:
-    yield from (ax.title, ax._left_title, *ax.texts)  # type: ignore[attr-defined]
+def _of_axes(ax: Any) -> Iterator[Text]:
+    yield from (ax.title, ax._left_title, *ax.texts)
     legend = ax.get_legend()
     yield from [] if legend is None else legend.get_texts()
     for axis in (ax.xaxis, ax.yaxis) if ax.axison else ():
@@ -44,9 +44,9 @@ def misplaced(figure: Figure) -> list[str]:
 
 
 def _within(box: Bbox, whole: Bbox) -> bool:
-    return whole.x0 <= box.x0 and box.x1 <= whole.x1 and whole.y0 <= box.y0 and box.y1 <= whole.y1
+    return bool(whole.x0 <= box.x0 and box.x1 <= whole.x1 and whole.y0 <= box.y0 and box.y1 <= whole.y1)
 
 
 def _overlap(one: Bbox, two: Bbox) -> bool:
     across = min(one.x1, two.x1) - max(one.x0, two.x0)
-    return across > EDGE and min(one.y1, two.y1) - max(one.y0, two.y0) > EDGE
+    return bool(across > EDGE and min(one.y1, two.y1) - max(one.y0, two.y0) > EDGE)
