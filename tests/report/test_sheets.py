@@ -69,7 +69,7 @@ def test_the_date_of_a_calibrated_log_is_that_of_its_first_stamp(fixtures: Path,
     log.write_text("\n".join([head.replace("Time (s)", "Time"), *stamped[1:]]) + "\n", encoding="utf-8")
     _run("calibrate", log, "--load-ohm", "inf", "--html", tmp_path / "sheet.html", "--tables", tmp_path / "out")
     assert "2026-03-14 10:00" in _text(tmp_path / "sheet.html")
-    assert (tmp_path / "out" / "Leerlauf-größe-1_calibration_conditions.tex").is_file()
+    assert (tmp_path / "out" / "Leerlauf-größe-1_calibration_provenance.tex").is_file()
 
 
 def test_a_simulation_states_what_its_energies_cover_and_its_histories(fixtures: Path, tmp_path: Path) -> None:
