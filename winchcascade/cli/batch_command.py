@@ -76,6 +76,7 @@ def _present_loss_map(
 ) -> None:
     """Write the loss map of a campaign with its reports into the folder of the batch, and print it."""
     from winchcascade.batch.campaign_loss_map import campaign_loss_map
+    from winchcascade.batch.results_pages import write_index
     from winchcascade.report.loss_map_file import write_loss_map
     from winchcascade.report.results.campaign_index import INDEX, links_to
     from winchcascade.report.results.loss_surface import campaign_loss_map_report, loss_map_pictures
@@ -94,6 +95,8 @@ def _present_loss_map(
 
     show("\n")
     present(stated, Outputs({"loss_map": path} | pages, force), name="loss map", drawn=drawn)
+    if pages:
+        write_index(batch.folder)
 
 
 def _show(batch: Batch, files: Sequence[Path]) -> None:

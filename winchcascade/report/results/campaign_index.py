@@ -29,6 +29,8 @@ MEANINGS = {
     "campaign.pdf": "The same on paper",
     "diagnosis.html": "Diagnosis: which effects separate the rig from its simulation",
     "diagnosis.pdf": "The same on paper",
+    "loss_map.html": "Loss map of the campaign: losses over speed and torque",
+    "loss_map.pdf": "The same on paper",
     "campaign.xlsx": "Workbook: the tables of all logs",
     "dataset/runs.parquet": "Dataset: a row for each log",
     "dataset/cycles.parquet": "Dataset: a row for each cycle",
@@ -39,7 +41,7 @@ MEANINGS = {
 }
 """What the files of a results folder are, in the order of the list."""
 
-_PAGES = {"campaign.html": "Campaign", "diagnosis.html": "Diagnosis", INDEX: "All results"}
+_PAGES = {"campaign.html": "Campaign", "diagnosis.html": "Diagnosis", "loss_map.html": "Loss map", INDEX: "All results"}
 
 FILES: tuple[Column[str], ...] = (
     Column("file", lambda name: name, link=lambda name: name),
