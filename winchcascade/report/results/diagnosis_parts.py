@@ -68,6 +68,10 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
         for cause in ranked_causes(found)
         for k, (name, value) in enumerate(cause.parameters.items())
     ]
+
+    def closed_without(row: CauseRow) -> str:
+        return share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""
+
     place = "" if costs is None else f"Cost: change of {costs.metric} at {load_words(costs.load, 'ohm')}. "
     without = "Without: share of the gap that is closed without the cause. " if model else ""
     free = "Sensors and entries cost no energy: they change what is read or stated." if model else ""
@@ -80,7 +84,7 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
             Column("range", lambda row: range_words(row.value)),
             Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
             Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
-            Column("without", lambda row: share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""),
+            Column("without", closed_without),
             Column("look-alikes", lambda row: ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""),
             Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
         ],
