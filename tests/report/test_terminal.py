@@ -9,7 +9,7 @@ from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.screen import PIPE, Screen, painted, use_screen
 
 COLOUR = re.compile(r"\x1b\[[\d;]*m")
-WIDE = [Column(f"column {k:02d}", lambda row: row) for k in range(30)]
+WIDE = [Column[float](f"column {k:02d}", lambda row: row) for k in range(30)]
 
 
 def report(*tables: Table[float] | None) -> Report:
