@@ -155,18 +155,6 @@ def test_the_energy_flow_names_energies_losses_and_efficiencies(clean: Result) -
         assert words in said
 
 
-def test_the_energy_flow_of_a_whole_cycle_names_what_haul_in_returns(clean: Result) -> None:
-    reduction, _ = clean
-    mean = Metrics(
-        energy_payout=8000.0, energy_returned=2000.0, energy_net=6000.0, energy_gen_cycle=4500.0, eta_net=0.75
-    )
-    figure = figures.cycle_flow(msgspec.structs.replace(reduction, mean=mean))
-    assert figure is not None
-    said = " ".join(text.get_text() for text in figure.axes[0].texts)
-    for words in ("8000 J", "6000 J", "2000 J, 25.0 %", "1500 J, 18.8 %", "= 0.750"):
-        assert words in said
-
-
 @pytest.mark.parametrize(
     "mean",
     [
@@ -191,19 +179,6 @@ def test_of_many_cycles_an_even_selection_is_laid_over_with_best_and_worst(clean
     assert len(colours) in range(figures.OVERLAID, figures.OVERLAID + 4)
     begins = [float(np.asarray(line.get_xdata())[0]) for line in figure.axes[0].lines if len(line.get_xdata()) > 2]  # type: ignore[arg-type]
     assert begins == pytest.approx([-1.0] * len(begins), abs=1.0 / reduction.run.fs)
-
-
-def test_bars_of_the_uncertainty_fill_the_axis(clean: Result) -> None:
-    figure = figures.uncertainty_bars(clean[1].budget)
-    assert figure is not None
-    bars: dict[float, list[tuple[float, float]]] = {}
-    for bar in figure.axes[0].patches:
-        box = bar.get_path().get_extents(bar.get_patch_transform())
-        bars.setdefault(round(0.5 * (box.y0 + box.y1), 6), []).append((box.x0, box.x1))
-    assert len(bars) == 7  # three efficiencies of the window, that of whole cycles, three energies
-    for parts in bars.values():
-        begins, ends = zip(*sorted(parts), strict=True)
-        assert [*begins, 100.0] == pytest.approx([0.0, *ends])
 
 
 def test_a_drift_is_drawn_over_the_cycles_where_there_are_many(clean: Result) -> None:
