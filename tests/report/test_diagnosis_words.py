@@ -20,7 +20,6 @@ from winchcascade.report.results.diagnosis_words import (
     SIGNS,
     action_of,
     certainty_words,
-    diagnosis_lines,
     diagnosis_note,
     experiment_words,
     kind_words,
@@ -196,10 +195,9 @@ def test_logs_are_called_measured_where_that_is_stated_of_all_whatever_the_title
         assert word_of(changed(found, runs=tuple(msgspec.structs.replace(r, origin=o) for r, o in given))) == word
 
 
-def test_few_lines_tell_verdict_causes_and_files() -> None:
-    path = Path("/a long folder with blanks in it") / f"{'and a name ' * 12}.html"
-    text = diagnosis_lines(as_json(diagnosed("copper")), [path])
-    assert [word in text for word in ("Explained", "copper_heating", "99 %", f"{path}\n")] == [True] * 4
+def test_one_sentence_tells_verdict_and_causes() -> None:
+    text = diagnosis_note(as_json(diagnosed("copper"))).text
+    assert [word in text for word in ("Explained", "copper_heating", "99 %")] == [True] * 3
     assert diagnosis_note(as_json(diagnosed("nothing"))).text == "No gap"
 
 

@@ -27,8 +27,6 @@ from winchcascade.core.jobs import one_thread_each
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
-    from winchcascade.diagnosis.calibrate import Calibration
-    from winchcascade.report.content import Report
     from winchcascade.rig.parts import Model
 
 
@@ -128,7 +126,7 @@ def calibrate_command(
     from winchcascade.diagnosis.calibrate import calibrate
     from winchcascade.diagnosis.rig_text import calibrated_text
     from winchcascade.ingest.read import read_by
-    from winchcascade.report.results.calibration import calibration_report
+    from winchcascade.report.results.calibration import calibration_report, drawn_calibration
     from winchcascade.report.results.calibration_record import calibration_record
 
     check_load(load_ohm)
@@ -143,19 +141,8 @@ def calibrate_command(
         outputs,
         record=lambda: calibration_record(calibration),
         name=f"{Path(run.name).stem}_calibration",
-        drawn=partial(_drawn, calibration),
+        drawn=lambda: drawn_calibration(calibration, command=given_command()),
     )
-
-
-def _drawn(calibration: Calibration) -> Report:
-    """The report of a calibration with its figures."""
-    from winchcascade.diagnosis.damper_curves import damper_curves
-    from winchcascade.report.figures.style import house_style
-    from winchcascade.report.results.calibration import calibration_report, fit_blocks
-
-    with house_style():
-        blocks = fit_blocks(calibration, damper_curves(calibration))
-    return calibration_report(calibration, blocks, command=given_command())
 
 
 @with_options(name=argument("[NAME]", "The effect to describe; without it all are listed.", effect_names))

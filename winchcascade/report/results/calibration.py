@@ -107,6 +107,15 @@ def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (
     )  # fmt: skip
 
 
+def drawn_calibration(calibration: Calibration, *, command: str = "") -> Report:
+    """Report of a calibration with its figures."""
+    from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.figures.style import house_style
+
+    with house_style():
+        return calibration_report(calibration, fit_blocks(calibration, damper_curves(calibration)), command=command)
+
+
 def _found(calibration: Calibration) -> list[Number]:
     """Numbers that the log determines; k_e alone where the fit of the others did not converge."""
     return [n for n in calibration.numbers if n.new and (calibration.settled or n.name == "k_e")]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from winchcascade.core.run import Finding, Run
@@ -20,7 +19,7 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.diagnosis.stability import MIN_RUNS
-from winchcascade.report.content import Note, Report
+from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_names import (
     about_words,
     files_of,
@@ -31,7 +30,6 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.glossary import SENSORS, upper
-from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis_sentences import (
     closure_kind,
     place_sentence,
@@ -351,8 +349,3 @@ def diagnosis_note(record: Mapping[str, Any]) -> Note:
     closed = "" if closure is None else f"{share_words(closure['share_closed'])} of the gap closed"
     text = "; ".join(part for part in (VERDICTS[verdict], names, closed) if part)
     return Note(text, "Diagnosis", "good" if verdict in ("no_gap", "explained") else "warn")
-
-
-def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
-    """Verdict, causes and files of a diagnosis in few lines, from its JSON."""
-    return terminal_text(Report("Diagnosis", "Diagnosis", points=[diagnosis_note(record)]), files)

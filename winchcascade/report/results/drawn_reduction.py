@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade.diagnosis.model_account import Modelled, modelled
 from winchcascade.reduction.loss_map import LossMap
-from winchcascade.reduction.montecarlo import Uncertainty
+from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import Picture, Report, picture
 from winchcascade.report.figures import reduction_figures as figures
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @house_style()
 def drawn_report(
     reduction: Reduction,
-    found: Uncertainty,
+    found: Uncertainty | None = None,
     mapped: LossMap | None = None,
     *,
     model: Modelled | None = None,
@@ -36,10 +36,11 @@ def drawn_report(
 
     Parameters
     ----------
+    found : uncertainty of the reduction; made here if not given
     mapped : loss map that the report shows too
     model : the log beside its simulation; simulated here with the numbers of the rig file if not given
     """
-    waves = waves_of(reduction)
+    waves, found = waves_of(reduction), found or uncertainty(reduction)
     drawn = _pictures(reduction, found)
     if waves is not None:
         drawn["wave-energies"] = wave_picture(waves, reduction.rig.cascade)
