@@ -17,8 +17,7 @@ from winchcascade.diagnosis.model_comparison import LEAD
 from winchcascade.report.content import Cell, Measured, Report, Table
 from winchcascade.report.figures.model_figures import damper_histories
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.results.calibration import calibration_report
-from winchcascade.report.results.calibration_record import calibration_record
+from winchcascade.report.results.calibration import calibration_record, calibration_report
 from winchcascade.report.views import write_report
 
 
