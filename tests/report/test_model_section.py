@@ -79,7 +79,7 @@ def test_a_rig_without_a_model_has_the_reason_instead_of_figures() -> None:
     reduction = msgspec.structs.replace(reduced("18 ohm"), rig=load_rig("kitepower"))
     (note,) = run_section(modelled(reduction)).blocks
     assert isinstance(note, Note)
-    assert note.text.startswith("the rig file of kitepower lacks what a model needs")
+    assert note.text.startswith("The rig file of kitepower lacks what a model needs")
 
 
 @pytest.mark.parametrize("missing", ["torque", "pressure", "vdc", "displacement"])

@@ -177,7 +177,7 @@ def test_what_a_log_does_not_measure_has_no_column(results: dict[str, Result]) -
 
 def test_the_phases_are_stated_as_they_were_found(clean: Result) -> None:
     reduction, _ = clean
-    phases, means = map(columns, tables.phases_tables(reduction))
+    phases, means = (columns(found) for found in tables.phases_tables(reduction) if found is not None)
     for k, c in enumerate(reduction.cycles):
         plateau, hold, haul = c.summary.payout.plateau, c.summary.hold, c.summary.haul_in
         assert plateau is not None

@@ -95,7 +95,11 @@ def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS) -> None:
     """Write the report of a campaign where it is wanted, and print what its logs give and what was written."""
     from winchcascade.report.content import Note, Report
     from winchcascade.report.results.campaign import campaign_report, fault_notes
-    from winchcascade.report.results.drawn_campaign import written_campaign
+
+    def drawn() -> Report:
+        from winchcascade.report.results.drawn_campaign import written_campaign
+
+        return written_campaign(batch.summary, batch.folder, command=given_command())
 
     named, more = ", ".join(batch.altered[:MAX_ALTERED]), len(batch.altered) - MAX_ALTERED
     named += f" and {more} more" if more > 0 else ""
@@ -108,7 +112,7 @@ def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS) -> None:
         lambda: replace(stated, points=[*stated.points, *notes]),
         outputs,
         name="campaign",
-        drawn=lambda: written_campaign(batch.summary, batch.folder, command=given_command()),
+        drawn=drawn,
         failed=(lambda: Report("Campaign", batch.summary.title, points=faults)) if faults else None,
         notes=_files_in(batch.folder),
     )

@@ -62,9 +62,9 @@ def uncertainty_column(name: str) -> LogColumn:
 
     def cell(run: LogSummary) -> Cell:
         u = run.standard_uncertainty.get(field)
-        return None if u is None else Measured(u, u, alone=run.open_circuit)
+        return None if u is None else Measured(u, u)
 
-    return Column(f"u({short(name)})", cell, metric(name).unit)
+    return Column(f"u({short(name)})", cell, metric(name).unit, own_digits=True)
 
 
 def interval_column(name: str) -> LogColumn:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from winchcascade.core.quantity import Quantity
 from winchcascade.core.run import Finding, Run
 from winchcascade.diagnosis.closure import by_cycles
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -39,6 +40,7 @@ from winchcascade.report.results.diagnosis_sentences import (
 )
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change
+from winchcascade.rig.parts import path_in_rig
 
 VERDICTS = {
     "no_gap": "No gap",
@@ -171,7 +173,7 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     """What to do about a cause: check an entry, separate it from its look-alikes, recalibrate a sensor, or enter it."""
     effect = found.suspects[cause.effect]
     path = effect.law.path if isinstance(effect.law, Change) else ""
-    number = path.rpartition(".")[2]
+    section, _, number = path_in_rig(path).partition(".")
     if effect.entry is not None:
         entry = effect.entry
         scale = f"check the load of {entry.source}" if entry.log >= 0 else "check the scale of the logged motion"
@@ -182,17 +184,16 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
         planned = plan is not None and cause.effect in plan.separates and plan.expected_z >= FAR_ENOUGH
         if planned and plan is not None and {one.effect for one in cause.look_alikes} & set(plan.separates):
             return Action("make the next run")
-        return Action(
-            "measure it directly" if path.startswith("sensors.") or not number else f"measure {number} directly"
-        )
+        stated = isinstance(getattr(getattr(found.rig, section, None), number, None), Quantity)
+        return Action(f"measure {number} directly" if stated else "measure it directly")
     if found.verdict != "explained":
         return Action("find first what else acts")
     if cause.stage == "sensor":
-        known = SENSORS.get(number)
-        return Action(f"recalibrate the {known}" if known else f"check the {effect.display.what}")
+        known = SENSORS.get(path.rpartition(".")[2])
+        return Action(f"recalibrate {known}" if known else f"check the {effect.display.what}")
     if isinstance(found, LineDiagnosis):
         return Action("correct the line power for it")
-    return Action(f"enter {number} with `--write`" if number else "enter it with `--write`")
+    return Action("enter it with `--write`")
 
 
 # ------------------------------------------------------------------------------------------------ what else a reader needs
