@@ -111,7 +111,7 @@ def test_a_name_from_a_file_cannot_colour_the_terminal(place: Path) -> None:
 
 QUIET = {
     "reduce": (COMMANDS["reduce"], 0, ""),
-    "batch": (COMMANDS["batch"], 1, "failed: header_only.csv"),
+    "batch": (COMMANDS["batch"], 1, "header_only.csv"),
     "check": (COMMANDS["check"], None, ""),
     "compare": (COMMANDS["compare"], 0, ""),
     "audit": (COMMANDS["audit"], 1, "36 ohm, power_gen"),

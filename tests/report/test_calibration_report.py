@@ -15,8 +15,7 @@ from winchcascade.diagnosis.calibrate import Strain
 from winchcascade.diagnosis.damper_curves import FACTORS, damper_curves
 from winchcascade.diagnosis.model_comparison import LEAD
 from winchcascade.report.content import Cell, Measured, Report, Table
-from winchcascade.report.results.calibration import calibration_report
-from winchcascade.report.results.calibration_record import calibration_record
+from winchcascade.report.results.calibration import calibration_record, calibration_report
 from winchcascade.report.views import write_report
 
 

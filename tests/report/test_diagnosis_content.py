@@ -141,11 +141,10 @@ def test_the_closure_holds_the_root_mean_squares() -> None:
         assert shown == pytest.approx([rms * CHANNELS[name].factor for rms in (x.before, x.after, x.noise)])
 
 
-@pytest.mark.parametrize("name", ["places", "stages"])
-def test_places_are_listed_worst_first(name: str) -> None:
-    z = [abs(value(row["z"])) for row in rows(tables(report("outsider"))[name])]
+def test_places_are_listed_worst_first() -> None:
+    z = [abs(value(row["z"])) for row in rows(tables(report("outsider"))["places"])]
     assert z == sorted(z, reverse=True)
-    assert z[0] == max(abs(place.z) for place in getattr(diagnosed("outsider"), name))
+    assert z[0] == max(abs(place.z) for place in diagnosed("outsider").places)
 
 
 # ------------------------------------------------------------------------------------------------------- page and terminal

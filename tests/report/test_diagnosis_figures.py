@@ -24,8 +24,8 @@ from winchcascade.report.figures.cause_figures import (
     stability_figure,
     waterfall_figure,
 )
-from winchcascade.report.figures.cycle_figure import cycle_history
 from winchcascade.report.figures.diagnosis_figures import (
+    cycle_history,
     error_figure,
     error_history,
     gap_map,

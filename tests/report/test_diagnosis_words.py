@@ -94,8 +94,8 @@ def test_what_to_do_follows_from_kind_look_alikes_next_run_and_verdict() -> None
         action_of(changed(found, verdict="partly_explained"), cause).what,
     ]
     assert done == [
-        "enter r_s with `--write`",
-        "recalibrate the force cell",
+        "enter it with `--write`",
+        "recalibrate force cell",
         "make the next run",
         "measure r_s directly",
         "find first what else acts",

@@ -133,19 +133,6 @@ def test_energies_that_do_not_fall_have_no_flow_diagram(clean: Result, mean: Met
     assert figures.window_flow(msgspec.structs.replace(clean[0], mean=mean)) is None
 
 
-def test_bars_of_the_uncertainty_fill_the_axis(clean: Result) -> None:
-    figure = figures.uncertainty_bars(clean[1].budget)
-    assert figure is not None
-    bars: dict[float, list[tuple[float, float]]] = {}
-    for bar in figure.axes[0].patches:
-        box = bar.get_path().get_extents(bar.get_patch_transform())
-        bars.setdefault(round(0.5 * (box.y0 + box.y1), 6), []).append((box.x0, box.x1))
-    assert len(bars) == 7  # three efficiencies of the window, that of whole cycles, three energies
-    for parts in bars.values():
-        begins, ends = zip(*sorted(parts), strict=True)
-        assert [*begins, 100.0] == pytest.approx([0.0, *ends])
-
-
 def test_a_drift_is_drawn_over_the_cycles_where_there_are_many(clean: Result) -> None:
     reduction = many(clean[0], 9)
     figure = figures.trend(reduction)
