@@ -45,7 +45,7 @@ from winchcascade.report.diagnosis_names import (
     word_of,
 )
 from winchcascade.report.figures import diagnosis_figures as figures
-from winchcascade.report.figures.cause_figures import given_head, waterfall_figure
+from winchcascade.report.figures.cause_figures import waterfall_figure
 from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
@@ -85,7 +85,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         tiles=_tiles(found),
         lead=picture(
             waterfall_figure(found, word), "waterfall",
-            f"{leading} from {given_head(found)} to {word}, part by part; black: 95 %.",
+            f"{leading} from {baseline_words(found)} to {word}, part by part; black: 95 %.",
             "Bars from one level to the next; the values are in the table of what each cause costs.",
         ),
         points=_points(found),
@@ -211,7 +211,7 @@ def _cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool) -> Ta
         return Column(load_words(costs[k].load, "ohm"), lambda row: row.values[k], decimals=1)
 
     rows = [
-        CostRow(given_head(found), "%", [one.as_given for one in costs]),
+        CostRow(baseline_words(found), "%", [one.as_given for one in costs]),
         *(
             CostRow(part.effect or part.kind.replace("_", " "), "points", [one.parts[k].value for one in costs])
             for k, part in parts
