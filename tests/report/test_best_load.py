@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from calls import call
 
-from winchcascade import open_campaign
 from winchcascade.reduction.best_load import rank_loads
 from winchcascade.reduction.campaign_record import campaign_from
 
@@ -75,11 +74,3 @@ def test_the_speeds_may_differ_by_five_percent(tmp_path: Path, speed: float | No
     ranking = rank_loads(campaign_from(record).reduced)
     assert (ranking.best is not None) == claimed
     assert bool(ranking.reason) != claimed
-
-
-def test_frames_have_the_plateau_speed_beside_the_load() -> None:
-    frame = open_campaign(CAMPAIGN).reduce().to_pandas("runs")
-    assert list(frame.columns[:4]) == ["run", "log", "load_ohm", "plateau_speed_mps"]
-    speed = dict(zip(frame.load_ohm, frame.plateau_speed_mps, strict=True))
-    assert speed[9.0] == pytest.approx(0.510, abs=0.001)
-    assert speed[4.5] == pytest.approx(0.317, abs=0.001)

@@ -24,10 +24,13 @@ SCREENS: dict[str, dict[str, Any]] = {
     "desktop": {"viewport": {"width": 1366, "height": 768}},
     "wide": {"viewport": {"width": 1920, "height": 1080}},
     "dark": {"viewport": {"width": 1366, "height": 768}, "color_scheme": "dark"},
+    "print": {"viewport": {"width": 718, "height": 1000}, "media": "print"},
     "phone": {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True},
-    "print": {"viewport": {"width": 718, "height": 1000}},
 }
-"""Screens, and the width of an A4 page without its margins."""
+"""Screens, and the width of an A4 page without its margins. A page is opened anew on a phone alone."""
+
+AXE: dict[str, dict[str, Any]] = {"desktop": {}, "dark": {"runOnly": ["color-contrast"]}, "phone": {}}
+"""Screens on which rules of accessibility are tried, with those that are."""
 
 MOST_SCREENS = 4
 """Screens of a page of a log or of a diagnosis before the reader opens what is folded."""
@@ -58,7 +61,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[Path]]:
-    """Files of the pages of a kind, each kind made once."""
+    """Files of the pages of a kind, one of those of logs of a folder; each kind made once."""
     known: dict[str, list[Path]] = {}
 
     def give(kind: str) -> list[Path]:
@@ -67,7 +70,8 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[Path
         if kind not in known:
             folder = tmp_path_factory.mktemp("kind")
             made(kind, folder)
-            known[kind] = sorted(folder.rglob("*.html"))
+            logs = sorted(folder.rglob("runs/*.html"))
+            known[kind] = [page for page in sorted(folder.rglob("*.html")) if page not in logs[1:]]
         return known[kind]
 
     return give
@@ -81,35 +85,41 @@ def opened(browser: Any, page: Path, screen: str) -> tuple[Any, list[str], list[
     tab.on("console", lambda message: said.append(message.text))
     tab.on("pageerror", lambda fault: said.append(str(fault)))
     tab.on("request", lambda request: asked.append(request.url))
-    if screen == "print":
-        tab.emulate_media(media="print")
     tab.goto(page.as_uri())
     tab.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
     return tab, said, [url for url in asked if url != page.as_uri() and not url.startswith("data:")]
 
 
-@pytest.mark.parametrize("screen", SCREENS)
+def faults(tab: Any, screen: str) -> dict[str, Any]:
+    """What is wrong with an open page on its screen."""
+    tab.wait_for_timeout(100)
+    axe = Axe().run(tab, options=AXE[screen]).response["violations"] if screen in AXE else []
+    wide = tab.evaluate("document.documentElement.scrollWidth - window.innerWidth")
+    return {
+        "axe": [(one["id"], [node["html"][:200] for node in one["nodes"]][:3]) for one in axe],
+        "cut": tab.evaluate(CUT),
+        "covered": tab.evaluate(COVERED),
+        "wide": max(0, wide) * (screen != "print"),
+    }
+
+
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_a_page_makes_no_error_cuts_and_covers_nothing_and_keeps_nobody_out(
-    browser: Any, pages: Callable[[str], list[Path]], kind: str, screen: str
+    browser: Any, pages: Callable[[str], list[Path]], kind: str
 ) -> None:
-    found: dict[str, Any] = {}
+    found: dict[tuple[str, str, str], Any] = {}
     for page in pages(kind):
-        tab, said, asked = opened(browser, page, screen)
-        tab.evaluate(OPEN_ALL)
-        tab.wait_for_timeout(100)
-        axe = Axe().run(tab).response["violations"] if screen != "print" else []
-        found[page.name] = {
-            "said": said,
-            "asked": asked,
-            "axe": [(one["id"], [node["html"][:200] for node in one["nodes"]][:3]) for one in axe],
-            "cut": tab.evaluate(CUT),
-            "covered": tab.evaluate(COVERED),
-            "wide": max(0, tab.evaluate("document.documentElement.scrollWidth - window.innerWidth"))
-            * (screen != "print"),
-        }
-        tab.context.close()
-    assert {name: {k: v for k, v in one.items() if v} for name, one in found.items() if any(one.values())} == {}
+        for first, others in (("desktop", ["wide", "dark", "print"]), ("phone", [])):
+            tab, said, asked = opened(browser, page, first)
+            tab.evaluate(OPEN_ALL)
+            for screen in (first, *others):
+                as_shown = SCREENS[screen]
+                tab.set_viewport_size(as_shown["viewport"])
+                tab.emulate_media(media=as_shown.get("media"), color_scheme=as_shown.get("color_scheme"))
+                found |= {(page.name, screen, name): one for name, one in faults(tab, screen).items()}
+            found |= {(page.name, first, "said"): said, (page.name, first, "asked"): asked}
+            tab.context.close()
+    assert {where: one for where, one in found.items() if one} == {}
 
 
 @pytest.mark.parametrize("kind", ["log", "diagnosis", "line"])

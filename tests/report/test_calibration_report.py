@@ -15,10 +15,7 @@ from winchcascade.diagnosis.calibrate import Strain
 from winchcascade.diagnosis.damper_curves import FACTORS, damper_curves
 from winchcascade.diagnosis.model_comparison import LEAD
 from winchcascade.report.content import Cell, Measured, Report, Table
-from winchcascade.report.figures.model_figures import damper_histories
-from winchcascade.report.figures.style import house_style
-from winchcascade.report.results.calibration import calibration_report
-from winchcascade.report.results.calibration_record import calibration_record
+from winchcascade.report.results.calibration import calibration_record, calibration_report
 from winchcascade.report.views import write_report
 
 
@@ -44,12 +41,6 @@ def findings(found: Calibration) -> list[str]:
     return [note.text for note in calibration_report(found).notes if note.about == "Finding"]
 
 
-def outcome(found: Calibration) -> str:
-    verdict = calibration_report(found).verdict
-    assert verdict is not None
-    return verdict.text
-
-
 def test_every_number_stands_beside_that_of_the_rig_file_with_its_interval() -> None:
     rows = table(calibration_report(calibration()), "calibrated-numbers")
     assert [row["number"] for row in rows] == ["k_e", "mu_screw", "eta_mesh", "b_rotor"]
@@ -58,16 +49,6 @@ def test_every_number_stands_beside_that_of_the_rig_file_with_its_interval() -> 
         assert row["rig file"] == Measured(number.before, number.u)
         assert row["95 % interval"] == (number.low, number.high, number.u)
     assert [tile.name for tile in calibration_report(calibration()).tiles] == ["k_e", "mu_screw", "b_rotor"]
-
-
-def test_numbers_that_differ_from_the_rig_file_are_distinguished_from_those_that_agree() -> None:
-    assert "differ" not in outcome(calibration())
-    before = calibration().numbers[-1].before
-    worn = changed("b_rotor", value=1.5 * before, u=0.01 * before)
-    assert "b_rotor differs" in outcome(worn)
-    assert "k_e and mu_screw agree" in outcome(worn)
-    (row,) = [row for row in table(calibration_report(worn), "calibrated-numbers") if row["number"] == "b_rotor"]
-    assert row["change"] == pytest.approx(50.0)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +77,6 @@ def test_without_convergence_only_the_regression_is_a_result() -> None:
     loose = msgspec.structs.replace(calibration(), settled=False)
     assert [tile.name for tile in calibration_report(loose).tiles] == ["k_e"]
     assert len(findings(loose)) == 1
-    assert "mu_screw" not in outcome(loose)
     assert damper_curves(loose) is None
 
 
@@ -114,19 +94,6 @@ def test_the_tension_is_followed_best_with_the_calibrated_damper() -> None:
     assert first - LEAD <= curves.run.t[0] < curves.run.t[-1] < second
 
 
-def test_velocity_and_tension_are_drawn_over_the_time_from_the_onset() -> None:
-    curves = damper_curves(calibration())
-    assert curves is not None
-    with house_style():
-        top, bottom = damper_histories(curves, word="log").axes
-    (velocity,), (tension, *simulated) = top.lines, bottom.lines
-    assert np.array_equal(velocity.get_ydata(), curves.run.channels["velocity"])
-    assert np.array_equal(tension.get_ydata(), curves.run.channels["force"])
-    assert np.array_equal(np.asarray(tension.get_xdata()), curves.run.t - curves.onset)
-    for line, force in zip(simulated, curves.forces, strict=True):
-        assert np.array_equal(line.get_ydata(), force)
-
-
 def test_a_rig_that_no_model_can_have_leaves_the_figure_out_and_keeps_the_page(tmp_path: Path) -> None:
     impossible = changed("mu_screw", value=-0.01)
     assert damper_curves(impossible) is None
@@ -135,22 +102,9 @@ def test_a_rig_that_no_model_can_have_leaves_the_figure_out_and_keeps_the_page(t
     assert 'id="figure-model-damper"' not in page
 
 
-def test_the_record_is_plain_json() -> None:
-    record = msgspec.json.decode(json_bytes(calibration_record(calibration())))
-    assert list(record) == [
-        "schema", "version", "data", "log", "rig", "numbers", "regression", "together", "misfit", "settled", "strained",
-    ]  # fmt: skip
-    assert list(record["numbers"][0]) == [
-        "section", "name", "unit", "before", "u_before", "value", "low", "high", "u", "how", "new",
-    ]  # fmt: skip
-    assert set(record["regression"]) == {"k_e", "low", "high", "r2", "samples", "eq8", "lag_s", "u_lag_s"}
-    assert record["numbers"][0]["value"] == calibration().numbers[0].value
-
-
 def test_a_number_that_the_rig_file_did_not_have_has_no_value_before() -> None:
     unknown = changed("k_e", before=float("nan"), u_before=float("inf"))
     number = msgspec.json.decode(json_bytes(calibration_record(unknown)))["numbers"][0]
     assert (number["before"], number["u_before"]) == (None, None)
     (found,) = [b for b in calibration_report(unknown).blocks if isinstance(b, Table) and b.id == "calibrated-numbers"]
     assert found.texts[0][1] == "-"
-    assert "k_e agree" not in outcome(unknown)

@@ -3,22 +3,17 @@
 import itertools
 
 import pytest
-from daily import daily
 from layout import misplaced
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from summaries import run
 
 from winchcascade.diagnosis.compared_curves import ComparedCurve
-from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
-from winchcascade.diagnosis.model_account import Account
 from winchcascade.reduction.campaign_record import LogSummary
 from winchcascade.report.figures.campaign_figures import load_names, look_alike, over_load, repeated, runs_over_speed
-from winchcascade.report.figures.model_figures import budget_bars, panels, styled_by_load
+from winchcascade.report.figures.model_figures import panels, styled_by_load
 from winchcascade.report.figures.style import SHORT, cut_apart, house_style
-from winchcascade.report.results.model_section import Named, row_names
 
-BUDGET = LossBudget(1000.0, dict.fromkeys(GROUPS, 0.0) | {"dc": 700.0, "stored": 300.0}, 0.0, {"line": 1000.0})
 CURVE = ComparedCurve((0.0, 1.0, 2.0), (0.0, 1.0, 2.0), (0.0, 1.1, 2.1))
 
 LOADS: dict[str, list[float | None]] = {
@@ -64,13 +59,6 @@ def test_no_text_lies_over_another(kind: str) -> None:
             assert misplaced(figure) == []
 
 
-@pytest.mark.parametrize("kind", daily(LOADS, [*LOADS][:2]))
-def test_no_text_of_a_model_lies_over_another(kind: str) -> None:
-    with house_style():
-        for gear in (None, 50.0):
-            assert misplaced(model_figure(logs(kind)[:13], gear)) == []
-
-
 def test_a_load_of_several_logs_stands_once_in_a_legend() -> None:
     runs = logs("twice")
     with house_style():
@@ -81,26 +69,6 @@ def test_a_load_of_several_logs_stands_once_in_a_legend() -> None:
     assert styles[0] == styles[1] != styles[2] == styles[3] != styles[4]
     assert look_alike(runs)
     assert not look_alike(logs("twenty"))
-
-
-def test_loads_beyond_the_colours_differ_in_their_markers() -> None:
-    drawn = styled_by_load([f"{k} Ω" for k in range(13)], [{}] * 13)
-    assert len({(d.log, d.mark) for d in drawn}) == 13
-
-
-@pytest.mark.parametrize("kind", LOADS)
-def test_what_stands_beside_a_bar_is_apart(kind: str) -> None:
-    runs = logs(kind)[:13]
-    named = [Named(r.name, load, Account()) for r, load in zip(runs, load_names(runs), strict=True)]
-    rows = row_names(named)
-    assert len(set(rows)) == len(rows)
-    with house_style():
-        assert misplaced(budget_bars(rows, [BUDGET] * len(rows), word="log")) == []
-
-
-def test_a_row_names_its_log_only_where_the_load_does_not() -> None:
-    named = [Named(name, load, Account()) for name, load in (("a.csv", "9 Ω"), ("b.csv", "18 Ω"), ("c.csv", "18 Ω"))]
-    assert row_names(named) == ["9 Ω", "18 Ω, b.csv", "18 Ω, c.csv"]
 
 
 def test_the_line_over_the_loads_goes_through_the_mean_of_each() -> None:

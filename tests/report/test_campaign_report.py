@@ -22,7 +22,6 @@ from winchcascade.report.content import Measured, Report, Table
 from winchcascade.report.figures.campaign_figures import over_load
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.render.page import page_text
-from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.campaign import campaign_report
 from winchcascade.report.results.campaign_index import results_index
 from winchcascade.report.results.drawn_campaign import written_campaign
@@ -74,10 +73,6 @@ def table(report: Report, name: str) -> Table[Any]:
     return found
 
 
-def ids(report: Report) -> set[str]:
-    return {block.id for block in report.blocks if isinstance(block, Table)}
-
-
 # ------------------------------------------------------------------------------------------------------- the best load
 @pytest.mark.parametrize("apart", [0.0, 0.5, 1.0, 3.0])
 def test_the_probability_of_the_best_of_two_is_that_of_the_normal_distribution(apart: float) -> None:
@@ -104,16 +99,6 @@ def test_there_is_no_best_load_of_one_or_of_those_that_are_not_known() -> None:
     assert best_load([run("a", 9.0, 0.7, 0.01), run("b", 36.0), run("c", 18.0, 0.8, None)]) is None
     open_circuit = run("b", None, 0.9, 0.01, open_circuit=True)
     assert best_load([run("a", 9.0, 0.7, 0.01), open_circuit]) is None
-
-
-def test_the_best_load_is_the_first_thing_that_is_said() -> None:
-    sure = campaign_report(summary(run("a", 9.0, 0.60, 0.004), run("b", 36.0, 0.72, 0.004)))
-    assert [(tile.name, tile.value) for tile in sure.tiles[:2]] == [("Best load", "36 ohm"), ("eta_pto", "0.7200")]
-    close = campaign_report(summary(run("a", 9.0, 0.719, 0.004), run("b", 36.0, 0.720, 0.004)))
-    assert [report.notes[0].tone for report in (sure, close)] == ["good", "plain"]
-    slow = campaign_report(summary(run("a", 9.0, 0.60, 0.004, plateau_speed_mps=0.3), run("b", 36.0, 0.72, 0.004)))
-    assert slow.notes[0].tone == "warn"
-    assert "Best load" not in {tile.name for tile in slow.tiles}
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
@@ -161,33 +146,6 @@ def test_an_open_circuit_leaves_the_digits_of_the_others_as_they_are() -> None:
     assert "0.000" in texts[0]
 
 
-def test_a_mean_stands_on_a_page_in_one_set_of_digits(made: Made) -> None:
-    found = table(made.report, "budget")
-    texts = {
-        (column.name, item.name): row[k]
-        for item, row in zip(found.items, found.texts, strict=True)
-        for k, column in enumerate(found.columns)
-    }
-    for tile in made.report.tiles:
-        name = tile.name.replace("power", "P")
-        assert tile.name == "Best load" or tile.value.split()[0] in {
-            text for (column, _), text in texts.items() if column == name
-        }
-    index = results_index(campaign_from(made.summary), [], ["json"])
-    logs = table(index, "logs")
-    for item, row in zip(logs.items, logs.texts, strict=True):
-        for k, column in enumerate(logs.columns):
-            assert row[k] == texts.get((column.name, item.name), row[k])
-
-
-def test_the_largest_deviations_are_those_of_the_record(made: Made) -> None:
-    found = table(made.report, "repeatability")
-    for item, row in zip(found.items, found.cells, strict=True):
-        known = {value for value in item.max_deviation_percent.values() if value is not None}
-        assert known >= {cell for cell in row[4:] if cell is not None}
-        assert any(cell is not None for cell in row[4:])
-
-
 def test_of_very_many_logs_a_page_lists_the_first_and_the_last() -> None:
     runs = [run(f"{k}.csv", 1.0 + k, 0.7, 0.01) for k in range(200)]
     found = table(campaign_report(summary(*runs)), "budget")
@@ -195,16 +153,6 @@ def test_of_very_many_logs_a_page_lists_the_first_and_the_last() -> None:
     assert (rows[0][0], rows[-1][0]) == ("199.csv", "0.csv")
     assert len(rows) < 100
     assert len(found.frame()) == 200
-
-
-def test_each_window_is_stated_and_mixed_rules_are_reported() -> None:
-    runs = [run("a", 9.0, 0.7, 0.01, window=5.48), run("b", 18.0, 0.7, 0.01, window=5.96), run("c", 36.0, 0.6, 0.01)]
-    report = campaign_report(summary(*runs))
-    logs = table(report, "logs")
-    column = [column.name for column in logs.columns].index("window")
-    assert [row[column] for row in logs.texts] == ["auto", "5.96", "5.48"]
-    assert "Windows" in {note.about for note in report.notes}
-    assert "Windows" not in {note.about for note in campaign_report(summary(*runs[:2])).notes}
 
 
 # ------------------------------------------------------------------------------------------------ logs that are of no use
@@ -215,13 +163,6 @@ def test_a_log_that_failed_is_named_with_its_sentence(made: Made) -> None:
     ((name, why),) = table(made.report, "faults").cells
     assert name == "header_only.csv"
     assert "column names but no rows" in str(why)
-
-
-def test_a_campaign_without_any_result_has_a_report_that_says_nothing_good() -> None:
-    report = campaign_report(summary(failed("a.csv", "a.csv: nothing.")))
-    assert not any(note.tone == "good" for note in report.notes)
-    assert ids(report) == {"faults", "provenance"}
-    assert "a.csv" in page_text(report)
 
 
 @pytest.mark.parametrize("channels", [3, 5], ids=["motion alone", "motion and force"])
@@ -262,13 +203,6 @@ def test_texts_of_a_campaign_are_no_markup(made: Made) -> None:
     (link,) = PageReader(page).links
     assert unquote(link) == f"runs/{hostile}.html"
     assert not any(sign in link for sign in '"#? <')
-
-
-def test_a_terminal_obeys_no_control_character_of_a_log() -> None:
-    text = terminal_text(campaign_report(summary(run("a\x1b[31m.csv", 9.0), failed("b\x1b[2J", "c\x07\nd\ufdd4[31m"))))
-    assert "\x1b" not in text
-    assert "\ufdd4" not in text
-    assert "\x07" not in text
 
 
 # ------------------------------------------------------------------------------------------------------------ the figure

@@ -24,11 +24,10 @@ from winchcascade.report.figures.cause_figures import (
     stability_figure,
     waterfall_figure,
 )
-from winchcascade.report.figures.cycle_figure import cycle_history
 from winchcascade.report.figures.diagnosis_figures import (
+    cycle_history,
     error_figure,
     error_history,
-    error_panels,
     gap_map,
     stage_map,
 )
@@ -68,11 +67,6 @@ def test_the_history_draws_logged_minus_simulated() -> None:
     before, after = figure.axes[CHANNELS.index("vdc")].lines
     for line, error in zip((before, after), one.errors, strict=True):
         assert np.allclose(line.get_ydata(), error, equal_nan=True)
-
-
-def test_errors_are_drawn_over_current_and_over_what_the_gap_depends_on() -> None:
-    assert error_panels(diagnosed("copper")) == ["idc", "vdc"]
-    assert error_panels(diagnosed("nothing")) == ["idc"]
 
 
 def test_the_errors_of_one_effect_are_those_of_its_blocks() -> None:
@@ -140,12 +134,3 @@ def test_page_and_print_get_every_channel_of_the_cycle(name: str, curves: int) -
             np.testing.assert_allclose(one["values"], side[:, k] * COMPARED[channel], rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(record["t"], item.t, atol=1e-4)
     assert record["spans"] == [{"from": 0.0, "to": item.payout_end, "colour": "payout"}]
-
-
-def test_repaired_stretches_of_the_cycle_are_marked_since_its_onset(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, item = diagnosed("copper"), shown("copper")
-    gaps = item.onset + np.array([[2.0, 2.5], [1e4, 1e4 + 1.0]])
-    monkeypatch.setattr("winchcascade.report.figures.histories.all_gaps", lambda *_: gaps)
-    row = json.loads(history_json(cycle_history(found, item, "log")))["rows"][0]
-    (repaired,) = [(span["from"], span["to"]) for span in row["repaired"]]
-    assert repaired == pytest.approx((2.0, 2.5))

@@ -10,22 +10,13 @@ from diagnosed import diagnosed
 from winchcascade.core.campaign_file import Origin
 from winchcascade.diagnosis import causes, closure, evidence, nuisances
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, Alternative, Experiment, Remainder, Reported, Spot
+from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, Reported
 from winchcascade.diagnosis.load_costs import ranked_causes
 from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
-from winchcascade.report.diagnosis_names import LAWS, alarm_place, display_of, nuisance_words, number_words, word_of
+from winchcascade.report.diagnosis_names import LAWS, display_of, nuisance_words, number_words, word_of
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.report.results.diagnosis_sentences import arises_sentence
 from winchcascade.report.results.diagnosis_words import (
-    SIGNS,
     action_of,
-    certainty_words,
-    diagnosis_lines,
-    diagnosis_note,
-    experiment_words,
-    kind_words,
-    verdict_words,
-    where_words,
 )
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
@@ -79,44 +70,6 @@ def test_the_record_holds_the_stages_beside_the_map() -> None:
     assert (worst["stage"], worst["channel"], worst["inputs"]) == ("gearbox", "torque", ["velocity", "vdc", "idc"])
 
 
-@pytest.mark.parametrize(("z", "expected"), [(1.3, "1.3"), (22.4, "22"), (959.0, "more than 100")])
-def test_the_next_experiment_is_reported_with_what_it_can_do(z: float, expected: str) -> None:
-    plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), z, load=4.5, length=9.5)
-    text = experiment_words(changed(diagnosed("copper"), experiment=plan))
-    assert [part in text for part in (f"{expected} standard deviations", "1.10 m/s", "4.5", "line_drag")] == [True] * 4
-
-
-def test_verdicts_differ_and_state_the_share_with_its_interval_and_on_what() -> None:
-    copper = diagnosed("copper")
-    assert copper.closure is not None
-    some = changed(copper, closure=msgspec.structs.replace(copper.closure, share=0.943, low=0.91, high=0.961))
-    partly, more, lost = (
-        changed(some, **x)
-        for x in (
-            {"verdict": "partly_explained"},
-            {"verdict": "partly_explained", "chosen": ("copper_heating", "force_zero")},
-            {"verdict": "unexplained", "causes": ()},
-        )
-    )
-    said = [verdict_words(found) for found in (some, partly, more, lost, diagnosed("outsider"), diagnosed("nothing"))]
-    assert len(set(said)) == len(said)
-    assert all("94 %" in text and "leave-one-load-out" in text for text in said[:4])
-    assert all("91 to 96 %" in text for text in said[:3])
-
-
-def test_the_place_names_stages_of_causes_and_without_causes_the_strongest_sign() -> None:
-    copper, found = diagnosed("copper"), diagnosed("outsider")
-    assert where_words(copper, ranked_causes(copper)) == "Generator."
-    quiet = tuple(msgspec.structs.replace(place, z=0.5) for place in found.places)
-    alarm = Alarm("scatter", Spot("idc", "payout", within_blocks=True), 20.09, 2.2)
-    assert where_words(found, ()) == as_json(found)["where"]["sentence"]
-    assert found.where is not None
-    assert "gearbox" in arises_sentence(found.where.arises)
-    text = where_words(changed(found, places=quiet, remainder=Remainder(1.0, (alarm,), alarm.about)), ())
-    assert alarm_place(alarm, []) in text
-    assert "gearbox" not in text
-
-
 def test_causes_are_ranked_by_what_they_cost() -> None:
     found = diagnosed("copper")
     other = msgspec.structs.replace(found.causes[0], effect="force_zero", stage="sensor")
@@ -141,41 +94,12 @@ def test_what_to_do_follows_from_kind_look_alikes_next_run_and_verdict() -> None
         action_of(changed(found, verdict="partly_explained"), cause).what,
     ]
     assert done == [
-        "enter r_s with `--write`",
-        "recalibrate the force cell",
+        "enter it with `--write`",
+        "recalibrate force cell",
         "make the next run",
         "measure r_s directly",
         "find first what else acts",
     ]
-
-
-def test_what_the_catalogue_lacks_and_looks_like_a_cause_is_named() -> None:
-    found = diagnosed("copper")
-    assert str(found.suspects["copper_heating"].unlisted)[1:] in certainty_words(found)
-    assert certainty_words(diagnosed("outsider")) == ""
-    likely = certainty_words(changed(diagnosed("nothing"), sets={(): 0.01, ("current_gain",): 0.99}))
-    assert [text in likely for text in ("current_gain", "0.01", "0.99")] == [True] * 3
-
-
-def test_a_look_alike_that_no_run_distinguishes_from_the_cause_is_named_with_the_run() -> None:
-    found = diagnosed("copper")
-    plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), 1.3, load=4.5, length=9.5)
-
-    def said(alike: str) -> str:
-        cause = msgspec.structs.replace(found.causes[0], look_alikes=(Alternative(alike, 0.3, None),))
-        return experiment_words(changed(found, causes=(cause,), experiment=plan))
-
-    assert "measure" in said("line_drag")
-    assert "copper_heating from diode_drop" in said("diode_drop")
-    assert "No alternative" in experiment_words(changed(found, experiment=plan))
-
-
-@pytest.mark.parametrize("kind", SIGNS)
-def test_every_kind_of_alarm_has_a_place_and_is_explained(kind: Any) -> None:
-    alarm = Alarm(kind, Nuisance("zero", "vdc", 0.1, "SI", log=1), 6.04, 4.5)
-    assert alarm_place(alarm, ["a.csv", "b.csv"]) == "zero of Vdc in b.csv"
-    assert SIGNS[kind] in kind_words([alarm])[kind]
-    assert alarm_place(msgspec.structs.replace(alarm, about=Spot("eta_gen", load=45.0)), []) == "eta_gen at 45 ohm"
 
 
 def test_a_law_that_the_rig_file_does_not_state_has_a_name_of_its_own() -> None:
@@ -194,13 +118,6 @@ def test_logs_are_called_measured_where_that_is_stated_of_all_whatever_the_title
     ):
         given = zip(found.runs, origins, strict=True)
         assert word_of(changed(found, runs=tuple(msgspec.structs.replace(r, origin=o) for r, o in given))) == word
-
-
-def test_few_lines_tell_verdict_causes_and_files() -> None:
-    path = Path("/a long folder with blanks in it") / f"{'and a name ' * 12}.html"
-    text = diagnosis_lines(as_json(diagnosed("copper")), [path])
-    assert [word in text for word in ("Explained", "copper_heating", "99 %", f"{path}\n")] == [True] * 4
-    assert diagnosis_note(as_json(diagnosed("nothing"))).text == "No gap"
 
 
 def test_the_documentation_states_the_numbers_of_the_code() -> None:

@@ -12,45 +12,31 @@ import pytest
 from calls import error_sentence
 
 from winchcascade import __version__
-from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.content import Note, Report, Span, Table, shown
-from winchcascade.report.results.drawn_reduction import drawn_report
+from winchcascade.report.content import Report, Span, Table, shown
 from winchcascade.report.results.reduction import reduction_report
 from winchcascade.rig.open_rig import load_rig
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 CLEAN = FIXTURES / "campaign" / "r36ohm.csv"
-BARE = 'name = "bare"\nnote = "Numbers of a guess."\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n'
 OWN = 'based_on = "hsu2026"\nname = "mine"\ntitle = "My winch"\nsource = "the workshop"\n'
 
 Result = tuple[Reduction, Uncertainty]
 
 
-def reduced(log: Path, window: str | float = 5.48, rig: str | None = None, load: float | None = None) -> Result:
-    used = load_rig("hsu2026") if rig is None else parse_rig(rig, "rig.toml")
-    reduction = reduce(read_run(log, rig=used, load=load, campaign=False), window=window)
+@pytest.fixture(scope="module")
+def clean() -> Result:
+    reduction = reduce(read_run(CLEAN, load=36.0, campaign=False), window=5.48)
     return reduction, uncertainty(reduction, draws=2000)
 
 
 @pytest.fixture(scope="module")
-def clean() -> Result:
-    return reduced(CLEAN, load=36.0)
-
-
-@pytest.fixture(scope="module")
-def reports(clean: Result) -> dict[str, Report]:
-    damaged = FIXTURES / "damaged_logs"
-    return {
-        "clean": drawn_report(*clean, command="winchcascade reduce r36ohm.csv"),
-        "aborted": reduction_report(*reduced(damaged / "aborted.csv", "auto")),
-        "no accuracies": reduction_report(*reduced(CLEAN, rig=BARE)),
-        "none complete": drawn_report(*reduced(CLEAN, 0.05)),
-    }
+def report(clean: Result) -> Report:
+    return reduction_report(*clean, command="winchcascade reduce r36ohm.csv")
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +54,6 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Report:
         return reduction_report(reduction, uncertainty(reduction))
 
 
-def point(report: Report, about: str) -> Note:
-    (found,) = (note for note in report.notes if note.about == about)
-    return found
-
-
 def provenance(report: Report) -> dict[str, str]:
     (table,) = (block for block in report.blocks if isinstance(block, Table) and block.id == "provenance")
     return {row[0]: row[1] for row in table.texts}
@@ -81,30 +62,13 @@ def provenance(report: Report) -> dict[str, str]:
 # ------------------------------------------------------------------------------------------------------ the summary
 
 
-def test_the_tiles_show_the_efficiencies_with_their_intervals(clean: Result, reports: dict[str, Report]) -> None:
+def test_the_tiles_show_the_efficiencies_with_their_intervals(clean: Result, report: Report) -> None:
     reduction, found = clean
-    assert [tile.name for tile in reports["clean"].tiles] == ["eta_trans", "eta_gen", "eta_pto"]
-    for tile in reports["clean"].tiles:
+    assert [tile.name for tile in report.tiles] == ["eta_trans", "eta_gen", "eta_pto"]
+    for tile in report.tiles:
         u, interval = found.standard[tile.name], found.interval_95[tile.name]
         assert float(tile.value) == pytest.approx(reduction.mean.value(tile.name), abs=5e-5)
         assert tile.beside == f"95 %: {shown(Span(interval.low, interval.high, u))}"
-
-
-def test_where_only_the_repeatability_is_known_the_tiles_say_so(reports: dict[str, Report]) -> None:
-    assert all(tile.beside.startswith("+- ") for tile in reports["no accuracies"].tiles)
-    assert not reports["none complete"].tiles
-
-
-def test_an_open_circuit_shows_energies_where_it_has_no_efficiency(simulated: Report) -> None:
-    assert [tile.name for tile in simulated.tiles] == ["eta_trans", "energy_line", "energy_mech"]
-    assert "open circuit" in simulated.subtitle
-
-
-def test_a_rig_without_accuracies_is_warned_of(reports: dict[str, Report]) -> None:
-    warned = point(reports["no accuracies"], "Accuracy")
-    assert warned.tone == "warn"
-    assert all(name in warned.text for name in ("force", "torque", "vdc", "idc", "accuracy_full_scale"))
-    assert point(reports["no accuracies"], "Rig note").text == "Numbers of a guess."
 
 
 def test_a_simulated_log_is_said_to_be_simulated_before_all_else(simulated: Report) -> None:
@@ -115,8 +79,8 @@ def test_a_simulated_log_is_said_to_be_simulated_before_all_else(simulated: Repo
 
 
 # --------------------------------------------------------------------------------------------------- the provenance
-def test_the_provenance_names_log_command_version_and_seed(clean: Result, reports: dict[str, Report]) -> None:
-    rows = provenance(reports["clean"])
+def test_the_provenance_names_log_command_version_and_seed(clean: Result, report: Report) -> None:
+    rows = provenance(report)
     assert rows["Log"] == str(CLEAN)
     assert rows["SHA-256 of the log"] == hashlib.sha256(CLEAN.read_bytes()).hexdigest()
     assert rows["Command"] == "winchcascade reduce r36ohm.csv"

@@ -27,7 +27,6 @@ LOGS = {
     "open circuit": "campaign/open_circuit.csv",
 }
 
-EPOCH = 1_776_506_400.0
 
 Result = tuple[Reduction, Uncertainty]
 
@@ -70,15 +69,6 @@ def test_histories_draw_every_channel_with_its_peaks(results: dict[str, Result],
             assert [y.min(), y.max()] == pytest.approx([x.min(), x.max()])
 
 
-def test_a_large_force_is_drawn_in_thousands_and_says_so(clean: Result) -> None:
-    reduction, _ = clean
-    large = {"velocity": reduction.run.channels["velocity"], "force": 20.0 * reduction.run.channels["force"]}
-    run = msgspec.structs.replace(reduction.run, channels=large)
-    panel = time_histories(msgspec.structs.replace(reduction, run=run)).axes[1]
-    assert np.asarray(panel.lines[0].get_ydata()).max() == pytest.approx(large["force"].max() / 1000.0)
-    assert panel.get_ylabel() == "kN"
-
-
 def edges(ax: Axes) -> dict[float, str]:
     """Instants of the dashed lines of a panel, and the pattern of each."""
     return {
@@ -87,16 +77,6 @@ def edges(ax: Axes) -> dict[float, str]:
         if isinstance(lines, LineCollection)
         for segment in lines.get_segments()
     }
-
-
-def test_a_log_with_seconds_of_an_epoch_is_drawn_from_zero(clean: Result) -> None:
-    run = msgspec.structs.replace(clean[0].run, t=clean[0].run.t + EPOCH)
-    reduction = reduce(run)
-    ax = time_histories(reduction).axes[-1]
-    assert ax.get_xlim()[0] == 0.0
-    assert f"since {EPOCH + clean[0].run.t[0]:.2f} s" in ax.get_xlabel()
-    first = reduction.cycles[0].window
-    assert sorted(edges(ax))[:2] == pytest.approx([first.onset - run.t[0], first.cutoff - run.t[0]])
 
 
 @pytest.mark.parametrize("log", LOGS)
@@ -138,35 +118,6 @@ def test_repaired_stretches_are_marked_in_the_panels_of_their_channels_alone(cle
     assert not any(repaired(ax) for ax in time_histories(clean[0]).axes)
 
 
-def test_the_energy_flow_names_energies_losses_and_efficiencies(clean: Result) -> None:
-    reduction, _ = clean
-    mean = Metrics(energy_line=8000.0, energy_mech=6000.0, energy_gen=4500.0, eta_trans=0.75, eta_gen=0.75, eta_pto=0.5)
-    figure = figures.window_flow(msgspec.structs.replace(reduction, mean=mean), {"energy_mech": "6001"})
-    assert figure is not None
-    said = " ".join(text.get_text() for text in figure.axes[0].texts)
-    for words in (
-        "8000 J",
-        "6001 J",
-        "4500 J",
-        "in the gas:\n2000 J, 25.0 %",
-        "in the rotor:\n1500 J, 18.8 %",
-        "= 0.750",
-    ):
-        assert words in said
-
-
-def test_the_energy_flow_of_a_whole_cycle_names_what_haul_in_returns(clean: Result) -> None:
-    reduction, _ = clean
-    mean = Metrics(
-        energy_payout=8000.0, energy_returned=2000.0, energy_net=6000.0, energy_gen_cycle=4500.0, eta_net=0.75
-    )
-    figure = figures.cycle_flow(msgspec.structs.replace(reduction, mean=mean))
-    assert figure is not None
-    said = " ".join(text.get_text() for text in figure.axes[0].texts)
-    for words in ("8000 J", "6000 J", "2000 J, 25.0 %", "1500 J, 18.8 %", "= 0.750"):
-        assert words in said
-
-
 @pytest.mark.parametrize(
     "mean",
     [
@@ -180,30 +131,6 @@ def test_the_energy_flow_of_a_whole_cycle_names_what_haul_in_returns(clean: Resu
 )
 def test_energies_that_do_not_fall_have_no_flow_diagram(clean: Result, mean: Metrics) -> None:
     assert figures.window_flow(msgspec.structs.replace(clean[0], mean=mean)) is None
-
-
-def test_of_many_cycles_an_even_selection_is_laid_over_with_best_and_worst(clean: Result) -> None:
-    reduction = many(clean[0], 300)
-    figure = figures.overlaid(reduction, {}, 2, 299)
-    assert figure is not None
-    colours = [line.get_color() for line in figure.axes[0].lines]
-    assert colours.count(COLOURS["line"]) == colours.count(COLOURS["mech"]) == 1
-    assert len(colours) in range(figures.OVERLAID, figures.OVERLAID + 4)
-    begins = [float(np.asarray(line.get_xdata())[0]) for line in figure.axes[0].lines if len(line.get_xdata()) > 2]  # type: ignore[arg-type]
-    assert begins == pytest.approx([-1.0] * len(begins), abs=1.0 / reduction.run.fs)
-
-
-def test_bars_of_the_uncertainty_fill_the_axis(clean: Result) -> None:
-    figure = figures.uncertainty_bars(clean[1].budget)
-    assert figure is not None
-    bars: dict[float, list[tuple[float, float]]] = {}
-    for bar in figure.axes[0].patches:
-        box = bar.get_path().get_extents(bar.get_patch_transform())
-        bars.setdefault(round(0.5 * (box.y0 + box.y1), 6), []).append((box.x0, box.x1))
-    assert len(bars) == 7  # three efficiencies of the window, that of whole cycles, three energies
-    for parts in bars.values():
-        begins, ends = zip(*sorted(parts), strict=True)
-        assert [*begins, 100.0] == pytest.approx([0.0, *ends])
 
 
 def test_a_drift_is_drawn_over_the_cycles_where_there_are_many(clean: Result) -> None:
@@ -230,15 +157,6 @@ def test_means_of_powers_and_of_the_current_are_drawn_over_the_speed(clean: Resu
     loaded = np.asarray(current.get_ydata())[5:]
     expected = [np.sqrt(power / 36.0) for b in reduction.bins[5:] if (power := b.power["gen"]) is not None]
     assert loaded.tolist() == pytest.approx(expected, rel=0.03)  # I = sqrt(P / R)
-
-
-def test_colours_are_distinguished_and_stand_for_one_name_each() -> None:
-    assert len(set(COLOURS.values())) == len(COLOURS)
-    light = [
-        sum(w * int(COLOURS[n][k : k + 2], 16) for w, k in ((0.3, 1), (0.59, 3), (0.11, 5)))
-        for n in ("line", "mech", "gen")
-    ]
-    assert light == sorted(light)  # from dark to light, so that a grey print tells them apart
 
 
 def test_the_house_style_leaves_no_trace_in_the_users_settings() -> None:

@@ -17,15 +17,11 @@ from undrawn import undrawn
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
-from winchcascade.diagnosis.model_account import Account, Modelled, Regression, account_of, modelled
-from winchcascade.diagnosis.model_comparison import ModelComparison, compare
-from winchcascade.report.content import Note, Picture, Section, Table
+from winchcascade.diagnosis.model_account import Modelled, modelled
+from winchcascade.report.content import Picture, Section, Table
 from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.results.model_section import PANELS, Named, campaign_section, run_section
-from winchcascade.rig.baseline import baseline
-from winchcascade.rig.effects.catalogue import make_effect
-from winchcascade.rig.open_rig import load_rig
+from winchcascade.report.results.model_section import PANELS, run_section
 
 
 @pytest.fixture(scope="module")
@@ -75,13 +71,6 @@ def test_the_budget_table_sums_to_the_energy_of_the_line(sections: dict[str, Sec
         assert [name for name in names if name in wanted] == wanted
 
 
-def test_a_rig_without_a_model_has_the_reason_instead_of_figures() -> None:
-    reduction = msgspec.structs.replace(reduced("18 ohm"), rig=load_rig("kitepower"))
-    (note,) = run_section(modelled(reduction)).blocks
-    assert isinstance(note, Note)
-    assert note.text.startswith("the rig file of kitepower lacks what a model needs")
-
-
 @pytest.mark.parametrize("missing", ["torque", "pressure", "vdc", "displacement"])
 def test_what_a_log_lacks_is_neither_drawn_nor_reported(missing: str) -> None:
     reduction = reduced("18 ohm")
@@ -100,16 +89,6 @@ def test_what_a_log_lacks_is_neither_drawn_nor_reported(missing: str) -> None:
     assert ("model-losses" in names) == (missing not in ("torque", "vdc"))
 
 
-def test_a_model_with_an_effect_says_so_in_every_caption() -> None:
-    reduction = reduced("18 ohm")
-    model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).apply(baseline(reduction.rig))
-    comparison = compare(reduction, model, changed="gear_mesh_loss")
-    assert isinstance(comparison, ModelComparison)
-    with house_style():
-        section = run_section(Modelled(comparison, account_of(comparison)))
-    assert all("with gear_mesh_loss" in caption for caption in captions(section).values())
-
-
 def test_log_is_a_line_and_simulation_markers_of_another_colour(found: dict[str, Modelled], style: None) -> None:
     curves = found["18 ohm"].account.curves
     figure = figures.panels([figures.Drawn("", curves)], PANELS["model-generator"], word="measured", rated=2000.0)
@@ -124,29 +103,6 @@ def test_log_is_a_line_and_simulation_markers_of_another_colour(found: dict[str,
         assert tuple(np.asarray(simulated.get_ydata())) == curves[name].simulated
         assert ax.get_xlabel()
         assert ax.get_ylabel()
-
-
-def test_every_load_has_a_colour_and_a_marker_of_its_own(found: dict[str, Modelled], style: None) -> None:
-    names = [f"{k} Ω" for k in range(7)]
-    drawn = figures.styled_by_load(names, [found["18 ohm"].account.curves] * 7)
-    assert len({d.log for d in drawn}) == len({d.mark for d in drawn}) == 7
-    figure = figures.panels(drawn, PANELS["model-tether"], word="log", rated=2000.0)
-    assert figure is not None
-    texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    assert texts == ["log", "simulated", "over rated speed", *names]
-    marks = [line for line in figure.axes[2].lines if line.get_marker() not in ("None", "")]
-    assert len({line.get_marker() for line in marks}) == 7
-
-
-def test_the_drum_turns_slower_than_the_generator_by_the_gear(found: dict[str, Modelled], style: None) -> None:
-    drawn = [figures.Drawn("", found["18 ohm"].account.curves)]
-    figure = figures.panels(drawn, ["torque_nm"], word="log", rated=2000.0, gear=50.0)
-    assert figure is not None
-    figure.draw_without_rendering()
-    (ax,) = figure.axes
-    (above,) = ax.child_axes
-    assert np.array(above.get_xlim()) * 50.0 == pytest.approx(np.array(ax.get_xlim()))
-    assert above.get_xlabel() == "Drum speed (rpm)"
 
 
 def test_bars_hold_seven_segments_at_most_and_sum_to_the_energy_of_the_line(
@@ -165,25 +121,6 @@ def test_bars_hold_seven_segments_at_most_and_sum_to_the_energy_of_the_line(
     assert logged[0] == pytest.approx(100.0 * log["gen"] / log["line"])
 
 
-def test_the_sweep_draws_the_tension_of_every_damper(found: dict[str, Modelled], style: None) -> None:
-    sweep = found["open circuit"].account.sweep
-    assert sweep is not None
-    (ax,) = figures.damper_sweep(sweep, word="log", rated=2000.0).axes
-    assert [tuple(np.asarray(line.get_ydata())) for line in ax.lines] == [sweep.log, *sweep.simulated]
-
-
-def test_the_back_emf_is_drawn_with_its_slope_and_that_of_the_rig_file(style: None) -> None:
-    rpm = np.linspace(1000.0, 3000.0, 20)
-    v_ll, v_dc = tuple((0.062 * rpm).tolist()), tuple((0.0875 * rpm).tolist())
-    fit = Regression(tuple(rpm.tolist()), v_ll, v_dc, 0.062, 0.0619, 0.0621, 0.998, rpm.size, 0.0617)
-    figure = figures.back_emf_figure(fit, word="measured")
-    right = figure.axes[1]
-    slopes = [
-        np.diff(np.asarray(line.get_ydata()))[0] / np.diff(np.asarray(line.get_xdata()))[0] for line in right.lines[:2]
-    ]
-    assert slopes == pytest.approx([0.0617, 0.062])
-
-
 @pytest.fixture(scope="module")
 def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A batch with pages of two loads, an open circuit, and a log of which no load is known."""
@@ -197,36 +134,6 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with undrawn():
         run_batch(make_plan([str(folder)]), folder / "out", Products(reports=("html",)))
     return folder / "out"
-
-
-@pytest.fixture(scope="module")
-def campaign(batch: Path) -> Section:
-    loads = {
-        "open_circuit.csv": "open circuit",
-        "r18ohm.csv": "18 ohm",
-        "r4p5ohm.csv": "4.5 ohm",
-        "r45ohm.csv": "r45ohm.csv",
-    }
-    accounts = {name: json.loads((batch / "runs" / f"{name}.json").read_bytes())["model"] for name in loads}
-    logs = [Named(name, load, msgspec.convert(accounts[name], Account)) for name, load in loads.items()]
-    with house_style():
-        section = campaign_section(logs, "measured")
-    assert section is not None
-    return section
-
-
-def test_a_campaign_shows_all_loads_in_each_figure(campaign: Section) -> None:
-    drawn = {b.id: b.figure for b in campaign.blocks if isinstance(b, Picture)}
-    assert {"model-tether", "model-generator", "model-losses", "model-budget"} <= drawn.keys()
-    legend = [text.get_text() for one in drawn["model-losses"].legends for text in one.get_texts()]
-    assert {"18 ohm", "4.5 ohm"} <= set(legend)
-    assert "open circuit" not in legend
-
-
-def test_a_campaign_shows_which_logs_were_not_simulated_and_why(campaign: Section) -> None:
-    first = campaign.blocks[0]
-    assert isinstance(first, Note)
-    assert first.text.startswith("r45ohm.csv: the load of the log is not known")
 
 
 def test_a_result_keeps_its_curves_and_little_more(batch: Path) -> None:

@@ -15,7 +15,7 @@ from winchcascade.core.errors import OutputError
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.content import Note, Picture, Report, Table, section
+from winchcascade.report.content import Note, Picture, Report, section
 from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.glossary import typeset
 from winchcascade.report.render.page import page_text
@@ -77,14 +77,6 @@ def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(tmp_path: Path) -> Non
         assert " ".join(typeset(finding.message).split()) in shown
     assert "column <b>bold</b>" in shown
     assert not {"i", "img"} & {tag for tag, _ in page.elements}
-
-
-def test_figures_and_tables_are_numbered_in_order(clean: Report) -> None:
-    page = page_text(clean)
-    for word, kind in (("Figure", Picture), ("Table", Table)):
-        numbers = [int(number) for number in re.findall(rf"<b>{word} (\d+)\.</b>", page)]
-        lead = kind is Picture and clean.lead is not None
-        assert numbers == list(range(1, 1 + lead + sum(isinstance(block, kind) for block in clean.blocks)))
 
 
 def test_every_colour_of_a_drawing_follows_the_theme(clean: Report) -> None:

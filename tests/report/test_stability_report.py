@@ -1,9 +1,6 @@
 """The numbers of causes run by run in sentences, in the JSON and as a figure."""
 
-import math
-
 import msgspec
-import pytest
 from diagnosed import diagnosed
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -11,7 +8,6 @@ from winchcascade.diagnosis.diagnosis_result import RunValue, Stability, Trend
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.report.results.diagnosis_words import stability_words
 
 NUMBERS = (RunValue(0, 0.3, 0.28, 0.32), RunValue(1, 0.5, 0.48, 0.52))
 
@@ -37,35 +33,6 @@ def test_a_run_without_a_number_is_null_with_the_reason() -> None:
     (record,) = as_json(msgspec.structs.replace(found, causes=(cause,)))["causes"]
     assert [one["value"] for one in record["stability"]] == [None, None]
     assert [one["reason"] for one in record["stability"]] == ["the run hardly depends on this cause", "withheld"]
-
-
-@pytest.mark.parametrize(
-    ("trend", "text"),
-    [
-        (
-            Trend("order", 0.2, 0.02, 1e-9),
-            "stator resistance changes by +20.0 % (95 %: 16.1 to 23.9 %) from r18ohm.csv to r4p5ohm.csv, in the order of the "
-            "runs, more than its intervals allow.",
-        ),
-        (
-            Trend("load", -0.2, 0.02, 1e-9, instead="order"),
-            "changes by -20.0 % (95 %: -23.9 to -16.1 %) from 18 ohm to 4.5 ohm, more than its intervals allow. The order of "
-            "the runs would explain it as well.",
-        ),
-        (
-            Trend("scatter", 0.2, math.nan, 1e-9),
-            "stator resistance differs from run to run by up to 20 %, more than its intervals allow.",
-        ),
-    ],
-)
-def test_a_trend_is_one_sentence(trend: Trend, text: str) -> None:
-    found = with_trends(trend)
-    (record,) = as_json(found)["causes"]
-    assert text in record["trends"][0]["sentence"]
-
-
-def test_two_runs_are_too_few_for_a_sentence() -> None:
-    assert stability_words(diagnosed("copper")) == ""
 
 
 def test_what_differs_between_runs_is_stated_of_its_cause_and_in_the_terminal() -> None:

@@ -21,7 +21,7 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import Cell, Measured, Note, Span, Table
 from winchcascade.report.glossary import short
 from winchcascade.report.results import reduction_tables as tables
-from winchcascade.report.results.reduction import reduction_report, stated_text
+from winchcascade.report.results.reduction import reduction_report
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS: Mapping[str, tuple[str, float | None, str | float]] = {
@@ -94,26 +94,6 @@ def test_the_cycles_table_states_every_cycle_and_the_means(results: dict[str, Re
 
 
 @pytest.mark.parametrize("log", LOGS)
-def test_a_mean_has_one_text_in_tile_figure_and_table(results: dict[str, Result], log: str) -> None:
-    reduction, found = results[log]
-    texts = {t.columns[k].name: cell for t in tables_of((reduction, found)).values() for row in t.texts[-4:]
-             if row[0].startswith("mean of") for k, cell in enumerate(row) if k}  # fmt: skip
-    for metric in (m for m, mean in reduction.mean.items() if mean is not None):
-        assert texts[short(metric)] == stated_text(reduction, found, metric)
-    for tile in reduction_report(reduction, found).tiles:
-        assert texts[short(tile.name)] == tile.value.split()[0]
-
-
-def test_cycles_in_brackets_are_those_that_the_mean_leaves_out(results: dict[str, Result]) -> None:
-    reduction, _ = results["aborted"]
-    incomplete = [f"({c.cycle})" for c in reduction.cycles if not c.complete]
-    assert incomplete
-    found = tables_of(results["aborted"])
-    for name in ("cycles", "net", "phases", "phase-means"):
-        assert [cell for cell in columns(found[name])["cycle"] if str(cell).startswith("(")] == incomplete
-
-
-@pytest.mark.parametrize("log", LOGS)
 def test_shares_of_the_budget_add_up_to_the_whole(results: dict[str, Result], log: str) -> None:
     table = tables.budget_table(*results[log])
     if not results[log][0].complete:
@@ -175,25 +155,6 @@ def test_what_a_log_does_not_measure_has_no_column(results: dict[str, Result]) -
     assert {"E_line", "E_gen", "eta_pto"} <= heads
 
 
-def test_the_phases_are_stated_as_they_were_found(clean: Result) -> None:
-    reduction, _ = clean
-    phases, means = map(columns, tables.phases_tables(reduction))
-    for k, c in enumerate(reduction.cycles):
-        plateau, hold, haul = c.summary.payout.plateau, c.summary.hold, c.summary.haul_in
-        assert plateau is not None
-        assert hold is not None
-        assert hold.pressure is not None
-        assert haul is not None
-        expected = {
-            "onset": c.phases.onset, "travel": c.summary.payout.travel, "plateau": plateau.speed, "haul-in": haul.duration,
-        }  # fmt: skip
-        assert {name: phases[name][k] for name in expected} == expected
-        expected = {"F": plateau.force, "τ": plateau.torque, "F_hold": hold.force, "F_min": haul.force_min,
-                    "E haul-in": haul.energy_line, "P_gen plateau": plateau.power_gen}  # fmt: skip
-        assert {name: means[name][k] for name in expected} == expected
-        assert means["p_hold"][k] == pytest.approx(hold.pressure)
-
-
 def test_bins_state_their_means_and_all_their_samples(clean: Result) -> None:
     reduction, _ = clean
     table = tables.bins_table(reduction)
@@ -215,13 +176,6 @@ def test_every_finding_is_listed_with_what_was_done(results: dict[str, Result], 
     kept = [named[name] for name in ("finding", "channel", "what was found", "what was done") if named]
     listed = list(zip(*kept, strict=True))
     assert Counter(listed) == Counter((f.kind, f.channel, f.message, f.action) for f in reduction.quality)
-
-
-def test_a_finding_states_its_share_of_the_samples(clean: Result) -> None:
-    finding = Finding("stuck", "stuck", "bridged", "force", 1.0, 2.0, count=10, removed=277)
-    table = tables.findings_table(msgspec.structs.replace(clean[0], quality=(finding,)))
-    assert table is not None
-    assert columns(table)["data lost"] == [pytest.approx(27700.0 / 2767)]
 
 
 def test_times_are_counted_from_the_first_stamp_of_an_epoch(clean: Result) -> None:

@@ -167,10 +167,6 @@ def test_efficiencies_and_powers_are_those_of_the_cycles(reduction: Reduction) -
     assert drawn(plot(reduction, "speed"), "line")[1] == [b.power_line for b in reduction.bins]
 
 
-def test_histories_have_a_panel_for_each_channel_and_one_for_the_powers(reduction: Reduction) -> None:
-    assert len(plot(reduction, "history")) == len(reduction.run.channels) + 1
-
-
 def test_a_campaign_is_drawn_over_its_loads(campaign: CampaignReduction) -> None:
     means = frame(campaign, "runs").sort_values("load_ohm")
     for what, field in (("efficiency", "eta_pto"), ("power", "power_gen_w")):

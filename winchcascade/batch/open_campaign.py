@@ -73,13 +73,10 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         ------
         OptionError : no further process can be started
         """
-        from winchcascade.batch.reductions import campaign_record, reduce_plan, with_findings_between
+        from winchcascade.batch.reductions import reduce_campaign
 
         check_arguments("reduce", ("jobs", jobs, PROCESSES))
-        found, faults = reduce_plan(self.plan, Workers(jobs))
-        summary = campaign_record(self.plan, found.items(), faults)
-        cascades = tuple(work.settings.rig.cascade for work in self.plan.work)
-        return CampaignReduction(summary, with_findings_between(found, summary.between), cascades)
+        return reduce_campaign(self.plan, Workers(jobs))
 
     def diagnose(
         self,
@@ -140,14 +137,13 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         LogError : a log of the campaign cannot be used
         CheckError : a load has no row in the table, or two runs have the same load
         """
-        from winchcascade.batch.results import campaign_results
-        from winchcascade.batch.results import check_results as check_all
+        from winchcascade.batch.results import campaign_results, check_results
 
         check_arguments("check", ("jobs", jobs, PROCESSES))
         if factors is not None:
             check_type("check, factors", factors, check.Factors, "winchcascade.tables.check")
         opened = point_table.open_table(table)
-        return check_all(campaign_results(self.plan, jobs), opened, factors)
+        return check_results(campaign_results(self.plan, jobs), opened, factors)
 
     def report(self, path: str | Path, *, jobs: int = 1, force: bool = False) -> list[Path]:
         """Reduce every log and write the report of the campaign; the files that were written, that of the campaign first.

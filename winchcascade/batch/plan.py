@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import glob
-import hashlib
 import os
 import re
 from collections.abc import Sequence
@@ -17,6 +16,7 @@ from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.named_rig import first_named
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.store import digest_of
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS
 from winchcascade.rig.open_rig import load_rig
@@ -203,7 +203,7 @@ def _cycles_mark(first: int, last: int) -> str:
 
 
 def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()[:8]
+    return digest_of(text.encode("utf-8", "replace"))[:8]
 
 
 def _place(work: Work) -> str:
@@ -226,9 +226,9 @@ def _key(work: Work) -> str:
     rig, sheet, _ = options.pop("rig"), options.pop("sheet"), options.pop("parts")
     said = (RESULTS, work.path, *options.values(), *([] if sheet is None else [sheet]))
     content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
-    return hashlib.sha256(content).hexdigest()
+    return digest_of(content)
 
 
 def result_key(work: Work, digest: str) -> str:
     """Key of the result of a log with this digest of its content."""
-    return hashlib.sha256(f"{work.key} {digest}".encode()).hexdigest()
+    return digest_of(f"{work.key} {digest}".encode())

@@ -17,6 +17,7 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.store import digest_of, with_digest
 from winchcascade.ingest.read import read_by
 from winchcascade.reduction.campaign_record import CampaignRecord, FailedLog, log_summary
+from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
@@ -81,8 +82,8 @@ def _reports(
     return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {}), model.account
 
 
-def reduce_plan(plan: Plan, workers: Workers) -> tuple[dict[str, RunRecord], dict[str, str]]:
-    """Reduce all logs of a plan: records by name in the order of the plan, and the fault of each that cannot be used.
+def reduce_campaign(plan: Plan, workers: Workers) -> CampaignReduction:
+    """Reduce all logs of a plan; a log that cannot be used has its fault in the result.
 
     Raises
     ------
@@ -95,7 +96,10 @@ def reduce_plan(plan: Plan, workers: Workers) -> tuple[dict[str, RunRecord], dic
             faults[name] = outcome.fault or ""
         else:
             found[name] = msgspec.json.decode(outcome.value.record, type=RunRecord)
-    return {work.name: found[work.name] for work in plan.work if work.name in found}, faults
+    found = {work.name: found[work.name] for work in plan.work if work.name in found}
+    summary = campaign_record(plan, found.items(), faults)
+    cascades = tuple(work.settings.rig.cascade for work in plan.work)
+    return CampaignReduction(summary, with_findings_between(found, summary.between), cascades)
 
 
 def campaign_record(

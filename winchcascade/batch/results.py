@@ -9,7 +9,7 @@ import msgspec
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import Plan, make_plan
-from winchcascade.batch.reductions import reduce_plan, with_findings_between
+from winchcascade.batch.reductions import reduce_campaign, with_findings_between
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import Workers
@@ -128,21 +128,17 @@ def _of_batch(folder: Path, runs: list[_Run], digests: Mapping[str, str] | None)
     records = {run.name: run_record(_read(inside(folder, run.result))[0], run.result) for run in runs}
     for name in () if digests is None else altered(folder, {run.result: digests.get(run.result, "") for run in runs}):
         raise _altered(folder / name)
-    return Results(_together(records), whole=True, verified=digests is not None)
+    between = findings_between([log_efficiency(name, record) for name, record in records.items()])
+    together = with_findings_between(records, between)
+    return Results(tuple(together.items()), whole=True, verified=digests is not None)
 
 
 def campaign_results(plan: Plan, jobs: int) -> Results:
     """Reduce the logs of a plan. Raises LogError for one that cannot be used."""
-    records, faults = reduce_plan(plan, Workers(jobs))
-    for fault in faults.values():
+    found = reduce_campaign(plan, Workers(jobs))
+    for fault in found.faults.values():
         raise LogError(fault)
-    return Results(_together(records), whole=True)
-
-
-def _together(records: Mapping[str, RunRecord]) -> tuple[tuple[str, RunRecord], ...]:
-    """The records of a campaign, each with the findings that its log has beside the others."""
-    between = findings_between([log_efficiency(name, record) for name, record in records.items()])
-    return tuple(with_findings_between(records, between).items())
+    return Results(tuple(found.records.items()), whole=True)
 
 
 def check_results(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ import typer
 from msgspec.structs import replace
 
 from winchcascade.cli.options import OUTPUTS, option, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show, write_report_files
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
 from winchcascade.core.store import state_of
@@ -58,17 +57,10 @@ def batch_command(
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
-    write_report_files(partial(_drawn, batch), outputs, "campaign")
-    _show(batch, outputs.without("loss_map").files)
+    _present(batch, outputs.without("loss_map"))
     if outputs["loss_map"] is not None:
         _present_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force)
     raise typer.Exit(1 if batch.faults else 0)
-
-
-def _drawn(batch: Batch) -> Report:
-    from winchcascade.report.results.drawn_campaign import written_campaign
-
-    return written_campaign(batch.summary, batch.folder, command=given_command())
 
 
 def _present_loss_map(
@@ -99,25 +91,31 @@ def _present_loss_map(
         write_index(batch.folder)
 
 
-def _show(batch: Batch, files: Sequence[Path]) -> None:
-    """Print what the logs of a campaign give, and what was written."""
-    from winchcascade.report.content import Note
-    from winchcascade.report.render.terminal import terminal_text
+def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS) -> None:
+    """Write the report of a campaign where it is wanted, and print what its logs give and what was written."""
+    from winchcascade.report.content import Note, Report
     from winchcascade.report.results.campaign import campaign_report, fault_notes
 
-    notes = (
-        [Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call.", "Kept")] if batch.kept else []
+    def drawn() -> Report:
+        from winchcascade.report.results.drawn_campaign import written_campaign
+
+        return written_campaign(batch.summary, batch.folder, command=given_command())
+
+    named, more = ", ".join(batch.altered[:MAX_ALTERED]), len(batch.altered) - MAX_ALTERED
+    named += f" and {more} more" if more > 0 else ""
+    notes = [
+        Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call." if batch.kept else "", "Kept"),
+        Note(f"made again, as its digest did not match: {named}" if named else "", "Altered", "warn"),
+    ]
+    stated, faults = campaign_report(batch.summary), fault_notes(batch.summary.failed)
+    present(
+        lambda: replace(stated, points=[*stated.points, *notes]),
+        outputs,
+        name="campaign",
+        drawn=drawn,
+        failed=(lambda: Report("Campaign", batch.summary.title, points=faults)) if faults else None,
+        notes=_files_in(batch.folder),
     )
-    if batch.altered:
-        more = f" and {len(batch.altered) - MAX_ALTERED} more" if len(batch.altered) > MAX_ALTERED else ""
-        text = f"made again, as its digest did not match: {', '.join(batch.altered[:MAX_ALTERED])}{more}"
-        notes.append(Note(text, "Altered", "warn"))
-    stated = campaign_report(batch.summary)
-    text = terminal_text(
-        replace(stated, points=[*stated.points, *notes]), list(dict.fromkeys([*_files_in(batch.folder), *files]))
-    )
-    failures = "".join(f"failed: {note.text}\n" for note in fault_notes(batch.summary.failed))
-    show(text, failures=failures, flush=True)
 
 
 def _files_in(folder: Path) -> list[Path]:
@@ -135,7 +133,8 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
-    from winchcascade.report.results.diagnosis_words import diagnosis_lines
+    from winchcascade.report.content import Report
+    from winchcascade.report.results.diagnosis_words import diagnosis_note
     from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()
@@ -146,10 +145,11 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     with run_behind(diagnosis, processes=1 if kept else count) as diagnosed:  # beside the batch, which takes less time
         with Progress(plan.title) as watch:
             batch = run_batch(plan, results, products, workers=Workers(max(count - 1, 1)), force=force, watch=watch)
-        _show(batch, [])
+        _present(batch)
         with status_line(f"diagnosing {plan.title}") as on_progress:
             if not kept:
                 write_diagnosis(results, diagnosed(), force=force, on_progress=on_progress)
     found = msgspec.json.decode((results / "diagnosis.json").read_bytes(), type=dict[str, object])
-    show(diagnosis_lines(found, [results / name for name in DIAGNOSIS_FILES]))
+    stated = Report("Diagnosis", "Diagnosis", points=[diagnosis_note(found)])
+    present(lambda: stated, NO_OUTPUTS, notes=[results / name for name in DIAGNOSIS_FILES])
     raise typer.Exit(1 if batch.faults else 0)

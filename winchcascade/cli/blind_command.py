@@ -10,7 +10,7 @@ import typer
 
 from winchcascade.cli.help import CommandList, GroupedCommand
 from winchcascade.cli.options import OUTPUTS, option, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, present, show
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, present
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 
 if TYPE_CHECKING:
@@ -62,10 +62,10 @@ def blind_diagnose_command(
 
 def _end(done: TrialProgress, what: str, folders: Sequence[Path]) -> NoReturn:
     """Print how far a trial is, and end."""
-    from winchcascade.report.render.terminal import terminal_text
-    from winchcascade.report.results.trials import fault_lines, progress_report
+    from winchcascade.report.results.trials import progress_report
 
-    show(terminal_text(progress_report(done, what), folders), failures=fault_lines(done))
+    report = progress_report(done, what)
+    present(lambda: report, NO_OUTPUTS, failed=(lambda: report) if done.faults else None, notes=folders)
     raise typer.Exit(1 if done.faults else 0)
 
 

@@ -12,12 +12,12 @@ from winchcascade.batch.log_settings import settings_of
 from winchcascade.cli.options import (
     OUTPUTS,
     REPORT,
+    RIGS,
     argument,
     check_load,
     effect_names,
     named_number,
     option,
-    rig_names,
     with_options,
 )
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
@@ -27,8 +27,6 @@ from winchcascade.core.jobs import one_thread_each
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
-    from winchcascade.diagnosis.calibrate import Calibration
-    from winchcascade.report.content import Report
     from winchcascade.rig.parts import Model
 
 
@@ -128,8 +126,7 @@ def calibrate_command(
     from winchcascade.diagnosis.calibrate import calibrate
     from winchcascade.diagnosis.rig_text import calibrated_text
     from winchcascade.ingest.read import read_by
-    from winchcascade.report.results.calibration import calibration_report
-    from winchcascade.report.results.calibration_record import calibration_record
+    from winchcascade.report.results.calibration import calibration_record, calibration_report, drawn_calibration
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
@@ -143,19 +140,8 @@ def calibrate_command(
         outputs,
         record=lambda: calibration_record(calibration),
         name=f"{Path(run.name).stem}_calibration",
-        drawn=partial(_drawn, calibration),
+        drawn=lambda: drawn_calibration(calibration, command=given_command()),
     )
-
-
-def _drawn(calibration: Calibration) -> Report:
-    """The report of a calibration with its figures."""
-    from winchcascade.diagnosis.damper_curves import damper_curves
-    from winchcascade.report.figures.style import house_style
-    from winchcascade.report.results.calibration import calibration_report, fit_blocks
-
-    with house_style():
-        blocks = fit_blocks(calibration, damper_curves(calibration))
-    return calibration_report(calibration, blocks, command=given_command())
 
 
 @with_options(name=argument("[NAME]", "The effect to describe; without it all are listed.", effect_names))
@@ -166,7 +152,7 @@ def effects_command(name: str | None = None) -> None:
     present(lambda: effects_report(name), NO_OUTPUTS)
 
 
-@with_options(name=argument("[NAME]", "The built-in rig: hsu2026 (the default) or kitepower.", rig_names))
+@with_options(name=argument("[NAME]", "The built-in rig: hsu2026 (the default) or kitepower.", RIGS))
 def rig_command(name: str | None = None) -> None:
     """Print a built-in rig file, as a start for your own."""
     from winchcascade.core.rig_toml import DEFAULT_RIG, built_in_text

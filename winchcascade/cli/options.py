@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
@@ -18,27 +19,17 @@ INPUT, EVALUATION, OUTPUTS = "Input", "Evaluation", "Outputs"
 
 
 # ------------------------------------------------------------------------------------------------------------ completion
-def _starting(names: Iterable[str], incomplete: str) -> list[str]:
-    return [name for name in names if name.startswith(incomplete)]
+def names_in(place: str) -> Callable[[str], list[str]]:
+    """What completes a name by those in a collection, whose module is imported when a shell asks."""
+
+    def starting(incomplete: str) -> list[str]:
+        return [name for name in resolve_name(f"winchcascade.{place}") if name.startswith(incomplete)]
+
+    return starting
 
 
-def rig_names(incomplete: str) -> list[str]:
-    """Built-in rigs that start like this."""
-    from winchcascade.core.rig_toml import BUILT_IN
-
-    return _starting(BUILT_IN, incomplete)
-
-
-def table_names(incomplete: str) -> list[str]:
-    """Built-in tables that start like this."""
-    from winchcascade.core.table_toml import BUILT_IN
-
-    return _starting(BUILT_IN, incomplete)
-
-
-def window_rules(incomplete: str) -> list[str]:
-    """Rules of windows that start like this."""
-    return _starting(("auto", "payout"), incomplete)
+RIGS, TABLES = names_in("core.rig_toml:BUILT_IN"), names_in("core.table_toml:BUILT_IN")
+"""What completes the names of the built-in rigs and tables."""
 
 
 def effect_names(incomplete: str) -> list[tuple[str, str]]:
@@ -53,14 +44,7 @@ def effect_fields(incomplete: str) -> list[str]:
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     fields = (f"{name}.{field.name}=" for name, effect in EFFECTS.items() for field in effect.fields)
-    return _starting(fields, incomplete)
-
-
-def report_choices(incomplete: str) -> list[str]:
-    """Choices of `--reports` that start like this."""
-    from winchcascade.batch.run_batch import REPORTS
-
-    return _starting(REPORTS, incomplete)
+    return [field for field in fields if field.startswith(incomplete)]
 
 
 # --------------------------------------------------------------------------------------------------------------- options
@@ -101,12 +85,12 @@ OPTIONS: dict[str, Any] = {
     "results": argument(
         "RESULTS|CAMPAIGN", "The results: a campaign, the folder of a batch, or the JSON of a reduction."
     ),
-    "table": argument("TABLE", _TABLE, table_names),
+    "table": argument("TABLE", _TABLE, TABLES),
     "a": argument("A", "The first side: a campaign, the folder of a batch, the JSON of a reduction, or a log."),
     "b": argument("B", "The second side, of the same kinds."),
     "trial": argument("DIR", "The folder of a trial that `blind deal` has made."),
     "rig": option(
-        "--rig", "RIG", "Use this rig file, or the built-in rig hsu2026 (the default) or kitepower.", INPUT, names=rig_names
+        "--rig", "RIG", "Use this rig file, or the built-in rig hsu2026 (the default) or kitepower.", INPUT, names=RIGS
     ),
     "load_ohm": option("--load-ohm", "OHM", "Set the load resistance in ohms; inf means an open circuit.", INPUT),
     "sheet": option(
@@ -119,7 +103,7 @@ OPTIONS: dict[str, Any] = {
     "simulated": option(
         "--simulated", "FOLDER", "Compare the logs with your own simulation: files of the same names in this folder.", INPUT
     ),
-    "against": option("--against", "TABLE", _TABLE, INPUT, names=table_names),
+    "against": option("--against", "TABLE", _TABLE, INPUT, names=TABLES),
     "repairs": option(
         "--repairs", "on|off",
         "Repair the faults of the log (on), or keep what was logged and list what would be repaired (off).",
@@ -127,7 +111,7 @@ OPTIONS: dict[str, Any] = {
     "window": option(
         "--window", "RULE",
         "Integrate over this window: auto, payout, or a length in seconds. By default the rule of the rig file applies.",
-        names=window_rules,
+        names=lambda incomplete: [rule for rule in ("auto", "payout") if rule.startswith(incomplete)],
     ),
     "withhold": option(
         "--withhold", "LOAD", "Hold the logs of this load [ohm, or inf] out of choice and fit; repeat it for several."
@@ -176,7 +160,7 @@ OPTIONS: dict[str, Any] = {
     "reports": option(
         "--reports", "none|html|all",
         "Write reports of each log and of the campaign: none, html (pages, the default), or all (pages and PDF).", OUTPUTS,
-        names=report_choices,
+        names=names_in("batch.run_batch:REPORTS"),
     ),
     "excel": option("--excel", "", "Also write the tables as an Excel workbook.", OUTPUTS),
     "predictions": option(

@@ -92,7 +92,7 @@ def present(
     name: str = "report",
     drawn: Callable[[], Report] | None = None,
     failed: Callable[[], Report] | None = None,
-    notes: Iterable[str] = (),
+    notes: Iterable[str | Path] = (),
 ) -> None:
     """Write the report and the JSON of a result as far as they are wanted, print its text, and list the files.
 
@@ -109,7 +109,7 @@ def present(
     """
     from winchcascade.report.render.terminal import terminal_text
 
-    written = write_report_files(drawn or stated, outputs, name)
+    written = _write_report_files(drawn or stated, outputs, name)
     if outputs["json"] is not None:
         found = record()
         content = found if isinstance(found, bytes) else json_bytes(found)
@@ -121,10 +121,10 @@ def present(
         show("", failures="" if failed is None else terminal_text(failed()))
     else:
         report = written if written is not None and drawn is None else stated()
-        show(terminal_text(report, [*outputs.files, *notes]))
+        show(terminal_text(report, list(dict.fromkeys([*outputs.files, *notes]))))
 
 
-def write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) -> Report | None:
+def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) -> Report | None:
     """Write the page, the PDF, the figures and the tables of a report as far as they are wanted, and give the report."""
     if not outputs.paths.keys() & {"html", "pdf", "figures", "tables"}:
         return None
@@ -145,14 +145,14 @@ def write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) 
     return report
 
 
-def show(text: str, *, failures: str = "", file: TextIO | None = None, flush: bool = False) -> None:
+def show(text: str, *, failures: str = "", file: TextIO | None = None) -> None:
     """Print lines without control characters and commands to a runner of GitHub: names from files may hold any text.
 
     Parameters
     ----------
     failures : what is printed instead with --quiet
     """
-    print(painted(failures if QUIET.get() else text, lines), end="", file=file, flush=flush)
+    print(painted(failures if QUIET.get() else text, lines), end="", file=file, flush=True)
 
 
 def show_commands(text: str, *, file: TextIO) -> None:

@@ -40,6 +40,7 @@ def reduce_command(
     from winchcascade.ingest.read import read_by
     from winchcascade.reduction.montecarlo import uncertainty
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
+    from winchcascade.report.records import reduction_json
 
     log = _one_log(logs)
     check_load(load_ohm)
@@ -64,7 +65,7 @@ def reduce_command(
     present(
         partial(_stated, reduction, found, mapped),
         outputs,
-        record=partial(_record, reduction, found),
+        record=lambda: reduction_json(reduction, found),
         name=Path(reduction.run.name).stem,
         drawn=partial(_drawn, reduction, found, mapped),
     )
@@ -79,21 +80,11 @@ def _one_log(logs: Sequence[Path]) -> Path:
     raise OptionError(f"{what}; expected one log. To reduce several logs, run `{batch}`.")
 
 
-def _record(reduction: Reduction, found: Uncertainty) -> bytes:
-    from winchcascade.report.records import reduction_json
-
-    return reduction_json(reduction, found)
-
-
 def _stated(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:
+    from winchcascade.report.results.loss_surface import loss_map_section
     from winchcascade.report.results.reduction import reduction_report
 
-    more = {}
-    if mapped is not None:
-        from winchcascade.report.results.loss_surface import loss_map_section
-
-        more["loss-map"] = loss_map_section(mapped)
-    return reduction_report(reduction, found, more=more)
+    return reduction_report(reduction, found, more={} if mapped is None else {"loss-map": loss_map_section(mapped)})
 
 
 def _drawn(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:

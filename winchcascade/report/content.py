@@ -101,14 +101,14 @@ def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> s
 
 
 def common_places(cells: Iterable[Cell]) -> int | None:
-    """Decimals of a column: those of its smallest uncertainty, but one more than the median allows at most; None without any.
+    """Decimals of a column: those of its median uncertainty, of two in the middle the smaller one; None without any.
 
-    >>> common_places([Measured(0.5, 0.011), Measured(0.25, 0.0048), "text"])
-    4
+    >>> common_places([Measured(1439.0, 61.8), Measured(904.4, 14.5), Measured(488.4, 4.8), "text"])
+    0
     """
     weighed = [cell for cell in cells if isinstance(cell, Span) or (isinstance(cell, Measured) and not cell.alone)]
     allowed = sorted(places(cell.u) for cell in weighed if cell.u is not None and known(cell.u))
-    return min(allowed[-1], allowed[len(allowed) // 2] + 1) if allowed else None
+    return allowed[len(allowed) // 2] if allowed else None
 
 
 # ------------------------------------------------------------------------------------------------------------------ tables

@@ -350,23 +350,6 @@ def report_of(result: object, *, command: str = "") -> content.Report:  # noqa: 
     _refuse("write_report", result)
 
 
-@report_of.register(Reduction)
-def _(result: Reduction, *, command: str = "") -> content.Report:
-    from winchcascade.report.results.drawn_reduction import drawn_report
-
-    return drawn_report(result, uncertainty(result), command=command)
-
-
-@report_of.register(Calibration)
-def _(result: Calibration, *, command: str = "") -> content.Report:
-    from winchcascade.diagnosis.damper_curves import damper_curves
-    from winchcascade.report.figures.style import house_style
-    from winchcascade.report.results.calibration import calibration_report, fit_blocks
-
-    with house_style():
-        return calibration_report(result, fit_blocks(result, damper_curves(result)), command=command)
-
-
 def _late(name: str) -> Callable[..., content.Report]:
     """A function of `results`, which is imported with all that it draws by when it is called."""
 
@@ -379,11 +362,13 @@ def _late(name: str) -> Callable[..., content.Report]:
 
 for _kind, _name in {
     Audit: "audits:audit_report",
+    Calibration: "calibration:drawn_calibration",
     CampaignReduction: "drawn_campaign:reduced_campaign",
     Check: "checks:check_report",
     Comparison: "comparison:comparison_report",
     DiagnosisResult: "diagnosis:diagnosis_report",
     PointAudit: "audits:audit_report",
+    Reduction: "drawn_reduction:drawn_report",
     Simulation: "simulation:simulation_report",
 }.items():
     report_of.register(_kind, _late(_name))

@@ -128,24 +128,21 @@ def source_name(source: ErrorSource | None) -> str:
     return _sensor(source) + part + (" (acquisition)" if source.origin == ACQUISITION else "")
 
 
-def by_sensor(known: Budget, metric: str) -> dict[str, float]:
-    """Share of the variance of a metric's mean by sensor, zero and gain together, and by repeatability. [1]"""
-    found: dict[str, float] = {}
-    rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
-    for name, of in (*rows, ("repeatability", known.repeatability)):
-        if share := shares(of, known.mean)[metric]:
-            found[name] = found.get(name, 0.0) + share
-    return found
-
-
 def _sensor(source: ErrorSource) -> str:
     return _SOURCES.get(source.channel, source.channel)
 
 
 def decisive(known: Budget) -> list[tuple[str, float, str]]:
     """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
-    parts = [(m, by_sensor(known, m)) for m in known.mean if m.startswith("eta") and m != "eta_net"]
-    return [(metric, max(found.values()), max(found, key=found.__getitem__)) for metric, found in parts if found]
+    rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
+    found = []
+    for metric in (name for name in known.mean if name.startswith("eta") and name != "eta_net"):
+        parts: dict[str, float] = {}
+        for name, of in (*rows, ("repeatability", known.repeatability)):
+            parts[name] = parts.get(name, 0.0) + (shares(of, known.mean)[metric] or 0.0)
+        largest = max(parts, key=parts.__getitem__)
+        found += [(metric, parts[largest], largest)] if parts[largest] else []
+    return found
 
 
 def not_known(known: Budget) -> list[str]:

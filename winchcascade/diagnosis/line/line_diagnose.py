@@ -89,17 +89,6 @@ class LineClosure(GapClosure, frozen=True):
         return np.array([measured, given, measured - np.concatenate(self.after)])
 
     @property
-    def cycle_errors(self) -> Signal:
-        """Root mean squares of the error in every cycle, before and after, (cycles, 2) [W]."""
-        return np.array(
-            [
-                [float(np.sqrt(np.mean(error[part.cycle == cycle] ** 2))) for error in (part.gap, after)]
-                for part, after in zip(self.parts, self.after, strict=True)
-                for cycle in np.unique(part.cycle)
-            ]
-        )
-
-    @property
     def power(self) -> Shrunk:
         """Root mean squares of the power. [W]"""
         return self.channels[POWER]

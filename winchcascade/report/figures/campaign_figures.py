@@ -19,6 +19,7 @@ from winchcascade.report.figures.style import (
     COLOURS,
     LOAD_COLOURS,
     MARK_SIZE,
+    Entry,
     cut_apart,
     evenly,
     label_panel,
@@ -33,6 +34,7 @@ from winchcascade.report.wording import load_text
 
 DRAWN_RUNS = 12
 """Runs that share one panel at most; of more, an even selection."""
+
 
 Bins = Mapping[str, Sequence[Mapping[str, float]]]
 """Bins of each run by its name, their known values by the names of the dataset."""
@@ -163,31 +165,41 @@ def _load(run: LogSummary, unknown: str) -> str:
 
 def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
     """Draw binned torque and power over the generator's speed, one curve a run; runs of one load look alike."""
-    shown = {run.name: bins[run.name] for run in drawn_runs(runs) if bins.get(run.name)}
-    fields = [row for row in _FIELDS if any(row[0] in b for found in shown.values() for b in found)]
+    names, shown, fields = _binned(runs, bins)
     if not fields:
         return None
-    names = [name for run, name in zip(drawn_runs(runs), _entries(runs), strict=True) if run.name in shown]
-    place = {name: k for k, name in enumerate(dict.fromkeys(names))}
     figure, axes = panel_figure(2.9, 1, len(fields))
     for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
-        unit = _curves(ax, names, [_curve(found, field) for found in shown.values()], unit)
+        unit = _curves(ax, names, [_curve(found, field) for found in shown], unit)
         label_panel(ax, "abc"[k], title, x="Generator speed (rpm)", unit=unit)
-    first = dict(zip(reversed(names), reversed(axes[0].lines), strict=True))
-    legend_above(figure, [(first[name], name) for name in place])
+    legend_above(figure, _named_lines(axes[0], names))
     return figure
 
 
 def draw_power_over_speed(ax: Axes, runs: Sequence[LogSummary], bins: Bins) -> None:
     """Draw the power of the last stage that any run has over the speed of the generator, one curve a run."""
-    drawn = [(run, name) for run, name in zip(drawn_runs(runs), _entries(runs), strict=True) if bins.get(run.name)]
-    fields = [row for row in _FIELDS if any(row[0] in b for run, _ in drawn for b in bins[run.name])]
+    names, shown, fields = _binned(runs, bins)
     field, title, unit = fields[-1]
-    names = [name for _, name in drawn]
-    unit = _curves(ax, names, [_curve(bins[run.name], field) for run, _ in drawn], unit)
+    unit = _curves(ax, names, [_curve(found, field) for found in shown], unit)
     label_panel(ax, "a", title, x="Generator speed (rpm)", y=f"Power ({unit})")
+    ax.legend(*zip(*_named_lines(ax, names), strict=True))
+
+
+def _binned(
+    runs: Sequence[LogSummary], bins: Bins
+) -> tuple[list[str], list[Sequence[Mapping[str, float]]], list[tuple[str, str, str]]]:
+    """What the runs that have bins are called, their bins, and which of `_FIELDS` any of them has."""
+    drawn = [
+        (name, bins[run.name]) for run, name in zip(drawn_runs(runs), _entries(runs), strict=True) if bins.get(run.name)
+    ]
+    fields = [row for row in _FIELDS if any(row[0] in item for _, found in drawn for item in found)]
+    return [name for name, _ in drawn], [found for _, found in drawn], fields
+
+
+def _named_lines(ax: Axes, names: Sequence[str]) -> list[Entry]:
+    """Entries of a legend for the lines of a panel, each name once."""
     first = dict(zip(reversed(names), reversed(ax.lines), strict=True))
-    ax.legend([first[name] for name in dict.fromkeys(names)], list(dict.fromkeys(names)))
+    return [(first[name], name) for name in dict.fromkeys(names)]
 
 
 def _curves(ax: Axes, names: Sequence[str], curves: Sequence[Signal], unit: str) -> str:

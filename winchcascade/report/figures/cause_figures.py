@@ -16,7 +16,7 @@ from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPa
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.load_costs import OTHER, waterfall_costs
 from winchcascade.report.content import number_text
-from winchcascade.report.diagnosis_names import display_of, has_own_simulation, runs_with_number, shown_as
+from winchcascade.report.diagnosis_names import baseline_words, display_of, runs_with_number, shown_as
 from winchcascade.report.figures.style import (
     COLOURS,
     NARROW,
@@ -45,11 +45,6 @@ def part_name(found: ModelDiagnosis, part: ContributionPart) -> str:
     return found.suspects[part.effect].label
 
 
-def given_head(found: ModelDiagnosis) -> str:
-    """What the parts begin from."""
-    return "your simulation" if has_own_simulation(found) else "nominal"
-
-
 def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
     """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, at the load of the largest gap.
 
@@ -74,7 +69,7 @@ def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequen
         _waterfall(ax, costs, span)
         ax.set_title(load_words(costs.load))
         ax.set_xlabel(f"{tex(costs.metric)} (%)")
-    names = [given_head(found), *(part_name(found, part) for part in table[0].parts), word]
+    names = [baseline_words(found), *(part_name(found, part) for part in table[0].parts), word]
     panels[0].set_yticks(range(bars), names)
     panels[0].set_ylim(bars - 0.45, -0.55)
 

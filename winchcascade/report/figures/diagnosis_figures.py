@@ -25,8 +25,10 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.simulated_cycle import SimulatedCycle
 from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
 from winchcascade.report.diagnosis_names import NAMES, baseline_words, phase_words, signed
+from winchcascade.report.figures.histories import Curve, History, Mark, Panel, repaired_spans, thinned
 from winchcascade.report.figures.style import (
     COLOURS,
     LOAD_COLOURS,
@@ -187,6 +189,30 @@ def error_history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Fi
     shades = [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]
     legend_above(figure, [*lines[: 1 if both.after is None else 2], *shades])
     return figure
+
+
+def cycle_history(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> History:
+    """The channels of one cycle as logged, by the model of the rig file, and with the fitted effects, later ones above.
+
+    Parameters
+    ----------
+    word : what the logs are called
+    """
+    run = found.data.logs[item.log].run
+    here, count = [name for name in CHANNELS if name in run.channels], len(item.sides)
+    full = [side[:, CHANNELS.index(name)] * TERMS[name].factor for name in here for side in item.sides]
+    t, curves = thinned(item.t, full)
+    looks = ((word, "ink", "-"), (baseline_words(found), "mech", DASHES), (AFTER, "gen", "-"))
+    ends = [np.clip(span, t[0], t[-1]).tolist() for span in repaired_spans(run, CHANNELS, item.onset)]
+    repaired = [(begin, end) for begin, end in ends if begin < end]
+    panels = []
+    for k, name in enumerate(here):
+        drawn = zip(looks, curves[k * count : (k + 1) * count], strict=False)
+        lines = [Curve(label, curve, colour, dashes) for (label, colour, dashes), curve in drawn]
+        panels.append(Panel(upper(NAMES[name]), typeset(TERMS[name].unit), lines, repaired))
+    return History(
+        t, "Time since the onset of the payout (s)", panels, [Mark("payout", "payout", [(0.0, item.payout_end)])]
+    )
 
 
 # ------------------------------------------------------------------------------------------------------ Figs 18a, c, d

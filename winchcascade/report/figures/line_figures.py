@@ -1,17 +1,14 @@
-"""Figures of a winch without a model: its power over time, over what is predicted, by set of causes and by cycle."""
+"""Figures of a winch without a model: its power over time, and over what is predicted."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report.diagnosis_names import set_words
-from winchcascade.report.figures.diagnosis_figures import DASHES, FILLED, HOLLOW
+from winchcascade.report.figures.diagnosis_figures import DASHES
 from winchcascade.report.figures.style import (
     COLOURS,
-    broken,
     label_panel,
     legend_above,
     line_entry,
@@ -33,9 +30,6 @@ SHOWN = 2
 
 KILO = 1e-3
 """From W to kW."""
-
-LABEL = 32
-"""Characters of a line of the name of a set of causes."""
 
 
 def power_history(found: LineDiagnosis, word: str) -> Figure:
@@ -84,45 +78,4 @@ def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
         ax.set(xlim=ends, ylim=ends)
         label_panel(ax, letter, upper(title), x="Predicted winch power (kW)")
     axes[0].set_ylabel(f"{upper(word)} winch power (kW)")
-    return figure
-
-
-def closed_bars(found: LineDiagnosis) -> Figure:
-    """Draw the squared error of sets of causes on held-out cycles, over that without any."""
-    every = found.lines.names
-    sets = list(dict.fromkeys([(), *((cause.effect,) for cause in found.causes), found.chosen, every]))
-    figure, (ax,) = panel_figure(0.5 + 0.34 * len(sets))
-    errors = [100.0 * found.choice.error(names) for names in sets]
-    colours = [COLOURS["gen" if names == found.chosen else "loss"] for names in sets]
-    bars = ax.barh(range(len(sets)), errors, height=0.6, color=colours, lw=0)
-    ax.bar_label(bars, [f"{error:.1f} %" for error in errors], padding=3, fontsize=7.5)
-    labels = [
-        f"all {len(names)} suspects" if names == every and len(names) > 2
-        else broken(set_words(names), LABEL) if names else "no cause"
-        for names in sets
-    ]  # fmt: skip
-    ax.set_yticks(range(len(sets)), labels)
-    ax.set(ylim=(len(sets) - 0.45, -0.55), xlim=(0.0, 112.0), xlabel="Squared error on held-out cycles (%)")
-    ax.grid(False, axis="y")
-    return figure
-
-
-def power_by_cycle(found: LineDiagnosis, word: str) -> Figure | None:
-    """Draw the root mean square of the error in every judged cycle, by the line alone and with the causes."""
-    if found.closure is None or len(found.closure.cycle_errors) < 2:
-        return None
-    parts, (before, after) = found.closure.parts, found.closure.cycle_errors.T * KILO
-    x = np.arange(before.size) + (int(parts[0].cycle.min()) if len(parts) == 1 else 1)
-    figure, (ax,) = panel_figure(1.9)
-    ax.vlines(x, after, before, color=COLOURS["loss"], lw=2.0)
-    ax.plot(x, before, **HOLLOW)
-    ax.plot(x, after, **FILLED)
-    ax.set(
-        ylim=(0.0, None), xlabel="Cycle" if len(parts) == 1 else "Cycle, one after the other", ylabel="RMS error (kW)"
-    )
-    ax.grid(False, axis="x")
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    legend_above(
-        figure, [line_entry(f"{word} − {GIVEN}", **HOLLOW), line_entry(f"{word} − predicted {CAUSED}", **FILLED)]
-    )
     return figure

@@ -8,10 +8,10 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from winchcascade.core.run import Index, Signal
+from winchcascade.core.run import Signal
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.loss_points import LossPoints, columns_at
-from winchcascade.report.figures.style import COLOURS, panel_figure
+from winchcascade.report.figures.style import COLOURS, evenly, panel_figure
 
 DOTS = 1500
 """Points that are drawn at most; of more, an even selection."""
@@ -32,7 +32,7 @@ def loss_figure(found: LossMap) -> Figure:
         heat = axes.contourf(speed, torque, columns_at(torque, speed) @ found.surface.values, LEVELS, cmap=_HEAT)
         heat.set_clip_path(Polygon(found.hull[:, ::-1], transform=axes.transData))
         figure.colorbar(heat, ax=axes).set_label("Loss (W)")
-    rows = _selection(points)
+    rows = np.array(evenly(range(points.loss.size), DOTS))
     axes.plot(points.speed[rows], points.torque[rows], "o", ms=2.2, mew=0.4, mfc="none", mec=COLOURS["ink"])
     axes.set(xlabel="Speed of the shaft (rad/s)", ylabel="Torque (N·m)")
     return figure
@@ -43,7 +43,7 @@ def efficiency_figure(points: LossPoints) -> Figure:
     figure, (axes,) = panel_figure(3.4)
     taken = points.power_in - points.stored
     eta = np.divide(points.power_out, taken, out=np.full(taken.size, np.nan), where=taken > 0.0)
-    rows = _selection(points)
+    rows = np.array(evenly(range(points.loss.size), DOTS))
     rows = rows[(eta[rows] >= 0.0) & (eta[rows] <= 1.0)]
     _constant_power(axes, points)
     if rows.size:
@@ -66,9 +66,3 @@ def _constant_power(axes: Axes, points: LossPoints) -> None:
         return
     lines = axes.contour(x, y, power, 6, colors=COLOURS["soft"], linewidths=0.6, linestyles="--")
     axes.clabel(lines, fmt="%g W", fontsize=6.5)
-
-
-def _selection(points: LossPoints) -> Index:
-    size = points.loss.size
-    rows: Index = np.unique(np.linspace(0, size - 1, min(size, DOTS)).astype(np.intp))
-    return rows

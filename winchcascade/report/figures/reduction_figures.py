@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise, takewhile
+from itertools import pairwise
 from string import ascii_lowercase
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +18,6 @@ from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.bins import Bin, bin_powers, engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import Budget, budgeted
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.histories import (
     channels_drawn,
@@ -34,7 +34,6 @@ from winchcascade.report.figures.histories import (
 from winchcascade.report.figures.style import (
     COLOURS,
     LineStyle,
-    columns_of,
     dots,
     evenly,
     label_panel,
@@ -48,7 +47,7 @@ from winchcascade.report.figures.style import (
     wide_figure,
 )
 from winchcascade.report.glossary import STAGE_PLACES, tex
-from winchcascade.report.wording import by_sensor, clock_zero, span_word
+from winchcascade.report.wording import clock_zero, span_word
 
 DOTS = 1200
 """Samples of each power that are drawn over the generator's speed at most; of more, an even selection."""
@@ -65,16 +64,6 @@ MARKED = 200
 OVERLAID_POINTS = 6000
 """Points of all overlaid cycles together in one panel, about."""
 
-_BAR_STYLE = {
-    "force cell": ("line", ""),
-    "torque sensor": ("mech", "//"),
-    "shaft power": ("mech", "//"),
-    "Vdc": ("gen", ""),
-    "Idc": ("gen", "\\\\"),
-    "repeatability": ("loss", ""),
-    "bridged gaps": ("soft", ".."),
-}
-"""Colour and hatching of each part of the variance."""
 
 _WIDE = 0.35
 """Width of a bar of an energy flow, of which the bars are spread over 10."""
@@ -174,21 +163,8 @@ def representative(reduction: Reduction) -> CycleResult:
 
 
 # ------------------------------------------------------------------------------------------------------------- energy flows
-class _Bar(NamedTuple):
-    """One bar of an energy flow: its metric, colour and place, and what leaves behind it.
-
-    `leaving` is the metric of what leaves, where that is not the difference from the next bar.
-    """
-
-    metric: str
-    colour: str
-    where: str
-    leaves: str = ""
-    leaving: str = ""
-
-
 def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
-    """Draw where the line's mean energy goes in the window, from stage to stage; None where it is no cascade.
+    """Draw where the line's mean energy goes in the window, from stage to stage; None for one that does not fall all the way.
 
     Heights are energies; what is lost or stored branches off.
 
@@ -196,56 +172,40 @@ def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     ----------
     texts : means as they are stated, by metric; with four digits if not given
     """
-    stored = {"mech": " in the rotor", "line": " in the gas" if reduction.rig.restoring.volume_gas is not None else ""}
-    given = [stage for stage in reduction.rig.cascade.names if reduction.mean[f"energy_{stage}"] is not None]
-    stored["line"] *= given[1:2] == ["mech"]
-    bars = [
-        _Bar(f"energy_{s}", look_of(s).colour, STAGE_PLACES.get(s, s), f"lost or stored{stored.get(s, '')}")
-        for s in given
-    ]
-    return _flow(reduction, bars, texts or {})
-
-
-def cycle_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
-    """Draw where the line's mean energy goes from onset to next onset, as `window_flow` does."""
-    bars = [
-        _Bar("energy_payout", "line", "line, payout", "returned in haul-in", "energy_returned"),
-        _Bar("energy_net", "line", "line, net", "lost"),
-        _Bar("energy_gen_cycle", "gen", "DC link, whole cycle"),
-    ]
-    return _flow(reduction, bars, texts or {})
-
-
-def _flow(reduction: Reduction, bars: Sequence[_Bar], texts: Mapping[str, str]) -> Figure | None:
-    """Draw bars of energy from left to right up to the first without a mean; None for a flow that does not fall all the way."""
-    mean = reduction.mean if reduction.rig.phases.repeats else reduction.total
-    known = list(takewhile(lambda pair: pair[1] is not None, ((bar, mean[bar.metric]) for bar in bars)))
-    energies = [joule for _, joule in known if joule is not None]
+    mean, said, cascade = (
+        reduction.mean if reduction.rig.phases.repeats else reduction.total,
+        texts or {},
+        reduction.rig.cascade,
+    )
+    known = {stage: joule for stage in cascade.names if (joule := mean[f"energy_{stage}"]) is not None}
+    stages, energies = list(known), list(known.values())
     if len(known) < 2 or energies[-1] <= 0 or any(after > before for before, after in pairwise(energies)):
         return None
+    in_gas = reduction.rig.restoring.volume_gas is not None and stages[1] == "mech"
+    stored = {"mech": " in the rotor", "line": " in the gas" * in_gas}
     figure = wide_figure(1.9)
     ax = figure.add_subplot()
     ax.set_axis_off()
     places = np.linspace(0.0, 10.0, len(known)).tolist()
-    for k, (bar, _) in enumerate(known):
-        x, height = places[k], energies[k] / energies[0]
-        ax.add_patch(Rectangle((x, 1.0 - height), _WIDE, height, fc=COLOURS[bar.colour], lw=0))
-        name = f"{tex(bar.metric)} = {texts.get(bar.metric) or number_text(energies[k])} J\n{bar.where}"
+    for k, (stage, joule) in enumerate(known.items()):
+        colour = COLOURS[look_of(stage).colour]
+        ax.add_patch(Rectangle((places[k], 1.0 - joule / energies[0]), _WIDE, joule / energies[0], fc=colour, lw=0))
+        energy = f"{tex(f'energy_{stage}')} = {said.get(f'energy_{stage}') or number_text(joule)} J"
         side = "left" if k == 0 else "right" if k == len(known) - 1 else "center"
-        at = x + {"left": 0.0, "center": 0.5, "right": 1.0}[side] * _WIDE
-        ax.text(at, 1.05, name, ha=side, va="bottom", fontsize=8.0)
-    ratios = {pair: name for name, pair in reduction.rig.cascade.all_ratios.items()}
-    for k, ((bar, _), (following, _)) in enumerate(pairwise(known)):
-        eta = ratios.get((following.metric, bar.metric), "")
-        goes_on = "" if mean.get(eta) is None else f"{tex(eta)} = {texts.get(eta) or number_text(mean[eta], 3)}"
-        lost = mean.get(bar.leaving) or energies[k] - energies[k + 1]
-        share = f"{number_text(lost)} J, {100 * lost / energies[0]:.1f} % of {tex(known[0][0].metric)}"
+        at = places[k] + {"left": 0.0, "center": 0.5, "right": 1.0}[side] * _WIDE
+        ax.text(at, 1.05, f"{energy}\n{STAGE_PLACES.get(stage, stage)}", ha=side, va="bottom", fontsize=8.0)
+    ratios = {pair: name for name, pair in cascade.all_ratios.items()}
+    for k, (stage, following) in enumerate(pairwise(stages)):
+        eta = ratios.get((f"energy_{following}", f"energy_{stage}"), "")
+        goes_on = "" if mean.get(eta) is None else f"{tex(eta)} = {said.get(eta) or number_text(mean[eta], 3)}"
+        lost, height = energies[k] - energies[k + 1], energies[k + 1] / energies[0]
+        decimals = 2 - math.floor(math.log10(abs(lost) or 1.0))
+        share = f"{number_text(lost, decimals)} J, {100 * lost / energies[0]:.1f} % of {tex(f'energy_{stages[0]}')}"
         ends = places[k] + _WIDE, places[k + 1]
-        _branch(ax, bar.colour, ends, (energies[k] / energies[0], energies[k + 1] / energies[0]))
-        ax.text(
-            0.5 * sum(ends), 1.0 - 0.5 * energies[k + 1] / energies[0], goes_on, ha="center", va="center", fontsize=9
-        )
-        ax.text(0.5 * sum(ends), _DROP - 0.04, f"{bar.leaves}:\n{share}", ha="center", va="top", fontsize=7.5)
+        _branch(ax, look_of(stage).colour, ends, (energies[k] / energies[0], height))
+        ax.text(0.5 * sum(ends), 1.0 - 0.5 * height, goes_on, ha="center", va="center", fontsize=9)
+        leaves = f"lost or stored{stored.get(stage, '')}:\n{share}"
+        ax.text(0.5 * sum(ends), _DROP - 0.04, leaves, ha="center", va="top", fontsize=7.5)
     ax.set(xlim=(0.0, 10.0 + _WIDE), ylim=(_DROP - 0.4, 1.45))
     return figure
 
@@ -265,31 +225,7 @@ def _branch(ax: Axes, colour: str, ends: tuple[float, float], heights: tuple[flo
     ax.add_patch(PathPatch(Outline(points, codes), fc=COLOURS["loss"], lw=0))
 
 
-# ------------------------------------------------------------------------------------------------- uncertainty, and cycles
-def uncertainty_bars(known: Budget) -> Figure | None:
-    """Draw which sensor makes which share of the variance of each mean."""
-    metrics = [m for m in budgeted(known.mean) if known.mean[m]]
-    parts = {m: by_sensor(known, m) for m in metrics}
-    names = sorted({n for p in parts.values() for n in p}, key=lambda n: (n == "repeatability", n))
-    if not names:
-        return None
-    figure, (ax,) = panel_figure(0.8 + 0.27 * len(metrics))
-    left, rows = np.zeros(len(metrics)), np.arange(len(metrics))[::-1]
-    for name in names:
-        share = np.array([100.0 * parts[m].get(name, 0.0) for m in metrics])
-        colour, hatch = _BAR_STYLE.get(name, ("extra", "xx"))
-        style: Any = {"fc": COLOURS[colour], "hatch": hatch, "ec": COLOURS["paper"], "lw": 0.6}
-        bars = ax.barh(rows, share, left=left, height=0.66, label=name, **style)
-        ax.bar_label(
-            bars, [f"{part:.0f} %" if part >= 9.0 else "" for part in share], label_type="center", fontsize=7.5,
-            bbox={"boxstyle": "round,pad=0.15", "fc": COLOURS["paper"], "lw": 0},
-        )  # fmt: skip
-        left += share
-    ax.set_yticks(rows, [tex(m) for m in metrics])
-    ax.set(xlim=(0, 100), xlabel="Share of the variance of the mean (%)")
-    ax.grid(axis="y", visible=False)
-    figure.legend(loc="outside upper left", ncols=columns_of(names))
-    return figure
+# --------------------------------------------------------------------------------------------------- cycle by cycle
 
 
 def overlaid(reduction: Reduction, powers: Mapping[str, Signal], best: int | None, worst: int | None) -> Figure | None:

@@ -1,12 +1,13 @@
-"""What a calibration states: the numbers of the rig beside those of its file, what speaks against them, the fits, the log."""
+"""What a calibration states: the numbers of the rig beside those of its file, what speaks against them, and its JSON."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from winchcascade.core.campaign_file import banner
+from winchcascade.core.campaign_file import banner, origin_record
 from winchcascade.core.store import fingerprint
+from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number, Strain
 from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.report.content import (
@@ -46,7 +47,7 @@ NUMBERS: tuple[Column[Number], ...] = (
     Column("u", lambda n: Measured(n.u, n.u), own_digits=True, brief=False),
     Column("95 % interval", lambda n: Span(n.low, n.high, n.u), own_digits=True),
     Column("unit", lambda n: "" if n.unit == "1" else n.unit),
-    Column("change", lambda n: 100.0 * (n.value / n.before - 1.0) if n.before else None, "%", 2, signed=True),
+    Column("change", lambda n: _change(n), "%", signed=True, own_digits=True),
     Column("found from", lambda n: n.how, brief=False),
 )
 
@@ -105,6 +106,22 @@ def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (
         verdict=outcome,
         banner=banner([run.origin]),
     )  # fmt: skip
+
+
+def drawn_calibration(calibration: Calibration, *, command: str = "") -> Report:
+    """Report of a calibration with its figures."""
+    from winchcascade.diagnosis.damper_curves import damper_curves
+    from winchcascade.report.figures.style import house_style
+
+    with house_style():
+        return calibration_report(calibration, fit_blocks(calibration, damper_curves(calibration)), command=command)
+
+
+def _change(number: Number) -> Measured | None:
+    """By how much a number differs from that of the rig file, with the digits that its uncertainty allows. [%]"""
+    if not number.before:
+        return None
+    return Measured(100.0 * (number.value / number.before - 1.0), 100.0 * number.u / abs(number.before))
 
 
 def _found(calibration: Calibration) -> list[Number]:
@@ -209,3 +226,34 @@ def fit_blocks(calibration: Calibration, curves: DamperCurves | None) -> list[Bl
             "Dots along a straight line through zero.",
         ),
     ]  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------------------- the JSON
+SCHEMA = "winchcascade/calibration/1"
+
+NUMBER = ("section", "name", "unit", "before", "u_before", "value", "low", "high", "u", "how", "new")
+"""Fields of a number; one that the rig file does not state is not finite, which JSON has as null."""
+
+
+def calibration_record(calibration: Calibration) -> dict[str, object]:
+    """The calibration as nested records, numbers in their `unit`."""
+    run, regression = calibration.run, calibration.regression
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "data": origin_record(run.origin),
+        "log": {"path": run.path, "sha256": run.sha256, "samples": run.samples},
+        "rig": calibration.rig.name,
+        "numbers": [{name: getattr(number, name) for name in NUMBER} for number in calibration.numbers],
+        "regression": {
+            **{name: getattr(regression, name) for name in ("k_e", "low", "high", "r2")},
+            "samples": int(regression.rpm.size),
+            "eq8": regression.eq8,
+            "lag_s": regression.lag,
+            "u_lag_s": regression.u_lag,
+        },
+        "together": list(calibration.together),
+        "misfit": calibration.misfit,
+        "settled": calibration.settled,
+        "strained": [{"name": strain.name, "tolerances": strain.by} for strain in calibration.strained],
+    }

@@ -26,14 +26,13 @@ from winchcascade.report.content import Column, Note, Picture, Report, Section, 
 from winchcascade.report.glossary import metric
 from winchcascade.report.results.campaign_tables import (
     budget_table,
-    deviation_text,
     given,
     interval,
     logs_table,
     mean_texts,
     net_table,
     repeatability_table,
-    uncertainty_tables,
+    uncertainty_table,
 )
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
@@ -89,7 +88,7 @@ def campaign_report(
             section("whole-cycles", "Whole cycles", net_table(runs), folded=True),
             section(
                 "uncertainty", "Uncertainty and repeatability",
-                *uncertainty_tables(runs), repeatability_table(runs), folded=True,
+                uncertainty_table(runs), repeatability_table(runs), folded=True,
             ),
             section("speed", "Over generator speed", figure("speed"), folded=True),
             *([] if model is None else [model]),
@@ -191,7 +190,6 @@ def points(campaign: CampaignRecord, runs: Sequence[LogSummary]) -> list[Note | 
         Note(_mixed_windows(runs), "Windows", "warn"),
         Note(f"{motion}.", "Motion", "warn") if motion and motion != reason else None,
         findings_note(runs),
-        _repeatability(runs),
     ]
 
 
@@ -204,19 +202,6 @@ def findings_note(runs: Sequence[LogSummary]) -> Note | None:
     more = f" and {len(found) - NAMED_LOGS} more" if len(found) > NAMED_LOGS else ""
     names = ", ".join(one_line(run.name) for run in found[:NAMED_LOGS]) + more
     return Note(f"In {len(found)} of {len(runs)} logs: {kinds} ({names}).", "Findings", "warn")
-
-
-def _repeatability(runs: Sequence[LogSummary]) -> Note | None:
-    """How far a cycle of any log is from the mean of its log."""
-    eta = cascade_of(runs).overall
-    known = [
-        (value, k) for k, run in enumerate(loaded(runs)) if (value := run.max_deviation_percent.get(eta)) is not None
-    ]
-    if not known:
-        return None
-    run = loaded(runs)[max(known)[1]]
-    text = f"{eta} of a cycle deviates from its mean by {deviation_text(run, eta)} % at most, at {called(run)}."
-    return Note(text, "Repeatability", brief=False)
 
 
 def _mixed_windows(runs: Sequence[LogSummary]) -> str:

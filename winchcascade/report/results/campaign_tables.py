@@ -8,7 +8,7 @@ from urllib.parse import quote
 from winchcascade.core.campaign_file import KINDS
 from winchcascade.core.cascade import field_of
 from winchcascade.reduction.campaign_record import LogSummary, cascade_of
-from winchcascade.report.content import Cell, Column, Measured, Span, Table, shown, table
+from winchcascade.report.content import Cell, Column, Measured, Span, Table, table
 from winchcascade.report.glossary import metric, short
 from winchcascade.report.wording import load_text
 
@@ -62,9 +62,9 @@ def uncertainty_column(name: str) -> LogColumn:
 
     def cell(run: LogSummary) -> Cell:
         u = run.standard_uncertainty.get(field)
-        return None if u is None else Measured(u, u, alone=run.open_circuit)
+        return None if u is None else Measured(u, u)
 
-    return Column(f"u({short(name)})", cell, metric(name).unit)
+    return Column(f"u({short(name)})", cell, metric(name).unit, own_digits=True)
 
 
 def interval_column(name: str) -> LogColumn:
@@ -110,16 +110,10 @@ def mean_texts(runs: Sequence[LogSummary], names: Iterable[str]) -> dict[tuple[s
 
 # -------------------------------------------------------------------------------------------------------- the tables
 def _table(
-    name: str,
-    caption: str,
-    columns: Sequence[LogColumn],
-    runs: Sequence[LogSummary],
-    *,
-    note: str = "",
-    brief: bool = False,
+    name: str, caption: str, columns: Sequence[LogColumn], runs: Sequence[LogSummary], *, note: str = ""
 ) -> LogTable:
     """A table of logs under their names, loads and plateau speeds; None where no further column holds anything."""
-    made = table(name, caption, [log_column(), LOAD, SPEED, *columns], runs, note=note, brief=brief)
+    made = table(name, caption, [log_column(), LOAD, SPEED, *columns], runs, note=note, brief=False)
     return made if columns else None
 
 
@@ -149,22 +143,16 @@ def budget_table(runs: Sequence[LogSummary], *, linked: bool) -> LogTable:
     return table("budget", caption, [log_column("html" if linked else ""), LOAD, SPEED, *columns], runs, note=note)
 
 
-def uncertainty_tables(runs: Sequence[LogSummary]) -> list[LogTable]:
-    """Standard uncertainties of the means, and intervals of the efficiencies."""
+def uncertainty_table(runs: Sequence[LogSummary]) -> LogTable:
+    """Standard uncertainties of the means, of the efficiencies their intervals."""
     cascade = cascade_of(runs)
     stages = given(runs, [f"{kind}_{stage}" for stage in cascade.names for kind in ("energy", "power")])
-    ratios = given(runs, cascade.ratios)
-    etas = [column for name in ratios for column in (uncertainty_column(name), interval_column(name))]
+    columns = [*map(uncertainty_column, stages), *map(interval_column, given(runs, cascade.ratios))]
     note = (
         "Coverage 95 %; scatter of the cycles by Student's t, errors of the sensors by their own distributions. Logs with the "
         "same sensors share these errors, so that differences between loads are better known than each value."
     )
-    return [
-        _table("uncertainties", "Standard uncertainties of the means.", [*map(uncertainty_column, stages)], runs),
-        _table(
-            "efficiencies", "Efficiencies: standard uncertainties and intervals of the means.", etas, runs, note=note
-        ),
-    ]
+    return _table("uncertainties", "Standard uncertainties u and intervals of the means.", columns, runs, note=note)
 
 
 def net_table(runs: Sequence[LogSummary]) -> LogTable:
@@ -187,8 +175,3 @@ def repeatability_table(runs: Sequence[LogSummary]) -> LogTable:
 def logs_table(runs: Sequence[LogSummary]) -> LogTable:
     """Every log: its window and cycles, its data, and what was found wrong with it."""
     return _table("logs", "Logs: complete cycles, and what checks found.", [WINDOW, CYCLES, DATA, LOST, FINDINGS], runs)
-
-
-def deviation_text(run: LogSummary, name: str) -> str:
-    """Largest deviation of a cycle from the mean, as the tables show it. [%]"""
-    return shown(run.max_deviation_percent.get(field_of(name)), 2)

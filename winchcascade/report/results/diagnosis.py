@@ -10,7 +10,7 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.block_series import Sides, most_telling, sides, sides_of_one
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, StagePlace
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.load_costs import cost_of, load_costs, ranked_causes, worst_costs
@@ -45,8 +45,7 @@ from winchcascade.report.diagnosis_names import (
     word_of,
 )
 from winchcascade.report.figures import diagnosis_figures as figures
-from winchcascade.report.figures.cause_figures import given_head, waterfall_figure
-from winchcascade.report.figures.cycle_figure import cycle_history
+from winchcascade.report.figures.cause_figures import waterfall_figure
 from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
@@ -86,7 +85,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         tiles=_tiles(found),
         lead=picture(
             waterfall_figure(found, word), "waterfall",
-            f"{leading} from {given_head(found)} to {word}, part by part; black: 95 %.",
+            f"{leading} from {baseline_words(found)} to {word}, part by part; black: 95 %.",
             "Bars from one level to the next; the values are in the table of what each cause costs.",
         ),
         points=_points(found),
@@ -212,7 +211,7 @@ def _cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool) -> Ta
         return Column(load_words(costs[k].load, "ohm"), lambda row: row.values[k], decimals=1)
 
     rows = [
-        CostRow(given_head(found), "%", [one.as_given for one in costs]),
+        CostRow(baseline_words(found), "%", [one.as_given for one in costs]),
         *(
             CostRow(part.effect or part.kind.replace("_", " "), "points", [one.parts[k].value for one in costs])
             for k, part in parts
@@ -235,13 +234,12 @@ def _where(found: ModelDiagnosis, word: str) -> Section:
             f"{minus}, as a mean over each phase of each log, in standard uncertainties; coloured beyond {STANDS_OUT:g}.",
             "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in the table.",
         ),
-        _places("places", "The places with the largest gap, the zero of the log's sensor taken off.", found.places),
+        _places(found.places),
         picture(
             figures.stage_map(found), "stage-map",
             f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, in standard uncertainties.",
-            "Matrix of numbers by stage and phase (rows) and load (columns); the largest are in the table.",
+            "Matrix of numbers by stage and phase (rows) and load (columns).",
         ),
-        _places("stages", "The stages that deviate most, with their inputs from the log.", found.stages),
         folded=True,
     )  # fmt: skip
 
@@ -250,19 +248,17 @@ LISTED = 12
 """Places of a map that are listed."""
 
 
-def _places(name: str, caption: str, places: Sequence[Place | StagePlace]) -> Table[Place | StagePlace] | None:
-    def bias(place: Place | StagePlace) -> Cell:
+def _places(places: Sequence[Place]) -> Table[Place] | None:
+    """The places with the largest gap."""
+
+    def bias(place: Place) -> Cell:
         factor = CHANNELS[place.channel].factor
         return Measured(place.bias * factor, abs(place.bias / place.z) * factor if place.z else None)
 
     ranked = sorted(places, key=lambda place: -abs(place.z) if math.isfinite(place.z) else 0.0)
-    stage: Column[Place | StagePlace] = Column(
-        "stage", lambda place: place.stage if isinstance(place, StagePlace) else ""
-    )
     return table(
-        name, caption,
+        "places", "The places with the largest gap, the zero of the log's sensor taken off.",
         [
-            *([stage] if name == "stages" else []),
             Column("channel", lambda place: NAMES[place.channel]),
             Column("phase", lambda place: phase_words(place.phase)),
             Column("load", lambda place: load_words(place.load, "ohm")),
@@ -336,7 +332,7 @@ def _cycle(found: ModelDiagnosis, word: str) -> Picture | None:
     item = largest_gap(found)
     if item is None:
         return None
-    run, history = found.data.logs[item.log].run, cycle_history(found, item, word)
+    run, history = found.data.logs[item.log].run, figures.cycle_history(found, item, word)
     return picture(
         history_figure(history), "histories",
         f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest gap, over the time since its "

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
+from winchcascade.core.quantity import Quantity
 from winchcascade.core.run import Finding, Run
 from winchcascade.diagnosis.closure import by_cycles
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -20,7 +20,7 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.diagnosis.stability import MIN_RUNS
-from winchcascade.report.content import Note, Report
+from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_names import (
     about_words,
     files_of,
@@ -31,7 +31,6 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.glossary import SENSORS, upper
-from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis_sentences import (
     closure_kind,
     place_sentence,
@@ -41,6 +40,7 @@ from winchcascade.report.results.diagnosis_sentences import (
 )
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change
+from winchcascade.rig.parts import path_in_rig
 
 VERDICTS = {
     "no_gap": "No gap",
@@ -145,7 +145,8 @@ def _residual_words(found: DiagnosisResult) -> str:
 def where_words(found: DiagnosisResult, ranked: Sequence[NamedCause]) -> str:
     """The stages of the causes, those that cost most first; without causes the place, or the strongest sign, of the gap."""
     if ranked:
-        stages = list(dict.fromkeys(cause.stage for cause in ranked))
+        names = {"entry": "entry of rig file or campaign"}
+        stages = [names.get(stage, stage) for stage in dict.fromkeys(cause.stage for cause in ranked)]
         others = f", then {', '.join(stages[1:])}" if len(stages) > 1 else ""
         return f"{upper(stages[0])}{others}."
     if found.where is None:
@@ -173,7 +174,7 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     """What to do about a cause: check an entry, separate it from its look-alikes, recalibrate a sensor, or enter it."""
     effect = found.suspects[cause.effect]
     path = effect.law.path if isinstance(effect.law, Change) else ""
-    number = path.rpartition(".")[2]
+    section, _, number = path_in_rig(path).partition(".")
     if effect.entry is not None:
         entry = effect.entry
         scale = f"check the load of {entry.source}" if entry.log >= 0 else "check the scale of the logged motion"
@@ -184,17 +185,16 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
         planned = plan is not None and cause.effect in plan.separates and plan.expected_z >= FAR_ENOUGH
         if planned and plan is not None and {one.effect for one in cause.look_alikes} & set(plan.separates):
             return Action("make the next run")
-        return Action(
-            "measure it directly" if path.startswith("sensors.") or not number else f"measure {number} directly"
-        )
+        stated = isinstance(getattr(getattr(found.rig, section, None), number, None), Quantity)
+        return Action(f"measure {number} directly" if stated else "measure it directly")
     if found.verdict != "explained":
         return Action("find first what else acts")
     if cause.stage == "sensor":
-        known = SENSORS.get(number)
-        return Action(f"recalibrate the {known}" if known else f"check the {effect.display.what}")
+        known = SENSORS.get(path.rpartition(".")[2])
+        return Action(f"recalibrate {known}" if known else f"check the {effect.display.what}")
     if isinstance(found, LineDiagnosis):
         return Action("correct the line power for it")
-    return Action(f"enter {number} with `--write`" if number else "enter it with `--write`")
+    return Action("enter it with `--write`")
 
 
 # ------------------------------------------------------------------------------------------------ what else a reader needs
@@ -351,8 +351,3 @@ def diagnosis_note(record: Mapping[str, Any]) -> Note:
     closed = "" if closure is None else f"{share_words(closure['share_closed'])} of the gap closed"
     text = "; ".join(part for part in (VERDICTS[verdict], names, closed) if part)
     return Note(text, "Diagnosis", "good" if verdict in ("no_gap", "explained") else "warn")
-
-
-def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
-    """Verdict, causes and files of a diagnosis in few lines, from its JSON."""
-    return terminal_text(Report("Diagnosis", "Diagnosis", points=[diagnosis_note(record)]), files)

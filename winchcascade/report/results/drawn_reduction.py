@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade.diagnosis.model_account import Modelled, modelled
 from winchcascade.reduction.loss_map import LossMap
-from winchcascade.reduction.montecarlo import Uncertainty
+from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import Picture, Report, picture
 from winchcascade.report.figures import reduction_figures as figures
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @house_style()
 def drawn_report(
     reduction: Reduction,
-    found: Uncertainty,
+    found: Uncertainty | None = None,
     mapped: LossMap | None = None,
     *,
     model: Modelled | None = None,
@@ -36,10 +36,11 @@ def drawn_report(
 
     Parameters
     ----------
+    found : uncertainty of the reduction; made here if not given
     mapped : loss map that the report shows too
     model : the log beside its simulation; simulated here with the numbers of the rig file if not given
     """
-    waves = waves_of(reduction)
+    waves, found = waves_of(reduction), found or uncertainty(reduction)
     drawn = _pictures(reduction, found)
     if waves is not None:
         drawn["wave-energies"] = wave_picture(waves, reduction.rig.cascade)
@@ -55,14 +56,12 @@ def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | N
     means = {m: stated_text(reduction, found, m) for m, mean in reduction.mean.items() if mean is not None}
     best, worst = (c.cycle for c in reduction.extremes[:2]) if reduction.extremes else (None, None)
     over_speed = f"; right: of all complete {span_word(reduction)}s, with means in bins" if reduction.bins else ""
-    flow = "Flow diagram of the energies, which are in the table."
     made: dict[str, tuple[Figure | None, str, str]] = {
         "flow": (
             figures.window_flow(reduction, means),
             f"Where the energy goes in the window, {'mean of the' if repeats else 'all'} complete cycles.",
-            flow,
+            "Flow diagram of the energies, which are in the table.",
         ),
-        "cycle-flow": (figures.cycle_flow(reduction, means), "Where the energy goes from onset to next onset.", flow),
         "streams": (
             figures.power_streams(reduction, powers),
             f"Powers of a cycle; dashed: integration window{over_speed}.",
@@ -77,11 +76,6 @@ def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | N
             figures.trend(reduction),
             "Complete cycles one after the other.",
             "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
-        ),
-        "variance": (
-            figures.uncertainty_bars(found.budget),
-            "Shares of the variance of each mean.",
-            "Bars of the shares of the variance; the numbers are in the budget.",
         ),
     }
     return {name: picture(figure, name, *words) for name, (figure, *words) in made.items()}

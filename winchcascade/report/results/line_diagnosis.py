@@ -175,10 +175,6 @@ def _how_far(found: LineDiagnosis, word: str) -> Section:
             f"{upper(word)} over predicted power at samples of the judged cycles.",
             "Clouds of marks about a diagonal, wide before and narrow after.",
         ),
-        picture(
-            figures.power_by_cycle(found, word), "cycles", "Error of the power in every judged cycle.",
-            "Pairs of marks for each cycle, before and after.",
-        ),
         table(
             "cycle-energies", "Energy of the winch by cycle and phase, with the uncertainty of the prediction.",
             [
@@ -200,10 +196,6 @@ def _tried(found: LineDiagnosis) -> Section:
     return section(
         "tried", "What was tried",
         Note(words.not_needed_words(found), brief=False) if found.causes else None,
-        picture(
-            figures.closed_bars(found), "closed", "Squared error of sets of causes on held-out cycles (green: chosen).",
-            "Bars of the squared error; the values are in the table of sets.",
-        ),
         table(
             "sets", "Sets of suspects by their evidence.",
             [

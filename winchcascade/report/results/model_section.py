@@ -12,7 +12,7 @@ from winchcascade.diagnosis.model_account import COMPARED, Account, ChannelDiffe
 from winchcascade.report.content import Block, Cell, Column, Note, Picture, Section, Table, picture, section, table
 from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import cut_apart
-from winchcascade.report.glossary import CHANNELS
+from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.wording import load_words
 
 PANELS = {
@@ -38,7 +38,7 @@ def run_section(found: Modelled) -> Section:
     """Lay one log beside its simulation; where there is none, give the reason. Called within the style of the figures."""
     account, comparison = found.account, found.comparison
     if comparison is None:
-        return _section(account.word, [Note(account.why, "Left out", brief=False)])
+        return _section(account.word, [Note(upper(account.why), "Left out", brief=False)])
     run = comparison.run
     effects = (
         f", with the effects that it states: {', '.join(comparison.rig.effects)}" if comparison.rig.effects else ""

@@ -97,7 +97,7 @@ def reduction_report(
             ),
             section(
                 "whole-cycles", "Whole cycles",
-                figure("cycle-flow"), net_table(reduction, found), *_net_notes(reduction), folded=True,
+                net_table(reduction, found), *_net_notes(reduction), folded=True,
             ),
             *further["histories"], *further["loss-map"],
             section("phases", "Phases", *phases_tables(reduction), folded=True),
@@ -106,7 +106,7 @@ def reduction_report(
             *further["model"],
             section(
                 "uncertainty", "Uncertainty",
-                figure("variance"), uncertainty_table(reduction, found), budget_table(reduction, found), folded=True,
+                uncertainty_table(reduction, found), budget_table(reduction, found), folded=True,
             ),
             provenance(_sources(reduction, found), command),
         ],

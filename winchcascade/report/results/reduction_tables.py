@@ -51,13 +51,16 @@ def decimals_of(reduction: Reduction, names: Sequence[str]) -> int:
 
 
 def metric_decimals(reduction: Reduction, found: Uncertainty, name: str) -> int:
-    """Decimals of a metric wherever it stands: as its uncertainties allow, and five digits at most."""
+    """Decimals of a metric wherever it stands: as its uncertainties allow, and four digits of its largest at most."""
     uncertainties = [*(u[name] for u in found.budget.cycles), mean_u(found, name)]
     allowed = common_places([Measured(None, u) for u in uncertainties])
     alike = [m for m in reduction.rig.cascade.all_metrics if m.partition("_")[0] == name.partition("_")[0]]
     if allowed is None:
         return decimals_of(reduction, alike or [name])
-    return min(allowed, decimals_of(reduction, [name]) + 1)
+    largest = max(
+        (abs(x) for c in reduction.cycles if (x := c.metrics[name]) is not None and math.isfinite(x)), default=0.0
+    )
+    return min(allowed, 3 - math.floor(math.log10(largest))) if largest > 0.0 else allowed
 
 
 def mean_u(found: Uncertainty, name: str) -> float | None:
@@ -179,8 +182,8 @@ MEANS = (
 """Time means over plateau and hold, then numbers of the haul-in."""
 
 
-def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[CycleResult]]:
-    """Instants and durations of the phases of every cycle, and time means over them."""
+def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[CycleResult] | None]:
+    """Instants and durations of the phases of every cycle, and time means over them where any is known."""
     zero, word = clock_zero(reduction.run), span_word(reduction)
     since = f"; onset since {zero:.2f} s on the log's clock" if zero else ""
     spans = [
@@ -190,9 +193,10 @@ def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[Cycle
         *PHASES,
     ]
     means = "Time means over plateau (F, τ, P), hold and haul-in, whose energy returns to the line."
+    known = Table("phase-means", means, [CYCLE, *MEANS], reduction.cycles, brief=False, limit=LISTED_CYCLES).used()
     return (
         Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES),
-        Table("phase-means", means, [CYCLE, *MEANS], reduction.cycles, brief=False, limit=LISTED_CYCLES),
+        known if len(known.columns) > 1 else None,
     )
 
 

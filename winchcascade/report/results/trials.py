@@ -9,7 +9,6 @@ from winchcascade.blind.injected import INJECTED, OUTSIDERS
 from winchcascade.blind.score import NOTHING, CaseScore, Count, Score, hidden_name
 from winchcascade.blind.trial import TrialProgress
 from winchcascade.core.campaign_file import Origin
-from winchcascade.core.plain_text import one_line
 from winchcascade.report.content import Column, Note, Report, Span, section, table
 from winchcascade.report.results.common import data_note
 
@@ -133,8 +132,3 @@ def progress_report(done: TrialProgress, verb: str) -> Report:
             *(Note(f"{name}: {fault}", "Failed", "warn") for name, fault in done.faults.items()),
         ],
     )
-
-
-def fault_lines(done: TrialProgress) -> str:
-    """Cases that failed, and why, each in a line."""
-    return "".join(f"failed: {one_line(f'{name}: {fault}')}\n" for name, fault in done.faults.items())

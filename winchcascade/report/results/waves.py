@@ -164,12 +164,12 @@ def wave_picture(found: WaveEnergies, cascade: Cascade) -> Picture | None:
 def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     """Energies and efficiencies of the waves over their payout; None without waves."""
     from winchcascade.report.figures.reduction_figures import stage_of
-    from winchcascade.report.figures.style import COLOURS, label_panel, look_of, panel_figure
+    from winchcascade.report.figures.style import COLOURS, evenly, label_panel, look_of, panel_figure
 
     if not found.cycle.size or not np.isfinite(found.payout).all():
         return None
     figure, (left, *others) = panel_figure(2.9, 1, 1 + bool(found.efficiency))
-    rows = np.unique(np.linspace(0, found.cycle.size - 1, min(found.cycle.size, DRAWN_WAVES)).astype(np.intp))
+    rows = np.array(evenly(range(found.cycle.size), DRAWN_WAVES))
     payout, x_label = found.payout[rows], f"Payout ({found.payout_unit})"
     for stage, joule in found.energy.items():
         look = look_of(stage)
