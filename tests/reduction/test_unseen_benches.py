@@ -60,7 +60,7 @@ def test_steps_behind_a_settling_that_lies_within_the_band_are_whole(tmp_path: P
     head = "Zeit [s];Trommeldrehzahl [U/min];Drehmoment [Nm];Zwischenkreisspannung [V];Zwischenkreisstrom [A]"
     log, rig = written(tmp_path / "dyno.csv", head, rows), tmp_path / "dyno.toml"
     rig.write_text(DYNO, encoding="utf-8")
-    code, out, err = call(
+    code, _out, err = call(
         "reduce", log, "--rig", rig, "--json", tmp_path / "a.json", "--loss-map", tmp_path / "map.json"
     )
     assert (code, err) == (0, "")
