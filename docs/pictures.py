@@ -5,6 +5,7 @@ of the page of a campaign by Chromium. `sources.json` holds the data behind each
 results.
 """
 
+import io
 import json
 import shutil
 import subprocess
@@ -98,13 +99,14 @@ def _text(x: float, y: float, text: str, colour: str, *, bold: bool = False) -> 
 def terminal_source() -> Source:
     """What `winchcascade audit` prints in a terminal of 84 columns, with its colours."""
     from winchcascade.core.plain_text import lines
-    from winchcascade.report.audit_text import audit_text
+    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.results.audits import audit_report
     from winchcascade.report.screen import PIPE, Screen, painted, use_screen
     from winchcascade.tables.audit import audit_by_load
 
     use_screen(Screen(84, colour=True))
     try:
-        printed = painted(audit_text(audit_by_load(TABLE)), lines)
+        printed = painted(terminal_text(audit_report(audit_by_load(TABLE))), lines)
     finally:
         use_screen(PIPE)
     return [f"$ winchcascade audit {TABLE}", *printed.rstrip("\n").split("\n")]
@@ -155,7 +157,8 @@ def waterfall_source() -> Source:
     """What each cause costs in efficiency at each load, and the diagnosis that it comes from."""
     from winchcascade import open_campaign
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.report.cause_costs import part_name, waterfall_costs
+    from winchcascade.diagnosis.load_costs import waterfall_costs
+    from winchcascade.report.figures.cause_figures import part_name
 
     found = open_campaign(ROOT / CAMPAIGN).diagnose()
     assert isinstance(found, ModelDiagnosis)
@@ -174,14 +177,15 @@ _FOUND: dict[str, Any] = {}
 
 def waterfall(_: Source) -> str:
     """The waterfall figure of the report of a diagnosis."""
-    from winchcascade.report.cause_costs import waterfall_figure
-    from winchcascade.report.style import house_style
-    from winchcascade.report.svg_drawing import svg_text
+    from winchcascade.report.figures.cause_figures import waterfall_figure
+    from winchcascade.report.figures.style import house_style
 
     with house_style():
-        figure = waterfall_figure(_FOUND["waterfall"])
+        figure = waterfall_figure(_FOUND["waterfall"], "log")
         assert figure is not None
-        svg = svg_text(figure, "waterfall")
+        out = io.StringIO()
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    svg = out.getvalue()[out.getvalue().index("<svg") :]
     begin = svg.index(">") + 1
     return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}\n'
 
@@ -190,7 +194,7 @@ def waterfall(_: Source) -> str:
 def campaign_source() -> Source:
     """Tiles, sentences and tables of the report of the campaign."""
     from winchcascade import open_campaign
-    from winchcascade.report.write_report import write_report
+    from winchcascade.report.views import write_report
 
     result = open_campaign(ROOT / CAMPAIGN).reduce()
     folder = Path(tempfile.mkdtemp())

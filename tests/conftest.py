@@ -25,10 +25,10 @@ TOGETHER = {
     f"tests/report/{name}.py": "diagnoses"
     for name in (
         "test_diagnosis_words",
+        "test_diagnosis_content",
         "test_diagnosis_figures",
-        "test_diagnosis_report",
-        "test_declared_effect",
-        *("test_frames", "test_plots"),
+        "test_stability_report",
+        "test_views",
     )
 }
 """Files that use results of one another: one worker takes them all, and makes each result once."""

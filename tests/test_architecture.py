@@ -23,28 +23,12 @@ LAYERS = (
 )
 """Packages from the lowest to the highest layer: a package imports itself and the layers below its own."""
 
-PASSED_ON = [f"winchcascade.report.{module}" for module in ("frames", "plots")]
-"""What makes frames, plots and summaries of results."""
-
-UPWARD = {
-    "core/run.py": {"winchcascade.report.frames"},
-    "reduction/reduction_result.py": {*PASSED_ON},
-    "diagnosis/diagnosis_result.py": {*PASSED_ON},
-    "comparison/comparison_result.py": {*PASSED_ON},
-    "report/campaign_record.py": {*PASSED_ON},
-}
-"""Methods of results that only pass on to `report`, which they import when they are called."""
-
 ENTRY_POINTS = {"__init__.py", "__main__.py"}
 """Modules of the top level: the public names and `python -m winchcascade`."""
 
 PATTERNS = {
-    "interaction": "symbols in labels of Matplotlib",
-    "check_report": "characters that XML forbids",
-    "svg_drawing": "SVG and mathematics of Matplotlib",
-    "figure_files": "SVG of Matplotlib",
-    "exports": "names of logs, for names of files; symbols and special characters of LaTeX and Markdown",
-    "publish": "symbols of physics, names of fonts, and characters that no report shows",
+    "glossary": "symbols of physics, signs and units of texts that are set on a page",
+    "check_record": "characters that XML forbids",
     "wording": "symbols of physics, signs and units of sentences that are set on a page",
 }
 """Modules of `report` that may search texts by a pattern, and which texts."""
@@ -71,19 +55,6 @@ def imported(path: Path) -> list[str]:
     return [name for name in found if name.split(".")[0] == "winchcascade"]
 
 
-def passed_on(path: Path, name: str) -> bool:
-    """Whether a file may import a module of a higher layer because its methods only pass on to it."""
-    modules = UPWARD.get(path.relative_to(PACKAGE).as_posix(), set())
-    return name in modules or name.rpartition(".")[0] in modules
-
-
-def test_methods_that_pass_on_to_reports_import_them_when_called() -> None:
-    for name in UPWARD:
-        tree = ast.parse((PACKAGE / name).read_text(encoding="utf-8"))
-        at_top = [n.module or "" for n in tree.body if isinstance(n, ast.ImportFrom)]
-        assert not {*at_top} & {*PASSED_ON}, name
-
-
 def test_every_module_is_in_a_package_of_the_layers() -> None:
     places = [path.relative_to(PACKAGE).parts for path in FILES]
     assert {place[0] for place in places if len(place) == 1} == ENTRY_POINTS
@@ -96,8 +67,6 @@ def test_a_package_imports_only_from_the_layers_below_its_own() -> None:
         if not rest:
             continue
         for name in imported(path):
-            if passed_on(path, name):
-                continue
             other = name.split(".")[1] if "." in name else "the public names"
             below = other in LAYER and LAYER[other] < LAYER[package]
             assert other == package or below, f"{path.relative_to(PACKAGE)} imports {name}"
@@ -105,10 +74,7 @@ def test_a_package_imports_only_from_the_layers_below_its_own() -> None:
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
     names = {".".join(("winchcascade", *path.relative_to(PACKAGE).with_suffix("").parts)): path for path in FILES}
-    graph = {
-        name: {other for other in imported(path) if other in names and not passed_on(path, other)} - {name}
-        for name, path in names.items()
-    }
+    graph = {name: {other for other in imported(path) if other in names} - {name} for name, path in names.items()}
     TopologicalSorter(graph).prepare()
 
 

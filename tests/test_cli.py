@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
@@ -328,3 +329,15 @@ def test_what_trips_over_an_interrupt_is_an_interrupt(
         main()
     assert ended.value.code == 130
     assert capsys.readouterr().err.startswith("winchcascade: interrupted; ")
+
+
+@pytest.mark.parametrize("others", [["b.csv"], ["b.csv", "c d.csv"]])
+def test_several_logs_of_one_reduction_lead_to_a_batch_of_them(others: list[str]) -> None:
+    assert f"winchcascade batch {shlex.join(['a.csv', *others])}" in one_sentence("reduce", "a.csv", *others)
+
+
+def test_the_help_lists_options_in_their_groups() -> None:
+    lines = winchcascade("diagnose", "--help", COLUMNS="80").stdout.splitlines()
+    groups = [line.rstrip(":") for line in lines if line and line[0] != " " and not line.startswith("Usage")]
+    assert groups == ["Arguments", "Input", "Evaluation", "Outputs", "Other"]
+    assert max(map(len, lines)) <= 80

@@ -32,6 +32,8 @@ def offered(line: str) -> list[str]:
         ("winchcascade rig ", list(RIGS)),
         ("winchcascade reduce log.csv --rig k", ["kitepower"]),
         ("winchcascade batch . --reports ", ["none", "html", "all"]),
+        ("winchcascade reduce log.csv --window ", ["auto", "payout"]),
+        ("winchcascade simulate log.csv --with ke_shift", ["ke_shift.k_e_change="]),
         ("winchcascade check . --against ", list(TABLES)),
         ("winchcascade audit hsu", list(TABLES)),
     ],

@@ -52,7 +52,7 @@ COMMANDS: dict[str, list[tuple[str, ...]]] = {
     "blind": [
         ("blind", "deal", "--cases", "2", "--seed", "1", "--out", "trial", *JOBS),
         ("blind", "diagnose", "trial", *JOBS),
-        ("blind", "score", "trial", *REPORTS),
+        ("blind", "score", "trial", "--json", "score.json"),
     ],
 }
 """Commands by what they show, given one after the other in an empty folder."""

@@ -41,3 +41,7 @@ def test_every_public_name_is_listed_and_documented(name: str) -> None:
     found = getattr(winchcascade, name)
     assert name in dir(winchcascade)
     assert isinstance(found, str) or inspect.getdoc(found)
+
+
+def test_only_public_names_are_listed() -> None:
+    assert dir(winchcascade) == sorted(winchcascade.__all__)

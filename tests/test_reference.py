@@ -5,16 +5,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from groups import GROUPS, SLOW
+from commands import GROUPS
 
 RECORD = Path(__file__).parent / "reference" / "record.py"
-
-
-APART = ("reports", "blind", "demo")
-"""Long groups in a file of their own (`test_reference_reports.py`), as a worker takes a whole file."""
-
-
-QUICK = [group for group in GROUPS if group not in SLOW]
 
 
 def require_stored(*groups: str) -> None:
@@ -26,13 +19,13 @@ def require_stored(*groups: str) -> None:
 
 
 def test_every_output_of_the_quick_groups_is_the_stored_one() -> None:
-    require_stored(*QUICK)
+    require_stored(*(name for name, group in GROUPS.items() if not group.slow))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("group", [group for group in SLOW if group not in APART])
-def test_every_output_is_the_stored_one(group: str) -> None:
-    require_stored(group)
+@pytest.mark.parametrize("name", [name for name, group in GROUPS.items() if group.slow])
+def test_every_output_is_the_stored_one(name: str) -> None:
+    require_stored(name)
 
 
 def test_every_stored_output_belongs_to_a_group() -> None:

@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from winchcascade.core.public_names import HOMES, public
 from winchcascade.core.version import __version__
 
 TYPE_CHECKING = False  # not from typing, whose import takes longer than all else before `main` answers an interrupt
@@ -22,12 +23,12 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration, calibrate
     from winchcascade.ingest.read import read_run
     from winchcascade.reduction.bins import Bin
+    from winchcascade.reduction.campaign_reduction import CampaignReduction
     from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
     from winchcascade.reduction.reduce import reduce
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.report.campaign_record import CampaignReduction
-    from winchcascade.report.write_report import write_report
+    from winchcascade.report.views import frame, plot, summary_html, write_report
     from winchcascade.rig.baseline import baseline
     from winchcascade.rig.open_rig import load_rig
     from winchcascade.rig.parts import Model
@@ -58,19 +59,22 @@ __all__ = [
     "baseline",
     "calibrate",
     "compare",
+    "frame",
     "load_rig",
     "open_campaign",
+    "plot",
     "read_run",
     "reduce",
     "simulate",
+    "summary_html",
     "uncertainty",
     "write_report",
 ]
 
-_HOME = {
+HOMES |= {
     "Bin": "reduction.bins",
     "Calibration": "diagnosis.calibrate",
-    "CampaignReduction": "report.campaign_record",
+    "CampaignReduction": "reduction.campaign_reduction",
     "Comparison": "comparison.comparison_result",
     "CycleResult": "reduction.reduction_result",
     "Finding": "core.run",
@@ -90,15 +94,17 @@ _HOME = {
     "baseline": "rig.baseline",
     "calibrate": "diagnosis.calibrate",
     "compare": "batch.compare_results",
+    "frame": "report.views",
     "load_rig": "rig.open_rig",
     "open_campaign": "batch.open_campaign",
+    "plot": "report.views",
     "read_run": "ingest.read",
     "reduce": "reduction.reduce",
     "simulate": "rig.simulate",
+    "summary_html": "report.views",
     "uncertainty": "reduction.montecarlo",
-    "write_report": "report.write_report",
+    "write_report": "report.views",
 }
-"""Where each public name lives."""
 
 
 def __dir__() -> list[str]:
@@ -108,8 +114,6 @@ def __dir__() -> list[str]:
 
 def __getattr__(name: str) -> Any:
     """Import a public name where it is first used, so that `winchcascade --help` waits for none of them."""
-    if name not in _HOME:
+    if name not in HOMES:
         raise AttributeError(f"module 'winchcascade' has no attribute {name!r}")
-    import importlib
-
-    return getattr(importlib.import_module(f"winchcascade.{_HOME[name]}"), name)
+    return public(name)

@@ -27,12 +27,9 @@ from winchcascade.core.jobs import Workers
 from winchcascade.core.scratch import scratch_file
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.content import Note, Report, Section
-from winchcascade.report.publish import publish
 from winchcascade.report.records import reduction_json
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
-NOTE = (Section("note", "Note", (Note("Nothing."),)),)
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}
 COPIES = 4
 """Logs of the calls that are cut short: enough that some are done and some are not."""
@@ -195,24 +192,6 @@ def test_a_repeatable_build_gives_the_same_reports(page: Path, tmp_path: Path) -
     assert contents(with_reports(tmp_path, "html")) == contents(page)
 
 
-def test_the_report_of_a_log_leads_to_a_diagnosis_that_is_in_the_folder(tmp_path: Path, out: Path) -> None:
-    log = FIXTURES / "campaign" / "r9ohm.csv"
-    pages = [out / "runs" / "r9ohm.csv.html", out / "campaign.html"]
-
-    def links() -> list[set[str]]:
-        return [set(re.findall(r'href="([^"]*diagnosis.html)"', page.read_text(encoding="utf-8"))) for page in pages]
-
-    batch(log, out=out, reports=["html"])
-    assert links() == [set(), set()]
-    (out / "diagnosis.html").write_text("<p>notes of the operator</p>", encoding="utf-8")
-    batch(log, out=out, reports=["html"])
-    assert links() == [set(), set()]  # not a page of this tool
-    publish(Report("Diagnosis of a campaign", "t", "", (), (), NOTE), html=out / "diagnosis.html", force=True)
-    batch(log, out=out, reports=["html"])
-    assert links() == [{"../diagnosis.html"}, {"diagnosis.html"}]
-    assert batch(log, out=out, reports=["html"])[0].kept == 1
-
-
 def test_links_of_the_page_lead_to_files(tmp_path: Path, out: Path) -> None:
     log = Path(shutil.copy(FIXTURES / "campaign" / "r9ohm.csv", tmp_path / "50 % #2 測é.csv"))
     batch(log, out=out, reports=["html"])
@@ -227,19 +206,20 @@ def test_any_number_of_processes_gives_the_same_bytes(campaign: Path, done: Path
 
 
 # ----------------------------------------------------------------------------------------- what is kept, what is redone
+def kept(said: str) -> int:
+    """How many logs the terminal states as kept."""
+    found = re.search(r"^kept +(\d+) of \d+ logs", said, re.MULTILINE)
+    return 0 if found is None else int(found[1])
+
+
 def test_a_second_call_keeps_all_and_says_so(campaign: Path, out: Path) -> None:
     arguments = ("batch", campaign, "--out", out, "--reports", "none", "--excel")
-    assert "by an earlier call" not in winchcascade(*arguments).stdout
+    assert kept(winchcascade(*arguments).stdout) == 0
     before = stamps(out)
     again = winchcascade(*arguments)
-    assert "2 of 2 logs reduced, 2 of them by an earlier call" in again.stdout
+    assert kept(again.stdout) == 2
     assert again.returncode == 0
     assert stamps(out) == before
-
-
-def test_the_text_is_the_same_whether_kept_or_made(campaign: Path, out: Path) -> None:
-    first, second = (winchcascade("batch", campaign, "--out", out, "--reports", "none").stdout for _ in range(2))
-    assert first.splitlines()[1:] == second.splitlines()[1:]
 
 
 def test_changed_content_redoes_that_log_and_the_campaign(campaign: Path, done: Path) -> None:
@@ -381,8 +361,7 @@ def test_a_log_that_fails_is_listed_and_the_others_go_on(campaign: Path, out: Pa
     fault = str(summary(out)[name]["fault"])
     assert done.returncode == 1
     assert "2 of 3 logs reduced" in done.stdout
-    assert f"failed: {fault}" in done.stdout  # its sentence names the log
-    assert name in fault
+    assert fault in " ".join(done.stdout.split())  # its sentence names the log
     assert "Traceback" not in done.stderr
     assert name in fault
     assert fault.endswith(".")
@@ -447,12 +426,12 @@ def test_reports_that_find_no_room_leave_the_results_that_are_finished(campaign:
     assert contents(done).keys() == before.keys()
 
 
-def test_an_option_with_which_no_log_can_be_used_leaves_the_results_that_are_finished(
-    campaign: Path, done: Path
-) -> None:
+def test_a_log_that_cannot_be_read_now_leaves_the_result_that_is_finished(campaign: Path, done: Path) -> None:
     before = (done / "runs" / "r9ohm.csv.json").read_bytes()
-    (campaign / "campaign.toml").write_text('[[run]]\nfile = "r9ohm.csv"\nload_ohm = 9\ncycles = [90, 99]\n')
+    (campaign / "r9ohm.csv").rename(campaign / "elsewhere")
     assert list(batch(campaign, out=done)[0].faults) == ["r9ohm.csv"]
+    (campaign / "elsewhere").rename(campaign / "r9ohm.csv")
+    assert redone(campaign, out=done) == []
     assert (done / "runs" / "r9ohm.csv.json").read_bytes() == before
 
 
@@ -470,7 +449,7 @@ def test_two_calls_with_different_options_on_one_folder_leave_what_the_last_one_
     before = contents(place / "out")
     with begin(place, "--jobs", "1", "--window", f"{window:g}") as again:
         said, _ = again.communicate()
-    assert f"{COPIES} of them by an earlier call" in said
+    assert kept(said) == COPIES
     assert contents(place / "out") == before
 
 
@@ -536,7 +515,9 @@ def test_a_folder_that_holds_something_else_is_rejected_and_used_with_force(camp
     assert (out / "thesis.txt").read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", ["campaign.json", "campaign.html", "campaign.xlsx", "runs/r9ohm.csv.json"])
+@pytest.mark.parametrize(
+    "name", ["campaign.json", "index.html", "campaign.html", "campaign.xlsx", "runs/r9ohm.csv.json"]
+)
 def test_a_file_that_this_tool_did_not_write_is_not_replaced(campaign: Path, out: Path, name: str) -> None:
     (out / "runs").mkdir(parents=True)  # a name that other people give their folders too
     (out / name).write_text("mine")
@@ -619,16 +600,16 @@ def whole(out: Path) -> dict[str, int]:
     return {name: stamp for name, stamp in stamps(out).items() if name.startswith("runs/")}
 
 
-def assert_completed(place: Path, undisturbed: dict[str, bytes], kept: dict[str, int]) -> None:
+def assert_completed(place: Path, undisturbed: dict[str, bytes], done: dict[str, int]) -> None:
     """A further call keeps what was finished and gives what an undisturbed one gives."""
     with begin(place, "--jobs", "2") as call:
         said, _ = call.communicate()
     assert call.returncode == 0
     assert f"{COPIES} of {COPIES} logs reduced" in said
-    assert (f", {len(kept)} of them by an earlier call" in said) == bool(kept)
+    assert kept(said) == len(done)
     assert contents(place / "out") == undisturbed
     after = stamps(place / "out")
-    assert {name: after[name] for name in kept} == kept
+    assert {name: after[name] for name in done} == done
 
 
 @ALONE
@@ -650,9 +631,9 @@ def test_a_killed_call_loses_nothing_that_was_finished(
         with suppress(ProcessLookupError):
             os.killpg(call.pid, signal.SIGKILL)
         call.communicate()
-    kept = whole(place / "out")
-    assert len(kept) >= number * (pattern == "runs/*.json")
-    assert_completed(place, undisturbed, kept)
+    finished = whole(place / "out")
+    assert len(finished) >= number * (pattern == "runs/*.json")
+    assert_completed(place, undisturbed, finished)
 
 
 @ALONE

@@ -16,12 +16,13 @@ from winchcascade.batch.run_batch import run_batch
 from winchcascade.core.campaign_file import CampaignRun, load_campaign
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.campaign_record import campaign_from
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.campaign import make_campaign_report
-from winchcascade.report.campaign_record import campaign_from, campaign_text
-from winchcascade.report.content import Table
 from winchcascade.report.records import reduction_record
+from winchcascade.report.render.page import page_text
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.campaign import campaign_report
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 HURT = "r27ohm.csv"
@@ -58,14 +59,11 @@ def test_it_is_marked_in_the_summary_on_the_terminal_and_on_the_page(out: Path) 
     assert {run["name"]: "efficiency_change" in run["findings"] for run in summary["runs"]} == {
         run["name"]: run["name"] == HURT for run in summary["runs"]
     }
-    text = campaign_text(campaign_from(summary), out, kept=0)
-    assert f"  {HURT}: efficiency_change: eta_gen is 0.842" in text
-    (row,) = [line for line in text.splitlines() if line.startswith(f"{HURT}  ")]
-    assert "! " in row
-    report = make_campaign_report(campaign_from(summary), out)
-    tables = {block.id: block for part in report.sections for block in part.blocks if isinstance(block, Table)}
-    assert tables["between"].rows[0][0] == HURT
-    assert "efficiency change: eta_gen is 0.842" in tables["between"].rows[0][1]
+    report = campaign_report(campaign_from(summary))
+    text = " ".join(terminal_text(report).split())
+    assert "eta_gen is 0.842" in text
+    assert HURT in text
+    assert "0.842, and the other logs predict" in page_text(report)
 
 
 def test_the_dataset_and_a_check_hold_it_too(out: Path) -> None:

@@ -77,14 +77,12 @@ def contents(out: Path) -> dict[str, bytes]:
     return {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("remote", [False, True], ids=["paths", "addresses"])
-def test_a_cluster_gives_the_same_bytes_as_this_machine(cluster: Cluster, tmp_path: Path, remote: bool) -> None:
+def test_a_cluster_gives_the_same_bytes_as_this_machine(cluster: Cluster, tmp_path: Path) -> None:
     folder = tmp_path / "logs"
     shutil.copytree(CAMPAIGN, folder)
     (folder / "campaign.toml").rename(tmp_path / "campaign.toml")
-    target = f"file://{folder}" if remote else str(folder)
     for out, options in (("here", ["--jobs", "2"]), ("there", ["--scheduler", cluster.address])):
-        done = winchcascade("batch", target, "--out", tmp_path / out, "--reports", "none", *options)
+        done = winchcascade("batch", folder, "--out", tmp_path / out, "--reports", "none", *options)
         assert (done.returncode, done.stderr) == (0, "")
         assert "7 of 7 logs reduced" in done.stdout
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
@@ -100,7 +98,7 @@ def test_reports_of_a_cluster_are_whole(cluster: Cluster, tmp_path: Path) -> Non
         f"{log.name}.{ending}" for log in logs for ending in ("html", "json", "pdf")
     )
     again = winchcascade("batch", *logs, "--out", tmp_path / "out", "--reports", "all", cwd=tmp_path)
-    assert "2 of them by an earlier call" in again.stdout
+    assert "2 of 2 logs reduced by an earlier call" in again.stdout
 
 
 def test_a_log_that_fails_on_a_cluster_is_listed(cluster: Cluster, tmp_path: Path) -> None:
@@ -108,7 +106,7 @@ def test_a_log_that_fails_on_a_cluster_is_listed(cluster: Cluster, tmp_path: Pat
     arguments = (CAMPAIGN / "r9ohm.csv", bad, "--out", tmp_path / "out", "--reports", "none")
     done = winchcascade("batch", *arguments, "--scheduler", cluster.address)
     assert done.returncode == 1
-    assert "failed: header_only.csv: column names but no rows" in done.stdout
+    assert "header_only.csv: column names but no rows" in " ".join(done.stdout.split())
 
 
 def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:

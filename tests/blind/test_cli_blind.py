@@ -26,20 +26,19 @@ def test_deal_says_what_was_dealt_and_with_which_seal(tmp_path: Path) -> None:
         done = winchcascade("blind", "deal", "--cases", "1", "--seed", "5", "--out", out, "--jobs", "1")
     assert done.returncode == 0, done.stderr
     sha256 = json.loads((out / "trial.json").read_text())["sealed_sha256"]
-    assert (
-        done.stdout == f"{out}: 1 cases dealt, 0 were there already\nanswers sealed in sealed.json: SHA-256 {sha256}\n"
-    )
+    assert done.stdout.startswith("1 cases dealt, 0 were there already\n")
+    assert f"SHA-256 {sha256}" in done.stdout
     again = winchcascade("blind", "deal", "--cases", "1", "--seed", "5", "--out", out)
-    assert again.stdout.startswith(f"{out}: 0 cases dealt, 1 were there already\n")
+    assert again.stdout.startswith("0 cases dealt, 1 were there already\n")
     assert "holds another trial" in one_sentence("blind", "deal", "--cases", "1", "--seed", "6", "--out", out)
 
 
 def test_score_prints_the_counts_and_writes_what_is_asked_for(trial: Path, tmp_path: Path) -> None:
-    done = winchcascade("blind", "score", trial, "--html", tmp_path / "a.html", "--json", tmp_path / "a.json")
+    done = winchcascade("blind", "score", trial, "--json", tmp_path / "a.json")
     assert done.returncode == 0, done.stderr
     assert "1 of 1" in done.stdout
+    assert "2 of 2 diagnoses are correct" in done.stdout
     assert json.loads((tmp_path / "a.json").read_text())["totals"]["named"]["part"] == 1
-    assert (tmp_path / "a.html").stat().st_size > 1000
 
 
 def test_json_on_stdout_is_alone(trial: Path) -> None:

@@ -1,4 +1,4 @@
-"""A scored trial as text, page and PDF."""
+"""What the report of a scored trial states."""
 
 from pathlib import Path
 
@@ -7,10 +7,9 @@ from small_trials import answer, cause, say, sealed_trial
 
 from winchcascade.blind.cases import Kind
 from winchcascade.blind.score import Score, score
-from winchcascade.report.content import Table
-from winchcascade.report.publish import publish
-from winchcascade.report.trial_report import make_trial_report
-from winchcascade.report.trial_text import trial_text
+from winchcascade.report.content import Cell, Report, Table
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.trials import trial_report
 
 
 @pytest.fixture
@@ -32,32 +31,34 @@ def found(tmp_path: Path) -> Score:
     return score(folder)
 
 
-def test_the_terminal_shows_counts_strengths_and_every_case_that_went_wrong(found: Score) -> None:
-    text = trial_text(found, Path("trial"))
-    assert "2 of 3" in text
-    assert "true parameters within their 95 % intervals" in text
-    (line,) = [line for line in text.splitlines() if "case-0002" in line]
-    assert "precharge x 0.4" in line
-    assert "explained: gas_volume (or piston_area)" in line
-    assert "case-0001" not in text
-    assert all(len(line) <= 128 for line in text.splitlines())
+def rows(report: Report, name: str) -> list[list[Cell]]:
+    (found,) = [block for block in report.blocks if isinstance(block, Table) and block.id == name]
+    return found.cells
 
 
-def test_the_report_shows_what_each_effect_is_taken_for(found: Score) -> None:
-    report = make_trial_report(found)
-    tables = {b.id: b for s in report.sections for b in s.blocks if isinstance(b, Table)}
-    taken = {row[0]: row for row in tables["taken"].rows}
-    assert taken["precharge"] == ("precharge", "1", "0", "gas_volume (1)")
-    assert taken["brake_drag"][3] == "unexplained (1)"
-    assert [row[6] for row in tables["parameters"].rows] == ["yes", "yes", "no"]
-    assert [row[2] for row in tables["closure"].rows] == ["95.0 %"]
-    assert len(tables["cases"].rows) == 5
+def test_a_trial_states_its_counts_and_what_each_effect_is_taken_for(found: Score) -> None:
+    report = trial_report(found)
+    counted = {row[0]: row[1] for row in rows(report, "totals")}
+    assert counted["misnamed"] == "1 of 3"
+    assert counted["true parameters within their 95 % intervals"] == "2 of 3"
+    assert [row[:2] for row in rows(report, "strengths")] == [["0.4", "0 of 1"], ["1", "1 of 1"]]
+    taken = {row[0]: row[1:] for row in rows(report, "taken")}
+    assert taken["precharge"] == [1, 0, "gas_volume (1)"]
+    assert taken["brake_drag"] == [1, 0, "unexplained (1)"]
+    assert list(taken)[:3] == ["nothing injected", "ke_shift", "precharge"]
 
 
-def test_page_and_pdf_are_written(found: Score, tmp_path: Path) -> None:
-    report = make_trial_report(found, command="winchcascade blind score trial")
-    publish(report, html=tmp_path / "t.html", pdf=tmp_path / "t.pdf")
-    page = (tmp_path / "t.html").read_text(encoding="utf-8")
-    assert "What each effect is taken for" in page
-    assert page.count("<svg") == 2
-    assert (tmp_path / "t.pdf").read_bytes().startswith(b"%PDF")
+def test_a_trial_lists_the_cases_that_went_wrong_alone(found: Score) -> None:
+    assert rows(trial_report(found), "cases") == [
+        ["case-0002", "precharge x 0.4", "misnamed", "explained: gas_volume (or piston_area)"]
+    ]
+    assert terminal_text(trial_report(found)).endswith("\n4 of 5 diagnoses are correct.\n")
+
+
+def test_a_case_without_a_diagnosis_is_counted_as_missing(tmp_path: Path) -> None:
+    folder = sealed_trial(tmp_path / "trial", answer("case-0001", "none"), answer("case-0002", "none"))
+    say(folder, "case-0001", "explained", cause("ke_shift"))
+    report = trial_report(score(folder))
+    counted = {row[0]: row[1] for row in rows(report, "totals")}
+    assert counted == {"false alarms with nothing injected": "1 of 1", "without a diagnosis": "1 of 2"}
+    assert [row[0] for row in rows(report, "cases")] == ["case-0001"]

@@ -86,7 +86,7 @@ def test_an_unknown_accuracy_leaves_the_repeatability_alone() -> None:
 def test_repeats_without_a_scatter_of_their_own_count_as_one_log() -> None:
     alike = [run([0.70, 0.71, 0.72]), run([0.72, 0.71, 0.70])]
     found = made(alike, [run([0.7])])
-    assert found.cycles_a == 6
+    assert found.cycles[0] == 6
     assert found.repeatability == pytest.approx(0.01 / math.sqrt(6.0))
     assert found.freedom == pytest.approx(4.0)
 

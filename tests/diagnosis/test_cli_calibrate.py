@@ -32,7 +32,7 @@ def test_a_rig_file_is_written_and_can_be_used(log: Path, tmp_path: Path) -> Non
     )
     done = winchcascade("calibrate", log, "--rig", estimates, "--write", rig)
     assert done.returncode == 0, done.stderr
-    assert f"rig file: {rig}" in done.stdout
+    assert f"files      {rig}" in done.stdout.splitlines()
     damper = load_rig(rig).drivetrain.b_rotor
     assert damper is not None
     assert damper.source.startswith("calibrated from open_circuit.csv (sha256 e340a281e80c, 2683 samples)")

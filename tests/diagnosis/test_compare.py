@@ -27,7 +27,7 @@ from winchcascade.diagnosis.gap_map import (
 )
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.report.gap_words import where_sentence
+from winchcascade.report.results.diagnosis_sentences import where_sentence
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 

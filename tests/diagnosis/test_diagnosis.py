@@ -20,8 +20,9 @@ from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.evidence import price
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.report.diagnosis_text import as_json
-from winchcascade.report.gap_words import about_text, where_sentence
+from winchcascade.report.diagnosis_names import about_words
+from winchcascade.report.results.diagnosis_record import as_json
+from winchcascade.report.results.diagnosis_sentences import where_sentence
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
 
 PLANTED = {
@@ -112,7 +113,7 @@ def test_what_no_suspect_explains_is_not_given_the_nearest_name() -> None:
     assert len(found.causes) <= 2
     assert found.remainder is not None
     assert found.remainder.worst is not None
-    assert "pressure" in about_text(found.remainder.worst)
+    assert "pressure" in about_words(found.remainder.worst, [])
 
 
 def test_an_eccentric_drum_is_no_noise() -> None:

@@ -14,7 +14,9 @@ from winchcascade.diagnosis.entries import RARER, bound_to, price_of, same_in_lo
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.rig_text import stated_causes
 from winchcascade.diagnosis.suspects import freedom, with_values
-from winchcascade.report.diagnosis_text import as_json, diagnosis_text
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.diagnosis import diagnosis_report
+from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.wrong_entries import ENTRY
 
@@ -67,7 +69,7 @@ def test_a_wrong_entry_is_named_alone_with_its_number(name: str, value: float, t
     assert number.value == pytest.approx(truth, rel=0.01)
     record = as_json(result)["causes"][0]
     assert record["sentence"].startswith(sentence)
-    assert "Check this entry before other causes." in " ".join(diagnosis_text(result).split())
+    assert "check the entry" in " ".join(terminal_text(diagnosis_report(result)).split())
 
 
 def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too() -> None:
@@ -78,7 +80,7 @@ def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too() -> 
         "an effect that the catalogue lacks."
     )
     assert record["where"]["sentence"].startswith("The gap is most like that of a wrong entry: ")
-    text = " ".join(diagnosis_text(result).split())
+    text = " ".join(terminal_text(diagnosis_report(result)).split())
     assert "before other causes" not in text
     assert "comes from a wrong entry" not in text
 

@@ -15,7 +15,7 @@ from winchcascade.diagnosis.diagnosis_result import Reported
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.solve import Bounds
-from winchcascade.report.cause_words import range_words
+from winchcascade.report.diagnosis_names import range_words
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 
@@ -50,7 +50,8 @@ def test_the_interval_at_a_limit_holds_95_percent_of_a_normal_that_is_cut_off(pu
 
 def test_words_say_which_end_of_its_range_a_number_reaches() -> None:
     number = Reported(1.0, 0.8, 1.0, "V", "high")
-    assert range_words(number) == "; one-sided, at the upper limit of its range"
     plain = msgspec.structs.replace(number, at_limit=None)
+    low, beyond = (msgspec.structs.replace(plain, **change) for change in ({"at_limit": "low"}, {"beyond_range": True}))
+    assert len({range_words(one) for one in (number, low, beyond, plain)}) == 4
+    assert "upper" in range_words(number)
     assert range_words(plain) == ""
-    assert range_words(msgspec.structs.replace(plain, beyond_range=True)) == "; beyond its plausible range"

@@ -14,7 +14,6 @@ from _pytest.mark import ParameterSet
 from daily import daily
 from matplotlib.axes import Axes
 from test_cli import one_sentence, winchcascade
-from undrawn import undrawn
 from winchlog import RIG, planted
 
 from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_predictions
@@ -26,9 +25,13 @@ from winchcascade.diagnosis.line.line_data import beside, with_span
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
 from winchcascade.diagnosis.line.line_selection import LONGER, _error_of_span, coefficients, moments_of
 from winchcascade.ingest.read import read_run
-from winchcascade.report.diagnosis import make_diagnosis_report
-from winchcascade.report.diagnosis_text import as_json, diagnosis_text
-from winchcascade.report.gap_words import signed
+from winchcascade.report.content import Table
+from winchcascade.report.diagnosis_names import signed
+from winchcascade.report.render.page import page_text
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.diagnosis import diagnosis_report
+from winchcascade.report.results.diagnosis_record import as_json
+from winchcascade.report.screen import PIPE, Screen, use_screen
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 PLANTED = {
@@ -110,7 +113,6 @@ def test_a_gap_within_noise_counts_as_explained_when_only_noise_is_left() -> Non
     assert found.closure.share < 0.5
     assert found.closure.beyond_noise > 0.9
     assert found.verdict == "explained"
-    assert "no more than noise" in flat(diagnosis_text(found))
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW)])
@@ -125,7 +127,7 @@ def test_one_cycle_alone_is_cut_into_pieces() -> None:
     found = diagnose_line(Entries([planted(1, cycles=1, mass=3000.0, drag=300.0)]), RIG, EFFECTS)
     assert effects(found) == {"drum_inertia", "line_drag"}
     assert found.moments.folds == 8
-    assert "each of 8 stretches by a fit without it" in flat(diagnosis_text(found))
+    assert "one of 8 stretches" in flat(terminal_text(diagnosis_report(found)))
 
 
 def test_the_slope_is_over_few_samples_where_the_velocity_has_no_noise_and_over_more_where_it_has() -> None:
@@ -289,7 +291,7 @@ def test_the_command_writes_all_that_it_offers(campaign: Path) -> None:
     assert (record["seed"], record["verdict"]) == (3, "explained")
     assert (out / "d.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert (out / "d.pdf").read_bytes().startswith(b"%PDF")
-    assert "judged on cycles that took part in neither choice nor fit (cycles 6 to 10 of log.csv)" in flat(done.stdout)
+    assert "on held-out cycles (6 to 10 of log.csv)" in flat(done.stdout)
     assert str(out / "predicted") in done.stdout
     assert "withhold cycles instead" in one_sentence("diagnose", campaign, "--withhold", "18")
 
@@ -303,7 +305,9 @@ def test_a_log_of_the_other_sign_is_corrected_and_reported(campaign: Path) -> No
     write_log(planted(0, mass=500.0, drag=370.0), campaign / "log.csv", sign=-1.0)
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
     assert "line_drag" in [cause.effect for cause in found.causes]
-    assert "power_mech has the opposite sign" in flat(diagnosis_text(found))
+    (note,) = [note for note in diagnosis_report(found).notes if "power_mech" in note.text]
+    assert note.tone == "warn"
+    assert "sign corrected" in note.text
 
 
 def test_a_rig_that_lacks_a_number_and_logs_no_power_is_reported_what_it_lacks(campaign: Path) -> None:
@@ -326,14 +330,30 @@ def flat(text: str) -> str:
 )
 def test_every_verdict_has_its_page_and_its_report(numbers: dict[str, float]) -> None:
     found = diagnosed(0, **numbers)
-    text = diagnosis_text(found, [Path("d.json")])
-    assert all(len(line) <= 100 for line in text.splitlines())
-    assert text.endswith("files      d.json\n")
-    assert "nan" not in text
-    with undrawn():
-        report = make_diagnosis_report(found, command="winchcascade diagnose")
-    assert all(point.text for point in report.points)
-    assert {section.id for section in report.sections} >= {"where", "which", "method", "provenance"}
+    made = diagnosis_report(found, command="winchcascade diagnose")
+    for width in (80, 100):
+        use_screen(Screen(width, colour=False))
+        try:
+            text = terminal_text(made, [Path("d.json")])
+        finally:
+            use_screen(PIPE)
+        assert all(len(line) <= width for line in text.splitlines())
+        assert text.endswith("files      d.json\n")
+        assert "nan" not in text
+    tables = {block.id: block for block in made.blocks if isinstance(block, Table)}
+    assert (
+        [row[0] for row in tables["causes"].cells if row[0]] == [c.effect for c in found.causes]
+        if found.causes
+        else ("causes" not in tables)
+    )
+    alarms = () if found.remainder is None else found.remainder.alarms
+    assert len(alarms) == (len(tables["alarms"].items) if alarms else 0)
+    assert page_text(made).startswith("<!doctype html>")
+
+
+def test_the_numbers_of_a_few_cycles_are_drawn() -> None:
+    found = diagnose_line(Entries([planted(0, cycles=4, mass=3000.0)]), RIG, EFFECTS)
+    assert "stability" in [getattr(block, "id", "") for block in diagnosis_report(found).blocks]
 
 
 # -------------------------------------------------------------------------------------------------------- measured logs
@@ -395,7 +415,7 @@ def test_a_map_without_a_model_has_one_column_and_a_waterfall_is_rejected() -> N
     assert len(ax.texts) == len(found.places) == len(found.to_pandas("map")) == len(ax.get_yticks())
     assert cells == {signed(place.z) for place in found.places}
     assert [label.get_text() for label in ax.get_xticklabels()] == ["all logs"]
-    with pytest.raises(OptionError, match=r"this diagnosis has no model.* expected 'map'"):
+    with pytest.raises(OptionError, match="expected a model"):
         found.plot("waterfall")
 
 

@@ -14,7 +14,7 @@ from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_diagnose import diagnose_line
 from winchcascade.ingest.read import read_run
-from winchcascade.report.diagnosis_text import as_json
+from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 Record = dict[str, Any]

@@ -2,6 +2,7 @@
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.gap_map import STANDS_OUT, without_zeros
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.ingest.read import read_run
-from winchcascade.report.diagnosis_text import as_json, diagnosis_text
-from winchcascade.report.gap_words import own_simulation_words
+from winchcascade.report.content import Table
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.diagnosis import diagnosis_report
+from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.effects.effect import ActiveEffect
@@ -32,6 +35,10 @@ LINE_DRAG = {"line_drag": {"b": 0.9}}
 
 def own(model: Model) -> list[Run]:
     return [simulate(run, model).run for run in driven()]
+
+
+def tables(found: ModelDiagnosis) -> dict[str, Table[Any]]:
+    return {block.id: block for block in diagnosis_report(found).blocks if isinstance(block, Table)}
 
 
 @cache
@@ -65,9 +72,7 @@ def test_a_simulation_of_the_same_physics_has_no_other_form() -> None:
     record = as_json(found)
     assert record["baseline"] == "own_simulation"
     assert record["model_form"] == []
-    assert own_simulation_words(found) == [
-        "Your simulation agrees with the model of the rig file within its tolerances."
-    ]
+    assert "model-form" not in tables(found)
 
 
 def test_an_averaged_bridge_is_reported_in_the_generator_stage() -> None:
@@ -76,20 +81,17 @@ def test_an_averaged_bridge_is_reported_in_the_generator_stage() -> None:
     assert (form["stage"], form["likely"], form["phase"]) == ("generator", "averaged_bridge", "payout")
     assert form["bias"] < 0.0
     assert abs(form["z"]) > STANDS_OUT
-    (sentence,) = own_simulation_words(found)
-    assert sentence.startswith(
-        "Your simulation differs from the rig's model in the generator stage; likely an averaged bridge:"
-    )
+    (row,) = tables(found)["model-form"].cells
+    assert row[:2] == ["averaged_bridge", "generator"]
 
 
 def test_an_effect_that_the_simulation_contains_already_is_reported_with_its_number() -> None:
     _, found = diagnosed("copper_heating")
     assert found.own_simulation is not None
     assert [form.likely for form in found.own_simulation.forms] == ["copper_heating"]
-    (sentence,) = own_simulation_words(found)
-    assert sentence.startswith(
-        "Your simulation already contains Stator resistance (copper_heating, generator stage): stator"
-    )
+    (row,) = tables(found)["model-form"].cells
+    assert row[0] == "copper_heating"
+    assert "stator resistance" in str(row[-2])
     value = found.own_simulation.numbers["copper_heating"]["r_s_change"]
     assert value.low < 0.3 < value.high
 
@@ -107,12 +109,9 @@ def test_a_simulation_that_has_the_cause_of_the_logs_leaves_no_gap() -> None:
     assert (found.verdict, found.causes, found.where, found.closure) == ("no_gap", (), None, None)
     assert found.own_simulation is not None
     assert found.own_simulation.shared == ("line_drag",)
-    text = " ".join(diagnosis_text(found).split())
-    assert (
-        "Your simulation differs from the logs by no more than noise: both have Line drag (line_drag). No cause" in text
-    )
-    assert "Probability of no effect" not in text
-    assert "more than chance" not in text
+    made = diagnosis_report(found)
+    assert "causes" not in [getattr(block, "id", "") for block in made.blocks]
+    assert "line_drag" in next(note.text for note in made.notes if note.about == "Verdict")
     split = [one for one in found.contributions if one.parts]
     assert split
     for one in split:
@@ -149,9 +148,10 @@ def test_map_and_closure_are_those_of_log_minus_simulation() -> None:
 
 def test_the_answer_speaks_of_your_simulation() -> None:
     alone, found = diagnosed("averaged")
-    text, without = (" ".join(diagnosis_text(one).split()) for one in (found, alone))
-    assert "The gap between your simulation and the logs lies in the transmission stage" in text
-    assert "of the gap between your simulation and the logs" in text
+    text, without = (terminal_text(diagnosis_report(one)) for one in (found, alone))
+    costs = [block for block in diagnosis_report(found).blocks if getattr(block, "id", "") == "costs-eta-pto"]
+    assert [table.cells[0][0] for table in costs if isinstance(table, Table)] == ["your simulation"]
+    assert "our simulation" in text
     assert "our simulation" not in without
     assert as_json(alone)["baseline"] == "rig"
     assert as_json(alone)["model_form"] == []
@@ -167,7 +167,6 @@ def test_contributions_lead_from_the_own_simulation_to_the_logs() -> None:
             assert sum(part.value for part in one.parts) == pytest.approx(one.measured - one.as_given, abs=1e-9 * size)
             assert form.value == pytest.approx(before.as_given - one.as_given)
             assert one.parts[0] == before.parts[0]
-    assert "simulation" in diagnosis_text(found).split("costs ")[1]
     _, same = diagnosed("same")
     pto = [one.parts[-2].value for one in same.contributions if one.metric == "eta_pto" and one.parts]
     assert np.abs(pto).max() < 1e-3

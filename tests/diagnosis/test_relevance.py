@@ -9,8 +9,8 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.contributions import without
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
-from winchcascade.report.cause_words import minor_words
-from winchcascade.report.diagnosis_text import as_json
+from winchcascade.report.results.diagnosis_parts import minor_table
+from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 
@@ -34,7 +34,10 @@ def test_a_cause_is_minor_where_it_changes_less_than_what_is_called_relevant() -
     assert 0.0 < abs(minor.largest.change) < 0.2
     assert minor.largest.load in (9.0, 36.0)
     assert all(part.effect is None for one in small.contributions for part in one.parts)
-    assert minor_words(small).startswith("Significant but too small to matter: ")
+    table = minor_table(small)
+    assert table is not None
+    assert table.cells[0][0] == "line_drag"
+    assert str(table.cells[0][-1]).startswith("significant")
     (record,) = as_json(small)["minor"]
     assert record["effect"] == "line_drag"
     assert as_json(large)["minor"] == []

@@ -22,7 +22,7 @@ from winchcascade.diagnosis.misfit import NOISELESS, Fitted
 from winchcascade.diagnosis.nuisances import SECTIONS
 from winchcascade.diagnosis.stagewise import TOUCHED, _noise, stagewise
 from winchcascade.ingest.read import read_run
-from winchcascade.report.gap_words import arises_sentence
+from winchcascade.report.results.diagnosis_sentences import arises_sentence
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import Model

@@ -38,10 +38,11 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.audit_text import audit_text
-from winchcascade.report.check_report import check_text
 from winchcascade.report.records import reduction_json, reduction_record
-from winchcascade.report.terminal import reduction_text
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.audits import audit_report
+from winchcascade.report.results.checks import check_report
+from winchcascade.report.results.reduction import reduction_report
 from winchcascade.rig.open_rig import load_rig
 from winchcascade.tables.audit import audit_by_load as audit
 from winchcascade.tables.check import check, measured_from_record
@@ -94,9 +95,10 @@ def read_log(path: Path) -> None:
 
 def _reduced(reduction: Reduction) -> None:
     require_payouts(reduction)
-    content = reduction_json(reduction, uncertainty(reduction))
+    found = uncertainty(reduction)
+    content = reduction_json(reduction, found)
     json.loads(content, parse_constant=_no_number)
-    assert reduction_text(reduction)
+    assert terminal_text(reduction_report(reduction, found))
 
 
 def _no_number(word: str) -> None:
@@ -123,15 +125,16 @@ def _measured() -> Any:
 def read_table(path: Path) -> None:
     """Hold a published table against itself and against a sound log."""
     table = load_table(path)
-    assert audit_text(audit(table))
-    assert check_text(check([_measured()], table))
+    assert terminal_text(audit_report(audit(table)))
+    assert terminal_text(check_report(check([_measured()], table)))
 
 
 def read_result(path: Path) -> None:
     """Hold the results of a JSON file against the built-in table."""
     found = load_results(path)
     measured = [measured_from_record(record, name) for name, record in found.records]
-    assert check_text(check(measured, load_table("hsu2026-table2"), whole_campaign=found.whole))
+    found_cells = check(measured, load_table("hsu2026-table2"), whole_campaign=found.whole)
+    assert terminal_text(check_report(found_cells))
 
 
 READERS: dict[str, Callable[[Path], None]] = {

@@ -25,7 +25,8 @@ from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.table_toml import load_table, parse_table
 from winchcascade.ingest.clock import read_clock
 from winchcascade.ingest.read import read_run
-from winchcascade.report.audit_text import audit_text
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.audits import audit_report
 from winchcascade.rig.open_rig import load_rig
 from winchcascade.tables.audit import audit_by_load as audit
 
@@ -158,7 +159,8 @@ def test_json_that_is_no_text_or_too_deep_is_no_result(content: bytes, tmp_path:
 def test_an_audit_of_zeros_divides_by_none(old: str) -> None:
     text = seeds("table")[0].decode()
     assert old in text
-    assert audit_text(audit(parse_table(text.replace(old, f"{old.partition('=')[0]}= 0"), "a.toml")))
+    table = parse_table(text.replace(old, f"{old.partition('=')[0]}= 0"), "a.toml")
+    assert terminal_text(audit_report(audit(table)))
 
 
 def test_a_name_with_control_characters_is_reported_without_them(tmp_path: Path) -> None:

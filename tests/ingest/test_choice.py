@@ -193,7 +193,7 @@ def test_a_command_names_the_sheet_and_shows_it(book: Path) -> None:
     assert "2 sheets could be the log: 'r36ohm', 'r9ohm'" in done.err
     done = call("reduce", book, "--load-ohm", "9", "--sheet", "r9ohm", "--json", "-")
     assert json.loads(done.out)["log"]["table"] == "r9ohm"
-    assert "all.xlsx, table 'r9ohm': " in call("reduce", book, "--load-ohm", "9", "--sheet", "2").out
+    assert "all.xlsx, table 'r9ohm'" in call("reduce", book, "--load-ohm", "9", "--sheet", "2").out
 
 
 def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(book: Path, tmp_path: Path) -> None:

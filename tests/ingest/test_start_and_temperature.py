@@ -15,7 +15,7 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, RigError
 from winchcascade.core.rig_toml import built_in, parse_rig
-from winchcascade.report.time_histories import panels_of
+from winchcascade.report.figures.histories import channels_drawn
 
 BEGAN = NOON.replace(tzinfo=dt.UTC).timestamp()
 WINDING = '\n[channels.winding]\nunit = "degC"\n'
@@ -87,7 +87,7 @@ def test_a_declared_channel_of_temperature_is_in_kelvin(header: str, kelvin: flo
     run = read(tmp_path, heated(header), rig=rig)
     assert run.channels["winding"] == pytest.approx(kelvin, abs=0.01)
     assert run.temperature == pytest.approx(kelvin, abs=0.01)
-    assert panels_of(run, rig)[-1] == ("winding", "winding", "K", 1.0)
+    assert channels_drawn(run, rig)[-1] == ("winding", "winding", "K", 1.0)
 
 
 def test_the_range_of_a_sensor_of_temperature_counts_in_its_own_unit(tmp_path: Path) -> None:

@@ -15,11 +15,13 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.document import make_report
+from winchcascade.report.content import Table
 from winchcascade.report.frames import write_parquet
-from winchcascade.report.publish import publish
 from winchcascade.report.records import reduction_json
-from winchcascade.report.terminal import reduction_text
+from winchcascade.report.render.publish import publish
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.drawn_reduction import drawn_report
+from winchcascade.report.results.reduction import reduction_report
 
 LOG = Path("fixtures/campaign/r36ohm.csv")
 
@@ -52,7 +54,7 @@ def test_two_stages_have_one_efficiency_and_no_net_energies(tmp_path: Path) -> N
     assert result.mean.eta_gen == pytest.approx(0.7711, abs=1e-4)
     assert result.mean.energy_line is None
     assert result.mean.energy_net is None
-    assert "no net energy" not in reduction_text(result)
+    assert "whole-cycles" not in [one.id for one in reduction_report(result, uncertainty(result)).filled]
 
 
 def test_a_motor_test_runs_the_other_way(tmp_path: Path) -> None:
@@ -111,10 +113,11 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
     rows = slice(*np.searchsorted(run.t, (cycle.window.onset, cycle.window.cutoff)).tolist())
     by_hand = float(np.trapezoid(run.channels["pressure"][rows] * 1e-3, run.t[rows]))
     assert cycle.metrics.energy_oilside == pytest.approx(by_hand, rel=0.02)
-    assert "P_oilside" in reduction_text(result)
-    publish(make_report(result, uncertainty(result)), html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
+    report = drawn_report(result, uncertainty(result))
+    assert "E_oilside" in terminal_text(report)
+    publish(report, html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
     page = (tmp_path / "a.html").read_text()
-    assert "oilside, the oil" in page
+    assert "oilside: the oil" in page
     files = write_parquet(result, tmp_path / "tables")
     columns = pq.read_table(files[0]).to_pydict()
     assert columns["energy_oilside_j"] == [c.metrics.energy_oilside for c in result.cycles]
@@ -164,10 +167,11 @@ def test_steps_of_a_dyno_are_no_repeats_of_each_other(tmp_path: Path) -> None:
     assert result.max_deviation_percent.energy_mech is None
     assert found.budget.repeatability.energy_mech is None
     assert found.standard.value("energy_mech") < 0.02 * result.mean.value("energy_mech")
-    assert "mean of" not in reduction_text(result)
     reasons = [f.message for f in result.quality if f.kind == "missing_channel"]
     assert reasons == ["stage gen has no power (vdc * idc): the log has no vdc and no idc"]
-    publish(make_report(result, found), html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
+    report = drawn_report(result, found)
+    assert "mean of" not in terminal_text(report)
+    publish(report, html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
     page = (tmp_path / "a.html").read_text()
     assert "all cycles together" in page
     assert "Speed of the shaft" in page
@@ -190,4 +194,9 @@ def test_a_whole_record_states_what_flows_both_ways_and_bears_a_short_gap(tmp_pa
     assert forth == pytest.approx(float(np.maximum(power, 0.0).sum() * 1e-3), rel=0.02)
     assert back == pytest.approx(float(np.minimum(power, 0.0).sum() * 1e-3), rel=0.03)
     assert result.mean.energy_mech == pytest.approx(forth + back, rel=1e-3)
-    assert "J against it" in reduction_text(result)
+    (row,) = next(
+        block.texts
+        for block in reduction_report(result, uncertainty(result)).blocks
+        if isinstance(block, Table) and block.id == "directions"
+    )
+    assert [float(cell) for cell in row[1:]] == pytest.approx([forth, back], rel=0.01)

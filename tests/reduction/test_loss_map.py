@@ -37,7 +37,9 @@ from winchcascade.reduction.loss_points import (
     stages_of_loss,
 )
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.loss_map_text import loss_map_lines, write_loss_map
+from winchcascade.report.content import Table
+from winchcascade.report.loss_map_file import write_loss_map
+from winchcascade.report.results.loss_surface import loss_map_section
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 
@@ -116,6 +118,11 @@ def test_logs_are_held_out_where_there_are_three_else_cycles_else_points(logs: i
     assert np.unique(groups).size == {"log": logs, "cycle": cycles, "point": 10}[held_out]
 
 
+def shown_tables(found: LossMap) -> dict[str, list[list[str]]]:
+    """Rows of the tables of a loss map as they are shown."""
+    return {block.id: block.texts for block in loss_map_section(found).blocks if isinstance(block, Table)}
+
+
 def test_columns_of_one_load_are_not_distinguished_and_named() -> None:
     rng = np.random.default_rng(2)
     speed = np.linspace(2.0, 11.0, 40)
@@ -126,9 +133,10 @@ def test_columns_of_one_load_are_not_distinguished_and_named() -> None:
     assert math.isinf(found.surface.condition_all)
     assert found.surface.residual < 1.3
     assert all(c.contained_in for c in found.surface.coefficients if c.value is None)
-    text = "\n".join(loss_map_lines(found))
-    assert "do not distinguish" in text
-    assert "the table holds no value" in text
+    cells = shown_tables(found)
+    left_out = [row[0] for row in cells["loss-coefficients"] if row[2] == "not distinguished"]
+    assert len(left_out) == sum(c.value is None for c in found.surface.coefficients)
+    assert "Table" in {row[0] for row in cells["loss-quality"]}  # that holds no value
 
 
 @pytest.mark.parametrize("n", [1, 2])
@@ -139,10 +147,11 @@ def test_as_many_coefficients_as_points_have_no_interval(n: int, tmp_path: Path)
     assert {(c.low, c.high) for c in fitted} == {(None, None)}
     assert math.isnan(found.u_energy)
     assert not np.isfinite(found.u_loss).any()
-    text = "\n".join(loss_map_lines(found))
-    assert f"{n} point{'s' if n > 1 else ''}, torque" in text
-    assert "J lost, uncertainty unknown" in " ".join(text.split())
-    assert sum("unknown  " in line for line in text.splitlines()) == n
+    cells = shown_tables(found)
+    rows = dict(cells["loss-quality"])
+    assert rows["Points"] == f"{n} of 1 log"
+    assert "uncertainty unknown" in rows["Energy lost"]
+    assert sum(row[2] == "unknown" for row in cells["loss-coefficients"]) == n
     for name in ("map.csv", "map.json", "map.mat"):
         write_loss_map(found, tmp_path / name, "log")
     assert json.loads((tmp_path / "map.json").read_text())["energy_lost_standard_uncertainty_j"] is None

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -17,8 +18,10 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
 from winchcascade.reduction.run_record import WavesRecord
 from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, mean_power, ratio_of_sums
-from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
-from winchcascade.report.wave_text import wave_lines, wave_record, waves_from_record
+from winchcascade.reduction.wave_energies import WaveEnergies, joined_waves, wave_energies
+from winchcascade.reduction.wave_record import wave_record, waves_from_record
+from winchcascade.report.content import Note, Section, Span, Table
+from winchcascade.report.results.waves import wave_section
 from winchcascade.rig.kernel import COLUMNS
 
 R_DRUM, SECONDS, GRID = 0.13, 180.0, 1e-3
@@ -27,6 +30,11 @@ HEADERS = {
     "time": "Time (s)", "displacement": "Displacement (m)", "velocity": "Velocity (m/s)", "pressure": "Pressure (kg/cm2)",
     "force": "Force (N)", "torque": "Torque (N.m)", "vdc": "Vdc (V)", "idc": "Idc (A)",
 }  # fmt: skip
+
+
+def table_of(section: Section, name: str) -> Table[Any]:
+    (found,) = (block for block in section.blocks if isinstance(block, Table) and block.id == name)
+    return found
 
 
 def waves_rig(folder: Path) -> Rig:
@@ -145,7 +153,7 @@ def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
     assert found.cycle.size >= 11
     assert found.period == pytest.approx(np.full(found.cycle.size, 6.0), abs=0.05)
     assert sum(c.count for c in found.classes) == found.cycle.size
-    for of in classes_of_payout(found):
+    for of in found.classes:
         assert of.efficiency["eta_gen"] == pytest.approx((of.energy["gen"] or 0.0) / (of.energy["mech"] or 1.0))
     assert found.errors
     assert all(error.shared for error in found.errors)
@@ -166,7 +174,8 @@ def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
     record = json.loads(msgspec.json.encode(wave_record(found)))
     assert len(record["each"]) == found.cycle.size
     assert record["efficiency"]["eta_gen"]["interval_95"][0] <= 0.8001
-    assert "of all waves together" in "\n".join(wave_lines(found))
+    shown = {row[0]: row[1] for row in table_of(wave_section(found), "wave-efficiencies").cells}
+    assert shown == {name: eta.value for name, eta in found.efficiency.items()}
 
 
 def test_gaps_of_more_than_a_second_are_left_out_of_the_record(tmp_path: Path) -> None:
@@ -194,9 +203,9 @@ def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp
     json_file, page, pdf = (tmp_path / f"sines.{ending}" for ending in ("json", "html", "pdf"))
     files: list[str | Path] = ["--json", json_file, "--html", page, "--pdf", pdf]
     printed = command("reduce", log, "--rig", rig, "--load-ohm", "36", *files)
-    assert "record of" in printed
+    assert "complete waves" in printed
     assert "waves" in json.loads(json_file.read_text(encoding="utf-8"))
-    assert "Waves by payout" in page.read_text(encoding="utf-8")
+    assert 'id="table-wave-record"' in page.read_text(encoding="utf-8")
     assert pdf.stat().st_size > 10_000
     plain = command("reduce", fixtures / "campaign" / "r36ohm.csv", "--json", "-")
     assert "waves" not in json.loads(plain)
@@ -255,7 +264,7 @@ def test_sensors_widen_the_interval_by_their_budget_and_an_unknown_accuracy_is_n
     }
     bare = found("".join(tables[name] for name in ("torque", "vdc")))
     assert bare.efficiency["eta_gen"].u_sensors is None
-    assert "without sensors, as the accuracy of idc is unknown" in " ".join(" ".join(wave_lines(bare)).split())
+    assert any("idc" in block.text for block in wave_section(bare).blocks if isinstance(block, Note))
     known = found("".join(tables.values())).efficiency["eta_gen"]
     relative = np.hypot(np.hypot(0.002, 0.0015), 0.003)  # gains of torque, Vdc and Idc, of normal distributions
     assert known.u_sensors == pytest.approx(0.8 * relative, rel=1e-3)
@@ -281,10 +290,10 @@ def test_mean_powers_of_the_record_have_the_interval_of_the_sensors_and_of_the_w
     assert gen.interval is not None
     both = (found.power[stage].u_waves or 0.0 for stage in ("mech", "gen"))
     assert next(both) == pytest.approx(1.25 * next(both), rel=1e-3)  # the same waves, of which 0.8 arrive
-    lines = " ".join(" ".join(wave_lines(found)).split())
-    assert (
-        f"(waves in blocks of {gen.block}, without sensors, as the accuracy of idc, vdc is unknown) eta_trans" in lines
-    )
+    intervals = {row[0]: row[2] for row in table_of(wave_section(found), "wave-record").cells}
+    assert isinstance(intervals["gen"], Span)
+    assert intervals["gen"][:2] == gen.interval
+    assert any("idc, vdc" in block.text for block in wave_section(found).blocks if isinstance(block, Note))
     back = waves_from_record(msgspec.json.decode(msgspec.json.encode(wave_record(found)), type=WavesRecord))
     assert back.power == found.power
 
@@ -341,8 +350,8 @@ def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:
     assert sum(of["count"] for of in together["classes"]) == together["waves"] == sum(together["waves_of_logs"])
     assert len(together["logs"]) == 3
     assert "open circuit" in together["left_out"][0]
-    assert f"waves: {together['waves']} of 2 logs" in printed
+    assert f"{together['waves']} complete waves of 2 logs" in printed
     (written,) = open_campaign(tmp_path / "campaign.toml").report(tmp_path / "campaign.html")
     page = written.read_text(encoding="utf-8")
-    assert "Waves by payout" in page
+    assert 'id="table-wave-logs"' in page
     assert "is not among the waves together" in page

@@ -12,9 +12,8 @@ from typing import Any
 import pytest
 from calls import call
 
-from winchcascade import open_campaign
-from winchcascade.report.best_load import rank_loads
-from winchcascade.report.campaign_record import campaign_from
+from winchcascade.reduction.best_load import rank_loads
+from winchcascade.reduction.campaign_record import campaign_from
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADS = {"r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5}
@@ -75,29 +74,3 @@ def test_the_speeds_may_differ_by_five_percent(tmp_path: Path, speed: float | No
     ranking = rank_loads(campaign_from(record).reduced)
     assert (ranking.best is not None) == claimed
     assert bool(ranking.reason) != claimed
-
-
-def test_frames_have_the_plateau_speed_beside_the_load() -> None:
-    frame = open_campaign(CAMPAIGN).reduce().to_pandas("runs")
-    assert list(frame.columns[:4]) == ["run", "log", "load_ohm", "plateau_speed_mps"]
-    speed = dict(zip(frame.load_ohm, frame.plateau_speed_mps, strict=True))
-    assert speed[9.0] == pytest.approx(0.510, abs=0.001)
-    assert speed[4.5] == pytest.approx(0.317, abs=0.001)
-
-
-def test_every_table_over_loads_has_the_plateau_speed(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    from winchcascade.report.campaign import make_campaign_report
-    from winchcascade.report.content import Table
-
-    record = batched(tmp_path, {name: LOADS[name] for name in ("r36ohm", "r9ohm")})
-    report = make_campaign_report(campaign_from(record), tmp_path / "out")
-    tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
-    over_loads = [
-        found for found in tables if list(found.head[:2]) == ["Log", "Load"] and found.id != "model-differences"
-    ]
-    assert {"energies", "efficiencies", "net", "repeatability", "logs"} <= {found.id for found in over_loads}
-    for found in over_loads:
-        if found.id in ("energies", "efficiencies", "net", "repeatability", "logs"):
-            assert [row[found.head.index("Plateau")] for row in found.rows] == ["0.858", "0.510"]
-    assert all(tile.symbol != "Best load" for tile in report.tiles)

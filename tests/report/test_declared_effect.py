@@ -1,13 +1,16 @@
 """An effect that changes one number needs its declaration only: commands, diagnosis and reports take all from there."""
 
+import re
+
 import pytest
 from diagnosed import SUSPECTS, made_logs
 
+from winchcascade.diagnosis.cause_numbers import cause_numbers, tolerance_of
 from winchcascade.diagnosis.diagnose import diagnose
-from winchcascade.report.diagnosis_causes import cause_rows, tolerance_of
-from winchcascade.report.diagnosis_tables import causes_table
-from winchcascade.report.diagnosis_text import diagnosis_text
-from winchcascade.report.effects_text import effects_text
+from winchcascade.report.content import Measured
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.diagnosis_parts import causes_table
+from winchcascade.report.results.effects import effects_report
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 from winchcascade.rig.open_rig import load_rig
@@ -29,8 +32,10 @@ PRESSURE_ZERO = Effect(
 @pytest.mark.slow
 def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(EFFECTS, "pressure_zero", PRESSURE_ZERO)
-    assert ["pressure_zero", "sensor", "offset", "(Pa)"] in [line.split() for line in effects_text().splitlines()]
-    assert effects_text("pressure_zero").startswith("pressure_zero (sensor): Zero error of the pressure sensor.")
+    assert re.search(
+        r"(?m)^pressure_zero +offset +Zero error of the pressure sensor.$", terminal_text(effects_report())
+    )
+    assert terminal_text(effects_report("pressure_zero")).startswith("pressure_zero (sensor): Zero error")
     runs = [one.run for one in made_logs({"pressure_zero": {"offset": 40e3}})]
     found = diagnose(runs, load_rig("hsu2026"), {name: EFFECTS[name] for name in (*SUSPECTS, "pressure_zero")})
     (cause,) = found.causes
@@ -38,10 +43,9 @@ def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(mon
     assert cause.parameters["offset"].low < 40e3 < cause.parameters["offset"].high
     table = causes_table(found)
     assert table is not None
-    assert table.rows[0][:3] == ("Pressure sensor zero (pressure_zero)", "sensor", "zero of the pressure sensor")
-    assert str(table.rows[0][3]).startswith("+")
-    assert str(table.rows[0][3]).endswith("kPa")
-    assert table.rows[0][-1] == "Zero error of the pressure sensor."
-    assert "zero of the pressure sensor" in " ".join(diagnosis_text(found).split())
+    row = dict(zip((column.name for column in table.columns), table.cells[0], strict=True))
+    assert (row["effect"], row["what changes"], row["unit"]) == ("pressure_zero", "zero of the pressure sensor", "kPa")
+    assert isinstance(row["found"], Measured)
+    assert row["found"].value == pytest.approx(1e-3 * cause.parameters["offset"].value)
     assert tolerance_of(found, PRESSURE_ZERO) > 0.0
-    assert [row.name for row in cause_rows(found)] == ["offset"]
+    assert [row.name for row in cause_numbers(found)] == ["offset"]

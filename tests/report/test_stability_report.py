@@ -1,17 +1,13 @@
 """The numbers of causes run by run in sentences, in the JSON and as a figure."""
 
-import math
-
 import msgspec
-import pytest
 from diagnosed import diagnosed
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability, Trend
-from winchcascade.report.cause_words import stability_words
-from winchcascade.report.diagnosis_causes import stability_figure
-from winchcascade.report.diagnosis_text import as_json, diagnosis_text
-from winchcascade.report.style import house_style
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.diagnosis import diagnosis_report
+from winchcascade.report.results.diagnosis_record import as_json
 
 NUMBERS = (RunValue(0, 0.3, 0.28, 0.32), RunValue(1, 0.5, 0.48, 0.52))
 
@@ -39,51 +35,10 @@ def test_a_run_without_a_number_is_null_with_the_reason() -> None:
     assert [one["reason"] for one in record["stability"]] == ["the run hardly depends on this cause", "withheld"]
 
 
-@pytest.mark.parametrize(
-    ("trend", "text"),
-    [
-        (
-            Trend("order", 0.2, 0.02, 1e-9),
-            "stator resistance changes by +20.0 % (95 %: 16.1 to 23.9 %) from r18ohm.csv to r4p5ohm.csv, in the order of the "
-            "runs, more than its intervals allow.",
-        ),
-        (
-            Trend("load", -0.2, 0.02, 1e-9, instead="order"),
-            "changes by −20.0 % (95 %: −23.9 to −16.1 %) from 18 Ω to 4.5 Ω, more than its intervals allow. The order of the "
-            "runs would explain it as well.",
-        ),
-        (
-            Trend("scatter", 0.2, math.nan, 1e-9),
-            "stator resistance differs from run to run by up to 20 %, more than its intervals allow.",
-        ),
-    ],
-)
-def test_a_trend_is_one_sentence(trend: Trend, text: str) -> None:
-    found = with_trends(trend)
-    assert stability_words(found).startswith("Stator resistance (copper_heating): ")
-    assert text in stability_words(found)
-    (record,) = as_json(found)["causes"]
-    assert text in record["trends"][0]["sentence"]
-
-
-def test_two_runs_are_too_few_for_a_sentence() -> None:
-    assert stability_words(diagnosed("copper")) == ""
-
-
-def test_a_number_that_changes_is_marked_in_the_title_of_its_panel() -> None:
-    with house_style():
-        figure = stability_figure(with_trends(Trend("load", -0.2, 0.02, 1e-9)))
-    assert figure is not None
-    (title,) = [ax.get_title(loc="left") for ax in figure.axes if ax.get_title(loc="left")]
-    assert title == "Stator resistance: changes with the load\nstator resistance (%)"
-
-
-def test_without_a_cause_there_is_no_figure() -> None:
-    assert stability_figure(diagnosed("nothing")) is None
-
-
-def test_the_terminal_has_a_line_where_a_number_changes_only() -> None:
-    assert "steady" not in diagnosis_text(with_trends())
-    assert "\nsteady     Stator resistance (copper_heating): " in diagnosis_text(
-        with_trends(Trend("order", 0.2, 0.02, 1e-9))
-    )
+def test_what_differs_between_runs_is_stated_of_its_cause_and_in_the_terminal() -> None:
+    found = with_trends(Trend("order", 0.2, 0.02, 1e-9))
+    made = diagnosis_report(found)
+    (trend,) = as_json(found)["causes"][0]["trends"]
+    assert [(note.text, note.tone) for note in made.notes if note.about == "Trend"] == [(trend["sentence"], "warn")]
+    assert "r4p5ohm.csv" in terminal_text(made)
+    assert "r4p5ohm.csv" not in terminal_text(diagnosis_report(with_trends()))

@@ -1,37 +1,51 @@
-from pathlib import Path
+"""How a report is laid out for a terminal and for a pipe."""
 
-import msgspec
-import pytest
+import re
 
-from winchcascade import read_run, reduce
-from winchcascade.report.terminal import reduction_text
+from winchcascade.core.plain_text import lines
+from winchcascade.report.content import Column, Note, Report, Table, section, table
+from winchcascade.report.glossary import typeset
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.screen import PIPE, Screen, painted, use_screen
 
-NARROW = 80
-"""Columns of a terminal that nobody has widened."""
-
-
-@pytest.mark.parametrize("name", ["r36ohm", "open_circuit", "r4p5ohm"])
-def test_the_table_of_a_crane_trial_fits_a_narrow_terminal(fixtures: Path, name: str) -> None:
-    text = reduction_text(reduce(read_run(fixtures / "campaign" / f"{name}.csv", campaign=False)))
-    assert max(len(line) for line in text.splitlines()) <= NARROW
+COLOUR = re.compile(r"\x1b\[[\d;]*m")
+WIDE = [Column[float](f"column {k:02d}", lambda row: row) for k in range(30)]
 
 
-def test_an_incomplete_cycle_stands_in_brackets(fixtures: Path) -> None:
-    text = reduction_text(reduce(read_run(fixtures / "damaged_logs" / "aborted.csv"), window=5.48))
-    assert "\n(3)" in text
-    assert "mean of 2" in text
+def report(*tables: Table[float] | None) -> Report:
+    return Report(
+        "Test", "A title", points=[Note("evil\x1b[31m\ufdd2", "Point", "warn")],
+        sections=[section("wide", "Wide", *tables)], verdict=Note("As it should be.", tone="good"),
+    )  # fmt: skip
 
 
-def test_control_characters_of_a_log_do_not_reach_the_terminal(fixtures: Path) -> None:
-    reduction = reduce(read_run(fixtures / "campaign" / "r36ohm.csv"))
-    evil = msgspec.structs.replace(reduction, run=msgspec.structs.replace(reduction.run, name="a\x1b[31m\nb.csv"))
-    assert "\x1b" not in reduction_text(evil)
+def test_colours_reach_a_terminal_and_those_of_a_file_do_not() -> None:
+    use_screen(Screen(100, colour=True))
+    try:
+        coloured = painted(terminal_text(report(table("wide", "A wide table.", WIDE, [1.25]))), lines)
+    finally:
+        use_screen(PIPE)
+    assert {"\x1b[1m", "\x1b[32m", "\x1b[33m"} <= set(COLOUR.findall(coloured))
+    assert "\x1b[31m" not in coloured
+    assert "evil?[31m" in coloured
 
 
-def test_many_cycles_are_shown_by_their_first_and_last(fixtures: Path) -> None:
-    reduction = reduce(read_run(fixtures / "campaign" / "r36ohm.csv"))
-    many = tuple(msgspec.structs.replace(reduction.cycles[0], cycle=k) for k in range(1, 101))
-    text = reduction_text(msgspec.structs.replace(reduction, cycles=many))
-    assert "80 cycles more" in text
-    assert "\n100 " in text
-    assert "\n50 " not in text
+def test_a_pipe_gets_a_wide_table_whole_and_a_path_unbroken() -> None:
+    path = "results/" + "a folder of a long name/" * 8 + "page.html"
+    printed = terminal_text(report(table("wide", "A wide table.", WIDE, [1.25, 1000.0])), [path])
+    head = next(line for line in printed.splitlines() if line.startswith("column 00"))
+    assert head.endswith("column 29")
+    assert printed.count("1000") == len(WIDE)
+    assert f"files      {path}" in printed.splitlines()
+
+
+def test_many_rows_are_shown_by_their_first_and_last() -> None:
+    columns = [Column[int]("number", lambda k: k)]
+    text = terminal_text(report(Table("long", "A long table.", columns, range(1, 101), limit=12)))  # type: ignore[arg-type]
+    shown = re.findall(r"(?m)^ *(\d+)$", text)
+    assert shown == ["1", "2", "3", "4", "5", "6", "95", "96", "97", "98", "99", "100"]
+    assert "... 88 more" in text
+
+
+def test_an_option_keeps_its_name_where_units_have_signs() -> None:
+    assert typeset("open circuit (--load-ohm), 9 ohm, in ohm") == "open circuit (--load-ohm), 9\u00a0Ω, in Ω"

@@ -19,7 +19,8 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
-from winchcascade.report.effects_text import effects_text
+from winchcascade.report.render.terminal import terminal_text
+from winchcascade.report.results.effects import effects_report
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, find_effect, make_effect
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
@@ -341,20 +342,13 @@ def test_an_effect_is_found_by_its_name() -> None:
     assert find_effect("ke_rolloff") is EFFECTS["ke_rolloff"]
 
 
-def test_the_table_names_every_effect_in_a_hundred_columns() -> None:
-    lines = effects_text().splitlines()
-    assert max(map(len, lines)) <= 100
-    named = [line.split()[0] for line in lines[1:] if not line.startswith(" ")]
-    assert named == list(EFFECTS)
-
-
 @every_effect
-def test_the_sheet_of_an_effect_has_all_of_its_declaration(name: str) -> None:
-    text, effect = " ".join(effects_text(name).split()), EFFECTS[name]
-    assert all(part in text for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source))
+def test_the_report_of_an_effect_has_all_of_its_declaration(name: str) -> None:
+    text, effect = " ".join(terminal_text(effects_report(name)).split()), EFFECTS[name]
+    for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source):
+        assert " ".join(part.split()) in text
     for field in effect.fields:
-        assert f"{field.name} [{field.unit}]: {field.low:g} to {field.high:g}, absent {field.absent:g}; " in text
-        assert field.source in text
+        assert f"{field.name} {field.unit} {field.low:g} to {field.high:g} {field.absent:g} {field.source}" in text
 
 
 PAGE = ROOT / "docs" / "effects.md"

@@ -38,15 +38,15 @@ assert all(before[name] for name in names)
 
 from winchcascade.batch.campaign_diagnosis import diagnose_listed
 from winchcascade.core.campaign_file import load_campaign
-from winchcascade.report.document import make_report
-from winchcascade.report.model_section import modelled
+from winchcascade.report.results.drawn_reduction import drawn_report
+from winchcascade.diagnosis.model_account import modelled
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 found = diagnose_listed(load_campaign(Path(sys.argv[1])), EFFECTS)
 reduction = reduce(found.runs[0])
-make_report(reduction, uncertainty(reduction), model=modelled(reduction))
+drawn_report(reduction, uncertainty(reduction), model=modelled(reduction))
 assert compiled() == before, (compiled(), before)
 """
 

@@ -123,7 +123,7 @@ def test_a_text_where_a_number_was_expected_is_reported(tmp_path: Path) -> None:
     columns = '[columns]\ntorque = { unit = "N.m" }\nspeed = { unit = "rpm" }\npower_mech = { unit = "W" }\n'
     (tmp_path / "points.toml").write_text(HEAD + 'csv = "points.csv"\nkey = "torque"\n' + columns)
     out = call("audit", tmp_path / "points.toml").out
-    assert "not numbers, and not compared: row 2 power_mech '2000 W'\n" in out
+    assert "row 2 power_mech '2000 W'" in out
 
 
 @pytest.mark.parametrize(

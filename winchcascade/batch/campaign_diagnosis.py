@@ -22,7 +22,7 @@ from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_
 from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.diagnosis_text import as_json
+from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import NoModel, model_of
 from winchcascade.rig.open_rig import load_rig
 from winchcascade.rig.simulate import simulate, write_log, write_simulated
@@ -170,16 +170,9 @@ def diagnose_listed(
             simulations = on_the_logs(simulations, runs, the_rig, cycles)
         windows = [entry.window for entry in campaign.runs]
         found = diagnose(
-            runs,
-            the_rig,
-            suspects,
-            title=campaign.name,
-            cycles=cycles,
-            windows=windows,
-            withheld=withheld,
-            seed=seed,
+            runs, the_rig, suspects, title=campaign.name, cycles=cycles, windows=windows, withheld=withheld, seed=seed,
             on_progress=on_progress,
-        )
+        )  # fmt: skip
         if simulations is None:
             return found
         return beside_own_simulation(found, simulations, windows=windows, on_progress=on_progress)
@@ -284,7 +277,5 @@ def _predicted_power(judged: LineClosure, side: str) -> dict[str, Signal]:
 def _write_power(rows: Signal, path: Path, *, force: bool) -> None:
     formats = ["%.6f" if rows[-1, 0] < 1e6 else "%.3f", "%d", "%.9g"]
     write_whole(
-        path,
-        lambda part: np.savetxt(part, rows, fmt=formats, delimiter=",", header=HEADER, comments=""),
-        force=force,
+        path, lambda part: np.savetxt(part, rows, fmt=formats, delimiter=",", header=HEADER, comments=""), force=force
     )

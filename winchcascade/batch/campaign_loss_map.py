@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.core.addresses import local_copy
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.ingest.read import read_by
-from winchcascade.reduction.loss_map import make_loss_map
+from winchcascade.reduction.loss_map import LossMap, make_loss_map
 from winchcascade.reduction.loss_points import LossPoints, joined, loss_points, stages_of_loss
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.loss_map_text import check_ending, loss_map_lines, write_loss_map
+from winchcascade.report.loss_map_file import check_ending
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan, Work
-    from winchcascade.batch.run_batch import Batch, Products
 
 
 def points_of(work: Work) -> LossPoints:
     """Operating points of one log, which is read and reduced anew. Raises as `loss_points`."""
-    with local_copy(work.address) as path:
-        run = read_by(path, work.settings)
-    found = loss_points(reduce(run))
+    found = loss_points(reduce(read_by(Path(work.path), work.settings)))
     return msgspec.structs.replace(found, logs=(work.name,))
 
 
@@ -44,25 +41,20 @@ def check_one_map(plan: Plan, path: Path) -> None:
     stages_of_loss(rigs[0].cascade)
 
 
-def write_campaign_loss_map(
-    plan: Plan, batch: Batch, products: Products, path: Path, *, workers: Workers, force: bool = False
-) -> str:
-    """Make the loss map of a campaign, write it and its reports, and describe it for the terminal.
-
-    A log of the batch that has no operating point is named and left out.
+def campaign_loss_map(plan: Plan, names: Container[str], workers: Workers) -> tuple[LossMap, list[str]]:
+    """Make the loss map of a campaign; and why logs are left out, as those without an operating point are.
 
     Parameters
     ----------
-    products : states which reports are wanted; they are written into the folder of the batch
-    path : of the map, `.csv`, `.mat` or `.json`
+    names : of the logs that could be reduced
 
     Raises
     ------
     LogError : no log has an operating point
     """
-    work = {item.name: item for item in plan.work if item.name in batch.results}
     parts: dict[str, LossPoints] = {}
     faults: dict[str, str] = {}
+    work = {item.name: item for item in plan.work if item.name in names}
     for name, outcome in workers.run(points_of, work, Nobody()):
         if outcome.value is None:
             faults[name] = outcome.fault or ""
@@ -71,14 +63,4 @@ def write_campaign_loss_map(
     if not parts:
         raise LogError(next(iter(faults.values()), f"{plan.title}: no log was reduced, so there is no loss map."))
     found = make_loss_map(joined([parts[name] for name in work if name in parts]), plan.work[0].settings.rig)
-    write_loss_map(found, path, plan.title, force=force)
-    lines = ["", *loss_map_lines(found), *(f"left out: {faults[name]}" for name in work if name in faults)]
-    if products.reports:
-        from winchcascade.report.loss_map_section import campaign_loss_map_report, publish_campaign_loss_map
-        from winchcascade.report.results_index import INDEX, links_to
-
-        origins = [item.settings.origin for item in work.values()]
-        report = campaign_loss_map_report(found, plan.title, origins, products.command)
-        report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
-        lines += [f"loss map: {file}" for file in publish_campaign_loss_map(report, batch.folder, products.reports)]
-    return "\n".join([*lines, f"loss map: {path}"]) + "\n"
+    return found, [faults[name] for name in work if name in faults]

@@ -6,6 +6,7 @@ import math
 import zipfile
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,9 @@ import msgspec
 
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.plain_text import cell_text
-from winchcascade.core.version import __version__
+from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.run_record import FindingRecord, RunRecord
-from winchcascade.report.content import made_at
-from winchcascade.report.frames import RUN_ENDS, Row, arrow_table, table_rows, table_schema
+from winchcascade.report.frames import RUN_ENDS, Row, table_rows, table_schema
 
 TABLES = ("runs", "cycles", "bins", "findings")
 """Tables of a dataset, in the order of their sheets."""
@@ -39,10 +39,7 @@ _FORMATS = {"J": "0.0", "W": "0.0", "s": "0.000", "m": "0.000", "m/s": "0.0000",
 
 _ENDS = (*(end for end in RUN_ENDS if end and not end.endswith("percent")), "_standard_error")
 
-_WIDTHS = {"run": 26, "log": 44, "rig": 16, "origin": 44, "message": 60, "action": 44, "channel": 14}
-"""Widths of the columns of texts. [characters]"""
-
-_NARROW, _WIDE = 9, 44
+_WIDTHS = (9, 44)
 """Limits of the width of a column. [characters]"""
 
 SCHEMA = "winchcascade/dataset/1"
@@ -91,21 +88,18 @@ def _read(path: Path) -> tuple[list[str], Iterator[Row]]:
     return list(parquet.read_schema(path).names), rows()
 
 
-def _sheet(book: Any, title: str, names: Sequence[str], rows: Iterator[Row]) -> Any:
+def _sheet(book: Any, title: str, names: Sequence[str], rows: Iterable[Row]) -> Any:
     """Write one sheet: names, units, rows; the heads and the first column stay in sight."""
     sheet = book.add_worksheet(title)
     sheet.freeze_panes(2, 1)
     units = [unit_of_column(name) for name in names]
-    bold, soft = book.add_format({"bold": True}), book.add_format({"italic": True, "bottom": 1})
-    widths = [min(max(len(name) + 1, _NARROW), _WIDE) for name in names]
     formats = {unit: book.add_format({"num_format": _FORMATS[unit]}) for unit in dict.fromkeys(units)}
-    for k, (width, unit) in enumerate(zip(widths, units, strict=True)):
-        sheet.set_column(k, k, _WIDTHS.get(names[k], width), formats[unit])
-    sheet.write_row(0, 0, names, bold)
-    sheet.write_row(1, 0, units, soft)
-    for i, row in enumerate(rows):
-        if i >= _SHEET_ROWS:
-            break
+    for k, (name, unit) in enumerate(zip(names, units, strict=True)):
+        wide = name in ("run", "log", "rig", "origin", "message", "action")
+        sheet.set_column(k, k, _WIDTHS[1] if wide else max(_WIDTHS[0], min(len(name) + 1, _WIDTHS[1])), formats[unit])
+    sheet.write_row(0, 0, names, book.add_format({"bold": True}))
+    sheet.write_row(1, 0, units, book.add_format({"italic": True, "bottom": 1}))
+    for i, row in enumerate(islice(rows, _SHEET_ROWS)):
         for k, (name, unit) in enumerate(zip(names, units, strict=True)):
             value = row.get(name)
             if value is not None:  # what is unknown is an empty cell, an open circuit the text inf
@@ -115,50 +109,34 @@ def _sheet(book: Any, title: str, names: Sequence[str], rows: Iterator[Row]) -> 
 
 
 def _summary(book: Any, path: Path) -> None:
-    """Write the sheet of energies and efficiencies of every log, those with a load first, and the chart."""
+    """Write the sheet of energies and efficiencies of every log, by load, those without a known one last; and the chart."""
     names, rows = _read(path)
-    metrics = [n for n in names if n.startswith(("energy_", "power_", "eta_")) and unit_of_column(n) in ("J", "W", "1")]
-    metrics = [n for n in metrics if not n.endswith((*_ENDS, "_percent"))]
-    found = sorted(rows, key=_by_load)[:_SHEET_ROWS]
-    metrics = [n for n in metrics if any(row[n] is not None for row in found)]
-    etas = [n for n in metrics if n.startswith("eta_")]
-    errors = [f"{n}_standard_uncertainty" for n in etas]
-    columns = [
-        "run",
-        "load_ohm",
-        "complete",
-        "cycles",
-        "findings",
-        *etas,
-        *errors,
-        *[n for n in metrics if n not in etas],
+    found = sorted(rows, key=lambda row: row["load_ohm"] if isinstance(row["load_ohm"], float) else math.inf)
+    metrics = [
+        name
+        for name in names
+        if name.startswith(("energy_", "power_", "eta_"))
+        and not name.endswith((*_ENDS, "_percent"))
+        and any(row[name] is not None for row in found)
     ]
-    sheet = _sheet(book, "summary", columns, iter(found))
-    loaded = sum(_by_load(row)[0] == 0 for row in found)
+    etas = [name for name in metrics if name.startswith("eta_")]
+    errors = [f"{name}_standard_uncertainty" for name in etas]
+    others = [name for name in metrics if name not in etas]
+    columns = ["run", "load_ohm", "complete", "cycles", "findings", *etas, *errors, *others]
+    sheet = _sheet(book, "summary", columns, found)
+    loaded = sum(isinstance(row["load_ohm"], float) and math.isfinite(row["load_ohm"]) for row in found)
     if etas and found:
-        _chart(book, sheet, [columns.index(n) for n in etas], loaded=loaded, rows=len(found))
-
-
-def _by_load(row: Row) -> tuple[int, float, str]:
-    """Order of the logs: by load, then those in open circuit and those whose load is unknown."""
-    load = row["load_ohm"]
-    known = isinstance(load, float) and math.isfinite(load)
-    return (0 if known else 1, float(load) if known else 0.0, str(row["run"]))  # type: ignore[arg-type]
+        _chart(book, sheet, [columns.index(name) for name in etas], loaded=loaded, rows=len(found))
 
 
 def _chart(book: Any, sheet: Any, columns: Sequence[int], *, loaded: int, rows: int) -> None:
     """Draw the efficiencies over the load, or over the logs where fewer than two have a load."""
     over_load = loaded > 1
-    last = 1 + (loaded if over_load else rows)
+    first, last, along = 2, 1 + (loaded if over_load else rows), int(over_load)
     chart = book.add_chart({"type": "scatter", "subtype": "straight_with_markers"} if over_load else {"type": "column"})
     for column in columns:
-        chart.add_series(
-            {
-                "name": ["summary", 0, column],
-                "categories": ["summary", 2, 1 if over_load else 0, last, 1 if over_load else 0],
-                "values": ["summary", 2, column, last, column],
-            }
-        )
+        values, categories = (["summary", first, k, last, k] for k in (column, along))
+        chart.add_series({"name": ["summary", 0, column], "categories": categories, "values": values})
     chart.set_title({"name": f"Efficiency over {'load' if over_load else 'logs'}"})
     chart.set_x_axis({"name": "Load resistance (ohm)"} if over_load else {"name": "Log"})
     chart.set_y_axis({"name": "Efficiency (1)", "num_format": "0.00"})
@@ -180,6 +158,7 @@ def write_dataset(
     between : findings that one log has beside the others, each with the name of its log
     cascades : those of the rigs of the logs
     """
+    import pyarrow as pa
     from pyarrow import parquet
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -187,7 +166,7 @@ def write_dataset(
     schemas = {table: table_schema(table, about, cascades) for table in TABLES}
 
     def flush(writer: Any, table: str, rows: list[Row]) -> None:
-        writer.write_table(arrow_table(rows, schemas[table]))
+        writer.write_table(pa.Table.from_pylist(rows, schema=schemas[table]))
         rows.clear()
 
     with ExitStack() as stack:

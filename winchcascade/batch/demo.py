@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import msgspec
 
+from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import check_replaceable, write_content
+from winchcascade.core.files import check_replaceable, write_content, write_set
 from winchcascade.core.jobs import set_threads
-from winchcascade.core.store import KeptFiles, altered, digest_of, inside, locked, make_one, marked, with_digest
+from winchcascade.core.store import Output, digest_of, fingerprint, inside, locked, make_one, with_digest
 from winchcascade.core.version import __version__
 
 _PACKAGE = Path(__file__).parent.parent
@@ -40,39 +41,21 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
     return folder / "campaign.toml"
 
 
-RECORD = "json"
-"""Ending of the record of a diagnosis, which states how the files were made and is written last."""
-
-KINDS = ("html", "pdf", RECORD)
-"""Endings of the files of a diagnosis."""
+KINDS = ("html", "pdf", "json")
+"""Endings of the files of a diagnosis; the record, which states how they were made, is written last."""
 
 DIAGNOSIS_FILES = tuple(f"diagnosis.{kind}" for kind in KINDS)
 """Files of a diagnosis, by their names in the results folder."""
 
 
-class _KeptLog(msgspec.Struct):
-    file: str
-    sha256: str
-
-
-class _KeptDiagnosis(msgspec.Struct):
-    """How an earlier call made a diagnosis."""
-
-    logs: list[_KeptLog]
-    store: KeptFiles
-    version: str = ""
-
-
-def has_diagnosis(folder: Path, campaign: Path) -> bool:
-    """Whether a folder holds the diagnosis that a call of this version made of the same logs, with its files unchanged."""
-    kept = marked(inside(folder, f"diagnosis.{RECORD}"), _KeptDiagnosis)
-    if not isinstance(kept, _KeptDiagnosis) or kept.version != __version__ or altered(folder, kept.store.files):
-        return False
-    return not altered(campaign.parent, {log.file: log.sha256 for log in kept.logs})
+def diagnosis_output(campaign: Path) -> Output:
+    """The diagnosis of a campaign in a folder of results, by a key of this version and the content of the logs."""
+    files = {path.name: fingerprint(path) for path in sorted(campaign.parent.iterdir())}
+    return Output("diagnosis.json", "store", digest_of(repr((__version__, files)).encode()), DIAGNOSIS_FILES[:-1])
 
 
 def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:
-    """Diagnose a campaign with all effects: the files of `KINDS`, by their endings.
+    """Diagnose a campaign with all effects: the files of `DIAGNOSIS_FILES`, by their names.
 
     Parameters
     ----------
@@ -80,47 +63,41 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     """
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
     from winchcascade.core.campaign_file import load_campaign
-    from winchcascade.report.diagnosis import make_diagnosis_report
-    from winchcascade.report.diagnosis_text import as_json
-    from winchcascade.report.publish import html_text, pdf_bytes
-    from winchcascade.report.results_index import INDEX, links_to
+    from winchcascade.report.render.page import page_text
+    from winchcascade.report.render.pdf import pdf_bytes
+    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.diagnosis import diagnosis_report
+    from winchcascade.report.results.diagnosis_record import as_json
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     set_threads(threads)
+    output = diagnosis_output(campaign)
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
-    report = make_diagnosis_report(found, command=command)
+    report = diagnosis_report(found, command=command)
     report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
-    files = {"html": html_text(report).encode(), "pdf": pdf_bytes(report)}
-    digests = {f"diagnosis.{kind}": digest_of(content) for kind, content in files.items()}
-    record = as_json(found) | {"version": __version__}
-    return files | {RECORD: with_digest(record, "store", {"files": digests}, indent=1)}
+    files = {"diagnosis.html": page_text(report).encode(), "diagnosis.pdf": pdf_bytes(report)}
+    digests = {name: digest_of(content) for name, content in files.items()}
+    made_by = {"key": output.key, "files": digests}
+    return files | {
+        output.record: with_digest(as_json(found) | {"version": __version__}, output.entry, made_by, indent=1)
+    }
 
 
-def keep_diagnosis(
-    campaign: Path,
+def write_diagnosis(
     folder: Path,
-    diagnosed: Callable[[], dict[str, bytes]],
+    files: Mapping[str, bytes],
     *,
     force: bool = False,
     on_progress: Callable[[str], None] = lambda _: None,
-) -> tuple[dict[str, object], list[Path]]:
-    """Write the diagnosis of the copied campaign into a folder that is there; give the JSON's content and the files.
-
-    What an earlier call of the same version made of the same logs is kept, unless `force` is set.
-
-    Parameters
-    ----------
-    diagnosed : gives what `diagnosis_of` makes
+) -> None:
+    """Write the files of a diagnosis into a folder of results, and list them on its page.
 
     Raises
     ------
     OutputError : a file of that name is not this tool's own, and `force` does not allow to replace it
     """
-    files = {kind: inside(folder, f"diagnosis.{kind}") for kind in KINDS}
     with locked(folder, lambda place: on_progress(f"waiting for another call that works in {place}")):
-        if force or not has_diagnosis(folder, campaign):
-            for path in files.values():
-                check_replaceable(path, force=force)
-            for kind, content in diagnosed().items():
-                write_content(files[kind], content, force=force)
-        return msgspec.json.decode(files[RECORD].read_bytes(), type=dict[str, object]), list(files.values())
+        for name in files:
+            check_replaceable(inside(folder, name), force=force)
+        write_set({folder / name: content for name, content in files.items()})
+        write_index(folder)

@@ -4,30 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import msgspec
-from msgspec.structs import replace
 
 from winchcascade.batch.plan import Plan, make_plan
-from winchcascade.core.arguments import (
-    FLAG,
-    LOADS,
-    NAMES,
-    PATH,
-    PATH_OR_NONE,
-    PROCESSES,
-    SEED_NUMBER,
-    check_arguments,
-)
+from winchcascade.core.arguments import FLAG, LOADS, NAMES, PATH, PATH_OR_NONE, PROCESSES, SEED_NUMBER, check_arguments
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, check_type
 from winchcascade.core.jobs import Workers
 from winchcascade.core.late_module import LateModule
+from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.reduce import window_rule
-from winchcascade.reduction.run_record import RunRecord
-from winchcascade.report.campaign_record import CampaignReduction
 
 if TYPE_CHECKING:
     from winchcascade.core import published_table
@@ -85,18 +73,10 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         ------
         OptionError : no further process can be started
         """
-        from winchcascade.batch.run_batch import run_batch
+        from winchcascade.batch.reductions import reduce_campaign
 
         check_arguments("reduce", ("jobs", jobs, PROCESSES))
-        with TemporaryDirectory(prefix="winchcascade-") as folder:
-            batch = run_batch(self.plan, Path(folder) / "results", workers=Workers(jobs))
-            records = {
-                name: msgspec.json.decode(path.read_bytes(), type=RunRecord) for name, path in batch.results.items()
-            }
-        more = {name: tuple(f for of, f in batch.summary.between if of == name) for name in records}
-        records = {name: replace(record, quality=record.quality + more[name]) for name, record in records.items()}
-        cascades = tuple(work.settings.rig.cascade for work in self.plan.work)
-        return CampaignReduction(batch.summary, records, cascades)
+        return reduce_campaign(self.plan, Workers(jobs))
 
     def diagnose(
         self,
@@ -157,14 +137,13 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         LogError : a log of the campaign cannot be used
         CheckError : a load has no row in the table, or two runs have the same load
         """
-        from winchcascade.batch.results import campaign_results
-        from winchcascade.batch.results import check_results as check_all
+        from winchcascade.batch.results import campaign_results, check_results
 
         check_arguments("check", ("jobs", jobs, PROCESSES))
         if factors is not None:
             check_type("check, factors", factors, check.Factors, "winchcascade.tables.check")
         opened = point_table.open_table(table)
-        return check_all(campaign_results(self.plan, jobs), opened, factors)
+        return check_results(campaign_results(self.plan, jobs), opened, factors)
 
     def report(self, path: str | Path, *, jobs: int = 1, force: bool = False) -> list[Path]:
         """Reduce every log and write the report of the campaign; the files that were written, that of the campaign first.
@@ -180,7 +159,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         OutputError : the files cannot be written, or are not this tool's own and `force` does not allow to replace them
         """
         from winchcascade.batch.run_batch import DATASET, REPORTS, Products, run_batch
-        from winchcascade.report.write_report import write_report
+        from winchcascade.report.views import write_report
 
         check_arguments("report", ("path", path, PATH), ("jobs", jobs, PROCESSES), ("force", force, FLAG))
         path = Path(path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import glob
-import hashlib
 import os
 import re
 from collections.abc import Sequence
@@ -12,12 +11,12 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from winchcascade.core.addresses import expand, is_remote, local_path
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, load_campaign
 from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.named_rig import first_named
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.store import digest_of
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS
 from winchcascade.rig.open_rig import load_rig
@@ -45,7 +44,7 @@ class Work(msgspec.Struct, frozen=True):
     """
 
     name: str
-    address: str
+    path: str
     settings: LogSettings
     key: str = ""
 
@@ -58,7 +57,7 @@ class Plan(msgspec.Struct, frozen=True):
 
 
 def make_plan(targets: Sequence[str], *, rig: str | None = None, window: str | float | None = None) -> Plan:
-    """Find the logs of targets: a campaign.toml, a folder, a pattern, logs, or addresses of an object store.
+    """Find the logs of targets: a campaign.toml, a folder, a pattern, or logs.
 
     Parameters
     ----------
@@ -78,11 +77,10 @@ def make_plan(targets: Sequence[str], *, rig: str | None = None, window: str | f
 
 
 def _of_target(target: str, rig: str | None, window: str | float | None) -> tuple[str, list[Work]]:
-    target = local_path(target)
     if not target:
         raise OptionError("an empty target; expected a campaign.toml, a folder of logs or logs.")
-    if is_remote(target):
-        return target, _of_logs(_logs_only(expand(target), target), rig, window)
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", target):
+        raise OptionError(f"{target}: is an address; expected a path. Mount the store, or copy its logs to a disk.")
     path = Path(target)
     if path.is_dir() and not (path / CAMPAIGN_FILE).is_file():
         files = sorted(str(file) for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
@@ -137,14 +135,12 @@ def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -
     listed: dict[Path, dict[Path, list[Work]]] = {}
     usual = first_named(rig, read=load_rig)
     for log in logs:
-        entries: list[Work] = []
-        if not is_remote(log):
-            folder = Path(log).parent
-            if folder not in listed:
-                listed[folder] = _listed(folder / CAMPAIGN_FILE, rig, window)
-            entries = listed[folder].get(Path(log).resolve(), [])
-        alone = Work(log.rsplit("/", 1)[-1], log, LogSettings(usual, window=window))
-        found += [replace(entry, address=log) for entry in entries] or [alone]
+        folder = Path(log).parent
+        if folder not in listed:
+            listed[folder] = _listed(folder / CAMPAIGN_FILE, rig, window)
+        entries = listed[folder].get(Path(log).resolve(), [])
+        alone = Work(Path(log).name, log, LogSettings(usual, window=window))
+        found += [replace(entry, path=log) for entry in entries] or [alone]
     return found
 
 
@@ -152,7 +148,7 @@ def _listed(path: Path, rig: str | None, window: str | float | None) -> dict[Pat
     """Logs that a campaign file lists, by their resolved paths; none if there is no such file."""
     found: dict[Path, list[Work]] = {}
     for work in _of_campaign(load_campaign(path), rig, window) if path.is_file() else ():
-        found.setdefault(Path(work.address).resolve(), []).append(work)
+        found.setdefault(Path(work.path).resolve(), []).append(work)
     return found
 
 
@@ -172,7 +168,7 @@ def _named(work: Sequence[Work]) -> list[Work]:
     once: dict[str, tuple[Work, str]] = {}  # of the same log with the same options the first one counts
     for item in work:
         place = _place(item)
-        once.setdefault(place + _key(replace(item, address="")), (replace(item, key=_key(item)), place))
+        once.setdefault(place + _key(replace(item, path="")), (replace(item, key=_key(item)), place))
     work, places = [item for item, _ in once.values()], [place for _, place in once.values()]
     names, settings = [_safe(item.name) for item in work], [item.settings for item in work]
     for marks in (
@@ -207,15 +203,15 @@ def _cycles_mark(first: int, last: int) -> str:
 
 
 def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()[:8]
+    return digest_of(text.encode("utf-8", "replace"))[:8]
 
 
 def _place(work: Work) -> str:
     """Where a log lies, however its path is spelled."""
     try:
-        return work.address if is_remote(work.address) else os.path.realpath(work.address)
+        return os.path.realpath(work.path)
     except ValueError:  # no path of this system
-        return work.address
+        return work.path
 
 
 def _safe(name: str) -> str:
@@ -228,6 +224,11 @@ def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
     options = msgspec.structs.asdict(work.settings)
     rig, sheet, _ = options.pop("rig"), options.pop("sheet"), options.pop("parts")
-    said = (RESULTS, work.address, *options.values(), *([] if sheet is None else [sheet]))
+    said = (RESULTS, work.path, *options.values(), *([] if sheet is None else [sheet]))
     content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
-    return hashlib.sha256(content).hexdigest()
+    return digest_of(content)
+
+
+def result_key(work: Work, digest: str) -> str:
+    """Key of the result of a log with this digest of its content."""
+    return digest_of(f"{work.key} {digest}".encode())

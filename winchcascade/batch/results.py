@@ -6,21 +6,22 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
-from msgspec.structs import replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import Plan, make_plan
-from winchcascade.batch.run_batch import Order, reduce_log
+from winchcascade.batch.reductions import reduce_campaign, with_findings_between
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
-from winchcascade.core.jobs import run_here
+from winchcascade.core.jobs import Workers
 from winchcascade.core.published_table import PublishedTable
-from winchcascade.core.store import KeptFiles, State, altered, digest_in, inside
-from winchcascade.reduction.run_record import FindingRecord, RunRecord, run_record
-from winchcascade.report.campaign_json import CAMPAIGN_SCHEMA
+from winchcascade.core.store import Kept, State, altered, digest_in, inside
+from winchcascade.reduction.campaign_json import CAMPAIGN_SCHEMA
+from winchcascade.reduction.run_record import RunRecord, run_record
 from winchcascade.tables.check import Check, Factors, check, measured_from_record
 from winchcascade.tables.point_check import check_points
 from winchcascade.tables.point_table import PointTable, open_table
+
+RECORD = "campaign.json"
 
 _EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
@@ -35,22 +36,19 @@ class Results(msgspec.Struct, frozen=True):
     verified: bool = True
 
 
-class _Head(msgspec.Struct):
-    schema: str | None = None
-    batch: dict[str, object] = {}
-
-
 class _Run(msgspec.Struct):
     name: str
     fault: str | None = None
     result: str = ""
 
 
-class _Summary(msgspec.Struct):
-    """What is needed of the record of a batch; version 0.1.0 wrote none with digests."""
+class _Stored(msgspec.Struct):
+    """What is needed of the JSON of a reduction, or of the record of a batch, which has `runs`."""
 
-    runs: list[_Run]
-    store: KeptFiles = KeptFiles()
+    schema: str | None = None
+    batch: dict[str, object] = {}
+    runs: list[_Run] | None = None
+    store: Kept = Kept()
 
 
 def input_files(target: Path) -> list[str]:
@@ -61,16 +59,18 @@ def input_files(target: Path) -> list[str]:
     OptionError, CampaignError, RigError : a campaign that cannot be planned
     """
     folder = target if target.is_dir() else target.parent
-    if target.suffix == ".toml" or (target.is_dir() and not _is_batch(target)):
-        work = make_plan([str(target)]).work
-        listed = target / CAMPAIGN_FILE if target.is_dir() else target
-        return [str(listed), *(one.address for one in work), *(one.settings.rig.path for one in work)]
-    return [str(path) for path in (target, folder / "campaign.json", folder / CAMPAIGN_FILE, *folder.glob("runs/*"))]
+    files = [target, folder / CAMPAIGN_FILE]
+    if not _is_campaign(target):
+        return [str(path) for path in (*files, folder / RECORD, *folder.glob("runs/*"))]
+    work = make_plan([str(target)]).work
+    return [*map(str, files), *(one.path for one in work), *(one.settings.rig.path for one in work)]
 
 
-def _is_batch(folder: Path) -> bool:
-    """Whether a folder holds the results of a batch, and no campaign to reduce."""
-    return (folder / "campaign.json").is_file() and not (folder / CAMPAIGN_FILE).is_file()
+def _is_campaign(target: Path) -> bool:
+    """Whether a target is a campaign to reduce: its file, or a folder without the results of a batch."""
+    if target.is_dir():
+        return not (target / RECORD).is_file() or (target / CAMPAIGN_FILE).is_file()
+    return target.suffix == ".toml"
 
 
 def load_results(target: Path, *, jobs: int = 1) -> Results:
@@ -82,23 +82,27 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
     LogError : a log of the campaign cannot be used, or failed in the batch
     OutputError : a result was altered after it was made, or lies outside of the folder of its batch
     """
-    if target.is_dir() and _is_batch(target):
-        return _of_batch(target)
-    if target.is_dir() or target.suffix == ".toml":
+    if _is_campaign(target):
         return campaign_results(make_plan([str(target)]), jobs)
-    content, head, digest = _read(target)
-    if head.schema == CAMPAIGN_SCHEMA:
-        return _of_batch(target.parent)
+    path = target / RECORD if target.is_dir() else target
+    content, stored, digest = _read(path)
+    if stored.schema == CAMPAIGN_SCHEMA and stored.runs is not None:
+        return _of_batch(path.parent, stored.runs, stored.store.files if digest == "kept" else None)
+    if path.name == RECORD:
+        raise OptionError(
+            f"{path}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}. Run the batch again."
+        )
     record = run_record(content, target.name)
-    return Results(((target.name, record),), whole=False, verified=not head.batch or digest == "kept")
+    return Results(((target.name, record),), whole=False, verified=not stored.batch or digest == "kept")
 
 
-def _read(path: Path) -> tuple[bytes, _Head, State]:
+def _read(path: Path) -> tuple[bytes, _Stored, State]:
+    """Content of a JSON file, what is needed of it, and whether it is as it was written."""
     if path.exists() and not path.is_file():
         raise OptionError(f"{path}: is no file; {_EXPECTED}")
     try:
         content = path.read_bytes()
-        head = msgspec.json.decode(content, type=_Head)
+        stored = msgspec.json.decode(content, type=_Stored)
     except OSError as fault:
         raise OptionError(f"{path}: cannot be read ({fault.strerror}); {_EXPECTED}") from None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
@@ -106,7 +110,7 @@ def _read(path: Path) -> tuple[bytes, _Head, State]:
     digest = digest_in(content)
     if digest == "altered":
         raise _altered(path)
-    return content, head, digest
+    return content, stored, digest
 
 
 def _altered(path: Path) -> OutputError:
@@ -116,33 +120,25 @@ def _altered(path: Path) -> OutputError:
     )
 
 
-def _of_batch(folder: Path) -> Results:
-    path = folder / "campaign.json"
-    content, head, digest = _read(path)
-    if head.schema != CAMPAIGN_SCHEMA:
-        raise OptionError(f"{path}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}.")
-    try:
-        summary = msgspec.json.decode(content, type=_Summary)
-    except msgspec.ValidationError as fault:
-        raise OptionError(f"{path}: is no summary of a batch ({fault}); run the batch again.") from None
-    for run in summary.runs:
+def _of_batch(folder: Path, runs: list[_Run], digests: Mapping[str, str] | None) -> Results:
+    """Results of a batch; `digests` of its files are None where it has none, as of version 0.1.0."""
+    for run in runs:
         if run.fault is not None:
             raise LogError(f"{folder}: {run.name} failed in this batch: {run.fault} Mend the log or leave it out.")
-    records = {run.name: run_record(_read(inside(folder, run.result))[0], run.result) for run in summary.runs}
-    if digest == "kept":
-        for name in altered(folder, {run.result: summary.store.files.get(run.result, "") for run in summary.runs}):
-            raise _altered(folder / name)
-    return Results(_together(records), whole=True, verified=digest == "kept")
+    records = {run.name: run_record(_read(inside(folder, run.result))[0], run.result) for run in runs}
+    for name in () if digests is None else altered(folder, {run.result: digests.get(run.result, "") for run in runs}):
+        raise _altered(folder / name)
+    between = findings_between([log_efficiency(name, record) for name, record in records.items()])
+    together = with_findings_between(records, between)
+    return Results(tuple(together.items()), whole=True, verified=digests is not None)
 
 
 def campaign_results(plan: Plan, jobs: int) -> Results:
     """Reduce the logs of a plan. Raises LogError for one that cannot be used."""
-    found: dict[int, RunRecord] = {}
-    for outcome in run_here(reduce_log, [Order(work) for work in plan.work], workers=jobs):
-        if outcome.value is None:
-            raise LogError(f"{outcome.fault}")
-        found[outcome.place] = run_record(outcome.value.files["json"], outcome.value.name)
-    return Results(_together({plan.work[k].name: found[k] for k in sorted(found)}), whole=True)
+    found = reduce_campaign(plan, Workers(jobs))
+    for fault in found.faults.values():
+        raise LogError(fault)
+    return Results(tuple(found.records.items()), whole=True)
 
 
 def check_results(
@@ -157,11 +153,3 @@ def check_results(
         return check_points(results.records, table, factors, whole_campaign=results.whole)
     measured = [measured_from_record(record, name) for name, record in results.records]
     return check(measured, table, factors, whole_campaign=results.whole)
-
-
-def _together(records: Mapping[str, RunRecord]) -> tuple[tuple[str, RunRecord], ...]:
-    """The records of a campaign, each with the findings that its log has beside the others."""
-    more: dict[str, tuple[FindingRecord, ...]] = {}
-    for name, finding in findings_between([log_efficiency(name, record) for name, record in records.items()]):
-        more[name] = (*more.get(name, ()), finding)
-    return tuple((name, replace(one, quality=(*one.quality, *more.get(name, ())))) for name, one in records.items())

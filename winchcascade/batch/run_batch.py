@@ -1,53 +1,38 @@
-"""Run a batch: reduce each log once, keep earlier results, and write the tables and reports of the campaign."""
+"""Run a batch: reduce what has changed, then write results, tables and reports of the campaign into a folder."""
 
 from __future__ import annotations
 
 import os
-import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
-from msgspec import UNSET, UnsetType
-from msgspec.structs import asdict, replace
+from msgspec.structs import replace
 
-from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
-from winchcascade.batch.plan import Plan, Work
-from winchcascade.batch.results_pages import KeptCampaign, diagnosis_beside
-from winchcascade.core.addresses import fingerprint, local_copy
+from winchcascade.batch.plan import Plan, Work, result_key
+from winchcascade.batch.reductions import ENTRY, Made, campaign_record, reduce_log
+from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, put_in_place, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
-from winchcascade.core.plain_text import one_line
 from winchcascade.core.scratch import clear, scratch_folder
 from winchcascade.core.store import (
-    State,
-    altered,
-    check_links,
+    Output,
     digest_of,
+    fingerprint,
     inside,
     locked,
     make_folder,
     make_one,
-    marked,
+    state_of,
     with_digest,
 )
 from winchcascade.core.version import __version__
-from winchcascade.ingest.read import read_by
-from winchcascade.reduction.efficiency_between_runs import LogEfficiency
-from winchcascade.reduction.montecarlo import uncertainty
-from winchcascade.reduction.reduce import reduce, require_payouts
-from winchcascade.reduction.run_record import CampaignWavesRecord, RunRecord
-from winchcascade.report.campaign_json import campaign_json
-from winchcascade.report.campaign_record import (
-    CampaignRecord,
-    FailedLog,
-    LogSummary,
-    campaign_from,
-    log_summary,
-)
-from winchcascade.report.records import read_results, reduction_record
+from winchcascade.reduction.campaign_json import campaign_json
+from winchcascade.reduction.campaign_record import CampaignRecord, campaign_from
+from winchcascade.report.records import read_results
 
 ENDINGS = ("html", "pdf", "json")
 """Files of one log; a JSON means that the others are there."""
@@ -55,104 +40,22 @@ ENDINGS = ("html", "pdf", "json")
 REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
 """Reports that are written, by the choice of `--reports`."""
 
-CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xlsx", "index.html")
+RECORD, PAGE, WORKBOOK, INDEX = "campaign.json", "campaign.html", "campaign.xlsx", "index.html"
+"""Files of a campaign, and the page that lists all."""
+
+CAMPAIGN_FILES = (RECORD, PAGE, "campaign.pdf", WORKBOOK)
 """Files of a whole campaign, beside its dataset."""
 
 DATASET = tuple(f"dataset/{table}.parquet" for table in TABLES)
 """Files of the dataset, by their names in the folder of a batch."""
 
-_DRAWING = threading.Lock()
-"""matplotlib's settings are global, and a worker of a cluster may have several threads."""
-
-
-class Order(msgspec.Struct, frozen=True):
-    """One log, the reports that are wanted of it, and the folder to write to; without one the results come back.
-
-    `beside` are files of the results folder, besides those of the campaign, that the reports lead to.
-    """
-
-    work: Work
-    reports: tuple[str, ...] = ()
-    folder: str | None = None
-    command: str = ""
-    beside: tuple[str, ...] = ()
-
-
-class Brief(msgspec.Struct, frozen=True):
-    """What a campaign needs of the result of one log: digest of its JSON, its summary and efficiencies, and whether it has
-    waves."""
-
-    digest: str
-    summary: LogSummary
-    efficiency: LogEfficiency | None
-    waves: bool
-
-
-class Made(msgspec.Struct, frozen=True):
-    """Files made of one log, by their ending, empty where they are written already, and what the campaign needs of them."""
-
-    name: str
-    files: dict[str, bytes]
-    brief: Brief
-
-
-def reduce_log(order: Order) -> Made:
-    """Reduce one log and make its files: reports first, the JSON last, so that a JSON means that all files are there."""
-    work, settings = order.work, order.work.settings
-    with local_copy(work.address) as path:
-        run = replace(read_by(path, settings), path=one_line(work.address))
-    reduction = reduce(run)
-    require_payouts(reduction)
-    found = uncertainty(reduction)
-    whole = reduction_record(reduction, found)
-    record = {k: part for k, part in asdict(whole).items() if part is not UNSET}
-    files: dict[str, bytes] = {}
-    if order.reports:
-        from winchcascade.report.document import make_report
-        from winchcascade.report.model_section import modelled
-        from winchcascade.report.publish import html_text, pdf_bytes
-        from winchcascade.report.results_index import INDEX, links_to
-
-        model = modelled(reduction)
-        record["model"] = model.account  # the report of the campaign draws it
-        with _DRAWING:
-            report = make_report(reduction, found, model=model, command=order.command)
-        report = replace(report, links=links_to(["campaign.html", *order.beside, INDEX], above=True))
-        files |= {"html": html_text(report).encode()} if "html" in order.reports else {}
-        files |= {"pdf": pdf_bytes(report)} if "pdf" in order.reports else {}
-    digests = {ending: digest_of(content) for ending, content in files.items()}
-    made_by = {"key": work.key, "reports": list(order.reports), "files": digests}
-    made_by |= {"beside": list(order.beside)} if order.beside else {}
-    files["json"] = with_digest(record, "batch", made_by)
-    made = Made(work.name, files, _brief(work, whole, digest_of(files["json"])))
-    if order.folder is None:
-        return made
-    write_made(made, Path(order.folder))
-    return replace(made, files={})
-
-
-def _brief(work: Work, record: RunRecord, digest: str) -> Brief:
-    summary = log_summary(work.name, one_line(work.address), record)
-    return Brief(digest, summary, log_efficiency(work.name, record), record.waves is not UNSET)
-
-
-def write_made(made: Made, folder: Path) -> None:
-    """Write the files of one log, all whole before the first is replaced, and remove reports of another result."""
-    if made.files:
-        outdated = [folder / f"{made.name}.{ending}" for ending in ENDINGS if ending not in made.files]
-        write_set({folder / f"{made.name}.{e}": content for e, content in made.files.items()}, without=outdated)
-
 
 class Products(msgspec.Struct, frozen=True):
-    """What is made of a campaign besides its dataset: "html" or "pdf" reports, a workbook; `command` is what was typed.
-
-    `beside` are files that the caller will write into the same folder, to which the pages lead too.
-    """
+    """What is made of a campaign besides its dataset: "html" or "pdf" reports, a workbook; `command` is what was typed."""
 
     reports: tuple[str, ...] = ()
     workbook: bool = False
     command: str = ""
-    beside: tuple[str, ...] = ()
 
 
 class Batch(msgspec.Struct, frozen=True):
@@ -167,24 +70,6 @@ class Batch(msgspec.Struct, frozen=True):
     kept: int
     altered: tuple[str, ...] = ()
     summary: CampaignRecord = CampaignRecord("", "", ())
-
-
-class _KeptLog(msgspec.Struct):
-    sha256: str
-
-
-class _KeptBatch(msgspec.Struct):
-    key: str
-    reports: list[str]
-    files: dict[str, str] = {}
-    beside: list[str] = []
-
-
-class _Kept(msgspec.Struct):
-    """How an earlier call made the result of a log."""
-
-    log: _KeptLog
-    batch: _KeptBatch
 
 
 def run_batch(
@@ -216,27 +101,19 @@ def run_batch(
     products, workers, watch = products or Products(), workers or Workers(), watch or Nobody()
     make_folder(out, ours=(out / "runs").is_dir(), what="a batch", force=force)
     with locked(out, watch.waiting):
-        check_links(out, ["runs", "dataset", *CAMPAIGN_FILES, *DATASET])
-        runs = out / "runs"
-        make_one(runs, "another")
-        for place in (out, runs, out / "dataset"):  # what calls left that were killed
-            clear(place)
-        products = replace(products, beside=products.beside or diagnosis_beside(out))
-        states = {work.name: state_of(work, runs, products.reports, products.beside) for work in plan.work}
-        todo = [work for work in plan.work if states[work.name] != "kept"]
+        runs = _cleared(out)
+        there = {work.name: state_of(runs, result_of(work, products.reports)) for work in plan.work}
+        todo = {work.name: work for work in plan.work if not there[work.name].kept}
         _check_own(out, todo, force=force)
         watch.begin(len(plan.work) - len(todo), len(todo))
         faults: dict[str, str] = {}
-        briefs: dict[str, Brief] = {}
-        folder = None if workers.scheduler is not None else str(runs)
-        orders = {work.name: Order(work, products.reports, folder, products.command, products.beside) for work in todo}
-        for name, outcome in workers.run(reduce_log, orders, watch):
+        work_on = partial(reduce_log, reports=products.reports, command=products.command)
+        for name, outcome in workers.run(work_on, todo, watch):
             if outcome.value is not None:
-                write_made(outcome.value, runs)
-                briefs[name] = outcome.value.brief
+                _write_result(runs, name, outcome.value)
                 continue
             faults[name] = outcome.fault or ""
-            if outcome.rejected and not _is_of(orders[name].work, runs):
+            if outcome.rejected and fingerprint(todo[name].path):  # one that cannot be read now may count again
                 for ending in ENDINGS:
                     (runs / f"{name}.{ending}").unlink(missing_ok=True)
         batch = Batch(
@@ -244,151 +121,105 @@ def run_batch(
             results={work.name: runs / f"{work.name}.json" for work in plan.work if work.name not in faults},
             faults={work.name: faults[work.name] for work in plan.work if work.name in faults},
             kept=len(plan.work) - len(todo),
-            altered=tuple(f"runs/{name}.json" for name, state in states.items() if state == "altered"),
+            altered=tuple(f"runs/{name}" for found in there.values() for name in found.altered),
         )
-        return _put_together(plan, batch, products, briefs)
+        return _put_together(plan, batch, products)
 
 
-def _check_own(out: Path, todo: Sequence[Work], *, force: bool) -> None:
+def _cleared(out: Path) -> Path:
+    """The folder of the results of single logs, made if it is not there, without what killed calls left."""
+    runs = inside(out, "runs")
+    make_one(runs, "another")
+    for place in (out, runs, inside(out, "dataset")):
+        clear(place)
+    return runs
+
+
+def result_of(work: Work, reports: Sequence[str]) -> Output:
+    """The record of a log and its reports, as they would be made now."""
+    key = result_key(work, fingerprint(work.path))
+    return Output(f"{work.name}.json", ENTRY, key, tuple(reports), f"{work.name}.")
+
+
+def _check_own(out: Path, todo: Iterable[str], *, force: bool) -> None:
     """Reject, before any work, links, and files that this tool did not write."""
     there = {name.casefold() for name in os.listdir(out / "runs")}
-    results = [name for work in todo for ending in ENDINGS if (name := f"{work.name}.{ending}").casefold() in there]
-    for path in [inside(out, name) for name in (*CAMPAIGN_FILES, *DATASET, *(f"runs/{name}" for name in results))]:
+    results = [name for log in todo for ending in ENDINGS if (name := f"{log}.{ending}").casefold() in there]
+    for path in [
+        inside(out, name) for name in (INDEX, *CAMPAIGN_FILES, *DATASET, *(f"runs/{name}" for name in results))
+    ]:
         if path.exists():
             check_replaceable(path, force=force)
 
 
-def state_of(work: Work, runs: Path, reports: Sequence[str], beside: Sequence[str] = ()) -> State:
-    """Whether an earlier call made all of a log's files from the same content with the same options."""
-    kept = marked(inside(runs, f"{work.name}.json"), _Kept)
-    if not isinstance(kept, _Kept):
-        return kept
-    if kept.batch.key != work.key or not set(reports) <= set(kept.batch.reports):
-        return "other"
-    if reports and list(beside) != kept.batch.beside:
-        return "other"
-    if not all((runs / f"{work.name}.{ending}").is_file() for ending in reports):
-        return "other"
-    if altered(runs, {f"{work.name}.{ending}": kept.batch.files.get(ending, "") for ending in reports}):
-        return "altered"
-    return "kept" if kept.log.sha256 == fingerprint(work.address) else "other"
+def _write_result(runs: Path, name: str, made: Made) -> None:
+    """Write the files of one log, all whole before the first is replaced, and remove reports of another result."""
+    files = made.reports | {"json": made.record}
+    outdated = [runs / f"{name}.{ending}" for ending in ENDINGS if ending not in files]
+    write_set({runs / f"{name}.{ending}": content for ending, content in files.items()}, without=outdated)
 
 
-def _is_of(work: Work, runs: Path) -> bool:
-    """Whether the result that is there is of the log as it is now, or the log cannot be read; then it may count again."""
-    now = fingerprint(work.address)
-    kept = marked(runs / f"{work.name}.json", _Kept)
-    return not now or (isinstance(kept, _Kept) and kept.log.sha256 == now)
-
-
-def _put_together(plan: Plan, batch: Batch, products: Products, briefs: Mapping[str, Brief]) -> Batch:
-    """Write the files of the whole campaign: dataset, workbook, report and last the summary; nothing if nothing has changed.
-
-    All are made in a scratch folder and put in place together, so that a disk that is full leaves the earlier ones.
-
-    Parameters
-    ----------
-    briefs : of the logs that this call has reduced
-    """
+def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
+    """Write the files of the whole campaign: dataset, workbook, reports and last the record; nothing if nothing has changed."""
     out, reports = batch.folder, products.reports
-    digests = {
-        f"runs/{path.name}": briefs[name].digest if name in briefs else digest_of(path.read_bytes())
-        for name, path in batch.results.items()
-    }
-    state = _state(plan, batch, digests, products.beside)
-    wanted = [*DATASET, *(f"campaign.{e}" for e in reports), *(["campaign.xlsx"] if products.workbook else [])]
-    wanted += ["index.html"] if "html" in reports else []
-    kept = marked(out / "campaign.json", KeptCampaign)
-    changed = ["campaign.json"] if kept == "altered" else []
-    stay: dict[str, str] = {}
-    if isinstance(kept, KeptCampaign) and kept.state == state:
-        known = kept.store.files
-        lost = altered(out, known)
-        changed = [name for name in lost if (out / name).exists()]
-        if not lost and set(wanted) <= set(known):
-            record = msgspec.json.decode((out / "campaign.json").read_bytes(), type=dict[str, object])
-            return replace(batch, summary=campaign_from(record))
-        stay = {name: known[name] for name in CAMPAIGN_FILES if name in known and name not in [*lost, *wanted]}
-    campaign = campaign_record(plan, batch, state, briefs)
+    results = {f"runs/{path.name}": fingerprint(path) for path in batch.results.values()}
+    logs = [(work.name, work.key, batch.faults.get(work.name)) for work in plan.work]
+    key = digest_of(repr((plan.title, __version__, logs, sorted(results.items()))).encode())
+    wanted = (*DATASET, *(f"campaign.{ending}" for ending in reports), *([WORKBOOK] if products.workbook else []))
+    there = state_of(out, Output(RECORD, "store", key, wanted))
+    batch = replace(batch, altered=(*batch.altered, *there.altered))
     try:
-        (out / "dataset").mkdir(exist_ok=True)
-        with scratch_folder(out) as made:
-            cascades = [work.settings.rig.cascade for work in plan.work]
-            write_dataset(batch.results.values(), made / "dataset", between=campaign.between, cascades=cascades)
-            if products.workbook:
-                write_workbook(made / "dataset", made / "campaign.xlsx")
-            if reports:
-                _write_pages(campaign, made, out, products, wanted)
-            digests |= stay | {name: digest_of((made / name).read_bytes()) for name in wanted}
-            content = with_digest(campaign_json(campaign), "store", {"files": digests})
-            (made / "campaign.json").write_bytes(content)
-            outdated = [out / name for name in CAMPAIGN_FILES[1:] if name not in digests]
-            put_in_place({made / name: out / name for name in [*wanted, "campaign.json"]}, without=outdated)
+        if there.kept:
+            written = msgspec.json.decode((out / RECORD).read_bytes(), type=dict[str, object])
+            batch = replace(batch, summary=campaign_from(written))
+        else:
+            batch = replace(batch, summary=campaign_record(plan, read_results(batch.results), batch.faults, key))
+            others = {name: there.files[name] for name in CAMPAIGN_FILES if name in there.files and name not in wanted}
+            _write_campaign(plan, batch, products, wanted, results | others)
+        if (out / PAGE).is_file() and not (there.kept and (out / INDEX).is_file()):
+            write_index(out)
     except (OSError, OutputError) as fault:
         why = getattr(fault, "strerror", None) or fault
         raise OutputError(
             f"{out}: the tables and reports of the campaign cannot be written ({why}); free some space. "
             "The results of the logs are kept."
         ) from None
-    return replace(batch, altered=(*batch.altered, *changed), summary=campaign)
+    return batch
 
 
-def _write_pages(campaign: CampaignRecord, made: Path, out: Path, products: Products, wanted: Sequence[str]) -> None:
-    """Write the reports of the campaign, and the page that lists what the folder holds, into a scratch folder."""
-    from winchcascade.report.campaign import make_campaign_report
-    from winchcascade.report.publish import publish
-    from winchcascade.report.results_index import INDEX, links_to, results_index
-
-    reports, files = products.reports, [*wanted, "campaign.json", *products.beside]
-    report = make_campaign_report(campaign, made, results=out, command=products.command)
-    report = replace(report, links=links_to([name for name in files if name != "campaign.html"]))
-    html, pdf = (made / f"campaign.{e}" if e in reports else None for e in ("html", "pdf"))
-    publish(report, html=html, pdf=pdf, force=True)
-    if html is not None:
-        publish(results_index(campaign, files, [*reports, "json"]), html=made / INDEX, force=True)
-
-
-def _state(plan: Plan, batch: Batch, digests: Mapping[str, str], beside: Sequence[str]) -> str:
-    """Digest of everything that the files of the whole campaign depend on."""
-    logs = [(w.name, w.key, batch.faults.get(w.name)) for w in plan.work]
-    return digest_of(repr((plan.title, __version__, logs, sorted(digests.items()), beside)).encode())
-
-
-def campaign_record(plan: Plan, batch: Batch, state: str, briefs: Mapping[str, Brief]) -> CampaignRecord:
-    """Put the results of a batch into the record of its campaign, with findings of single logs beside the others.
+def _write_campaign(
+    plan: Plan, batch: Batch, products: Products, wanted: Sequence[str], digests: dict[str, str]
+) -> None:
+    """Make the files of a campaign in a scratch folder and put them in place together: a full disk leaves the earlier ones.
 
     Parameters
     ----------
-    briefs : of the logs that this call has reduced; the other results are read
+    wanted : files to be made besides the record
+    digests : of the files that stay
     """
-    logs: dict[str, LogSummary] = {}
-    with_waves = False
-    efficiencies = []
-    for work in plan.work:
-        if work.name in batch.results:
-            brief = briefs.get(work.name)
-            if brief is None:
-                content = batch.results[work.name].read_bytes()
-                brief = _brief(work, msgspec.json.decode(content, type=RunRecord), digest_of(content))
-            logs[work.name] = brief.summary
-            efficiencies.append(brief.efficiency)
-            with_waves = with_waves or brief.waves
-    between = tuple(findings_between(efficiencies))
-    for name, finding in between:
-        run = logs[name]
-        kinds = tuple(sorted({*run.findings, finding.kind}))
-        logs[name] = replace(run, findings=kinds, finding_count=run.finding_count + 1)
-    runs = tuple(
-        logs.get(work.name) or FailedLog(work.name, one_line(work.address), one_line(batch.faults[work.name]))
-        for work in plan.work
-    )
-    waves = _waves(batch.results) if with_waves else UNSET
-    return CampaignRecord(one_line(plan.title), state, runs, between, waves)
+    out, campaign = batch.folder, batch.summary
+    (out / "dataset").mkdir(exist_ok=True)
+    with scratch_folder(out) as made:
+        cascades = [work.settings.rig.cascade for work in plan.work]
+        write_dataset(batch.results.values(), made / "dataset", between=campaign.between, cascades=cascades)
+        if products.workbook:
+            write_workbook(made / "dataset", made / WORKBOOK)
+        if products.reports:
+            _write_reports(campaign, made, out, products)
+        digests = digests | {name: fingerprint(made / name) for name in wanted}
+        made_by = {"key": campaign.state, "files": digests}
+        (made / RECORD).write_bytes(with_digest(campaign_json(campaign), "store", made_by))
+        outdated = [name for name in CAMPAIGN_FILES[1:] if name not in digests]
+        outdated += [] if PAGE in digests else [INDEX]
+        put_in_place({made / name: out / name for name in (*wanted, RECORD)}, without=[out / name for name in outdated])
 
 
-def _waves(results: Mapping[str, Path]) -> CampaignWavesRecord | UnsetType:
-    """The waves of all logs together."""
-    from winchcascade.report.wave_section import campaign_waves, campaign_waves_record
+def _write_reports(campaign: CampaignRecord, made: Path, out: Path, products: Products) -> None:
+    """Write the reports of the campaign into a scratch folder."""
+    from winchcascade.report.render.publish import publish
+    from winchcascade.report.results.campaign_index import links_to
+    from winchcascade.report.results.drawn_campaign import written_campaign
 
-    found = campaign_waves(read_results(results))
-    return UNSET if found is None else campaign_waves_record(found)
+    report = written_campaign(campaign, made, results=out, command=products.command)
+    paths = {ending: made / f"campaign.{ending}" for ending in products.reports}
+    publish(replace(report, links=links_to([INDEX])), html=paths.get("html"), pdf=paths.get("pdf"), force=True)

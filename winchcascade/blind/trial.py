@@ -38,16 +38,17 @@ from winchcascade.core.jobs import (
 from winchcascade.core.scratch import clear, clear_once, scratch_folder
 from winchcascade.core.signals import signals_held
 from winchcascade.core.store import (
+    Kept,
     State,
     altered,
     digest_of,
     files_within,
     foreign,
     inside,
+    kept,
     locked,
     make_folder,
     make_one,
-    marked,
     not_empty,
     with_digest,
 )
@@ -230,15 +231,10 @@ class _Diagnosed(msgspec.Struct, frozen=True):
     predictions: dict[str, bytes]
 
 
-class _Mark(msgspec.Struct):
-    key: str
-    files: dict[str, str] = {}
-
-
 class _Marked(msgspec.Struct):
     """The entry of an earlier diagnosis that holds how it was made."""
 
-    trial: _Mark
+    trial: Kept
 
 
 def diagnose(
@@ -313,12 +309,12 @@ def _key(case: Path, method: DiagnosisMethod) -> str:
 
 def _state_of(folder: Path, name: str, key: str) -> State:
     """Whether an earlier call made a case's diagnosis and predictions from the same logs with the same suspects and seed."""
-    found = marked(inside(folder, f"{DIAGNOSES}/{name}.json"), _Marked)
-    if not isinstance(found, _Marked):
+    found = kept(inside(folder, f"{DIAGNOSES}/{name}.json"), "trial")
+    if not isinstance(found, Kept):
         return found
-    if found.trial.key != key:
+    if found.key != key:
         return "other"
-    return "altered" if altered(inside(folder, f"{PREDICTIONS}/{name}"), found.trial.files) else "kept"
+    return "altered" if altered(inside(folder, f"{PREDICTIONS}/{name}"), found.files) else "kept"
 
 
 def _diagnose_case(order: _Order, method: DiagnosisMethod, folder: str | None) -> _Diagnosed:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer.core import TyperGroup, TyperOption
 
+from winchcascade.cli.help import CommandList, GroupedCommand
 from winchcascade.cli.outputs import show
 from winchcascade.report.screen import QUIET, line_width
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from typer._click import Command, Context, HelpFormatter
+    from typer._click import Command
 
 _COMMANDS = {
     "reduce": "reduce_command",
@@ -39,17 +40,6 @@ HELP = 80
 """Columns of a help text in a pipe. [characters]"""
 
 
-class CommandList(TyperGroup):
-    """Commands whose list in the help shows the first sentence of each, whole."""
-
-    def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
-        """Write names and sentences."""
-        found = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
-        helps = {name: " ".join((command.help or "").split()) for name, command in found.items() if command is not None}
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, f"{text.split('. ')[0].rstrip('.')}.") for name, text in helps.items()])
-
-
 def command_line(first: str | None) -> Command:
     """The command line with the command that `first` names, or with all where it names none.
 
@@ -70,7 +60,7 @@ def command_line(first: str | None) -> Command:
         if isinstance(command, typer.Typer):
             app.add_typer(command, name=name)
         else:
-            app.command(name)(command)
+            app.command(name, cls=GroupedCommand)(command)
     whole = typer.main.get_command(app)
     _add_quiet(whole)
     return whole

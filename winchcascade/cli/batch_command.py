@@ -4,134 +4,152 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
+import msgspec
 import typer
+from msgspec.structs import replace
 
-from winchcascade.cli.options import (
-    NO_REPORT,
-    ForceOption,
-    JobsOption,
-    LossMapOption,
-    RigOption,
-    SchedulerOption,
-    WindowOption,
-    report_choices,
-    report_options,
-    valued_option,
-)
-from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports, written
+from winchcascade.cli.options import OUTPUTS, option, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
-from winchcascade.report.report_files import ReportFiles
+from winchcascade.core.store import state_of
 
 if TYPE_CHECKING:
+    from winchcascade.batch.plan import Plan
+    from winchcascade.batch.run_batch import Batch, Products
     from winchcascade.report.content import Report
 
-TargetsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="TARGET...",
-        help="The logs: a campaign.toml, a folder, a pattern, single logs, or addresses such as s3://...",
-        show_default=False,
-    ),
-]
-OutOption = Annotated[
-    Path,
-    valued_option(
-        "--out", "FOLDER", "Write the results into this folder. A second call keeps the results that are still valid."
-    ),
-]
-ReportsOption = Annotated[
-    str,
-    valued_option(
-        "--reports",
-        "none|html|all",
-        "Write reports of each log and of the campaign: none, html (pages), or all (pages and PDF).",
-        report_choices,
-    ),
-]
+MAX_ALTERED = 5
+"""Altered files that are named."""
 
 
-@report_options("figures", "tables")
+@with_options("figures", "tables", "loss_map")
 def batch_command(
-    targets: TargetsArgument,
-    out: OutOption,
-    jobs: JobsOption = None,
-    scheduler: SchedulerOption = None,
-    reports: ReportsOption = "html",
-    excel: Annotated[bool, typer.Option("--excel", help="Also write the tables as an Excel workbook.")] = False,
-    rig: RigOption = None,
-    window: WindowOption = None,
-    loss_map: LossMapOption = None,
-    report: ReportFiles = NO_REPORT,
-    force: ForceOption = False,
+    targets: list[str],
+    out: Path,
+    rig: str | None = None,
+    window: str | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    reports: str = "html",
+    excel: bool = False,
+    outputs: Outputs = NO_OUTPUTS,
 ) -> None:
     """Reduce a whole campaign: every log, the tables of all logs, and a report.
 
     A second call reduces only logs of which the content, the options or the version changed. The exit code is 1 if a log
     failed.
     """
+    from winchcascade.batch.campaign_loss_map import check_one_map
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
-    from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.screen import Progress
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
-    check_outputs({"--loss-map": loss_map} | report.by_option, targets, force=force)
+    outputs.check(targets)
     plan = make_plan(targets, rig=rig, window=None if window is None else window_rule(window))
-    if loss_map is not None:
-        from winchcascade.batch.campaign_loss_map import check_one_map
-
-        check_one_map(plan, loss_map)
+    if outputs["loss_map"] is not None:
+        check_one_map(plan, outputs["loss_map"])
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
-        batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
-
-    def make() -> Report:
-        from winchcascade.report.campaign import make_campaign_report
-
-        return make_campaign_report(batch.summary, out, command=products.command)
-
-    write_reports(make, report, "campaign", of=f"campaign {plan.title}", force=force)
-    text = campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered)
-    show(text + written(report.by_option), failures=fault_text(batch.summary, out))
-    if loss_map is not None:
-        from winchcascade.batch.campaign_loss_map import write_campaign_loss_map
-
-        show(write_campaign_loss_map(plan, batch, products, loss_map, workers=workers, force=force))
+        batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
+    _present(batch, outputs.without("loss_map"))
+    if outputs["loss_map"] is not None:
+        _present_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force)
     raise typer.Exit(1 if batch.faults else 0)
 
 
-def demo_command(
-    out: Annotated[Path, valued_option("--out", "FOLDER", "Write campaign and results into this folder.")] = Path(
-        "winchcascade-demo"
-    ),
-    jobs: JobsOption = None,
-    force: ForceOption = False,
+def _present_loss_map(
+    plan: Plan, batch: Batch, products: Products, path: Path, *, workers: Workers, force: bool
 ) -> None:
+    """Write the loss map of a campaign with its reports into the folder of the batch, and print it."""
+    from winchcascade.batch.campaign_loss_map import campaign_loss_map
+    from winchcascade.batch.results_pages import write_index
+    from winchcascade.report.loss_map_file import write_loss_map
+    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.loss_surface import campaign_loss_map_report, loss_map_pictures
+
+    found, left_out = campaign_loss_map(plan, batch.results, workers)
+    write_loss_map(found, path, plan.title, force=force)
+    origins = [item.settings.origin for item in plan.work if item.name in batch.results]
+    stated = partial(campaign_loss_map_report, found, plan.title, origins, left_out=left_out, command=products.command)
+    pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
+
+    def drawn() -> Report:
+        from winchcascade.report.figures.style import house_style
+
+        with house_style():
+            return stated(loss_map_pictures(found), links_to(["campaign.html", INDEX]))
+
+    show("\n")
+    present(stated, Outputs({"loss_map": path} | pages, force), name="loss map", drawn=drawn)
+    if pages:
+        write_index(batch.folder)
+
+
+def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS) -> None:
+    """Write the report of a campaign where it is wanted, and print what its logs give and what was written."""
+    from winchcascade.report.content import Note, Report
+    from winchcascade.report.results.campaign import campaign_report, fault_notes
+
+    def drawn() -> Report:
+        from winchcascade.report.results.drawn_campaign import written_campaign
+
+        return written_campaign(batch.summary, batch.folder, command=given_command())
+
+    named, more = ", ".join(batch.altered[:MAX_ALTERED]), len(batch.altered) - MAX_ALTERED
+    named += f" and {more} more" if more > 0 else ""
+    notes = [
+        Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call." if batch.kept else "", "Kept"),
+        Note(f"made again, as its digest did not match: {named}" if named else "", "Altered", "warn"),
+    ]
+    stated, faults = campaign_report(batch.summary), fault_notes(batch.summary.failed)
+    present(
+        lambda: replace(stated, points=[*stated.points, *notes]),
+        outputs,
+        name="campaign",
+        drawn=drawn,
+        failed=(lambda: Report("Campaign", batch.summary.title, points=faults)) if faults else None,
+        notes=_files_in(batch.folder),
+    )
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """What the folder of a batch holds for a reader."""
+    names = ("index.html", "campaign.html", "campaign.pdf", "campaign.xlsx", "campaign.json", "dataset", "runs")
+    return [folder / name for name in names if (folder / name).exists()]
+
+
+@with_options(
+    out=option("--out", "FOLDER", "Write campaign and results into this folder; winchcascade-demo by default.", OUTPUTS)
+)
+def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None, force: bool = False) -> None:
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()
-    from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, has_diagnosis, keep_diagnosis
+    from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
-    from winchcascade.report.campaign_record import campaign_text, fault_text
-    from winchcascade.report.diagnosis_text import diagnosis_lines
+    from winchcascade.report.content import Report
+    from winchcascade.report.results.diagnosis_words import diagnosis_note
     from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()
     plan = make_plan([str(campaign)])
-    products = Products(REPORTS["all"], workbook=True, command=given_command(), beside=DIAGNOSIS_FILES)
+    products = Products(REPORTS["all"], workbook=True, command=given_command())
     diagnosis = partial(diagnosis_of, campaign, products.command, count)
-    kept = not force and has_diagnosis(results, campaign)
+    kept = not force and state_of(results, diagnosis_output(campaign)).kept
     with run_behind(diagnosis, processes=1 if kept else count) as diagnosed:  # beside the batch, which takes less time
         with Progress(plan.title) as watch:
             batch = run_batch(plan, results, products, workers=Workers(max(count - 1, 1)), force=force, watch=watch)
-        text = campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered)
-        show(text, failures=fault_text(batch.summary, batch.folder), flush=True)
+        _present(batch)
         with status_line(f"diagnosing {plan.title}") as on_progress:
-            found, files = keep_diagnosis(campaign, results, diagnosed, force=force, on_progress=on_progress)
-    show(diagnosis_lines(found, files))
+            if not kept:
+                write_diagnosis(results, diagnosed(), force=force, on_progress=on_progress)
+    found = msgspec.json.decode((results / "diagnosis.json").read_bytes(), type=dict[str, object])
+    stated = Report("Diagnosis", "Diagnosis", points=[diagnosis_note(found)])
+    present(lambda: stated, NO_OUTPUTS, notes=[results / name for name in DIAGNOSIS_FILES])
     raise typer.Exit(1 if batch.faults else 0)

@@ -3,93 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
 from msgspec.structs import replace
 
-from winchcascade.cli.options import (
-    NO_REPORT,
-    CampaignArgument,
-    ForceOption,
-    JsonOption,
-    RigOption,
-    ThreadsOption,
-    effect_names,
-    report_options,
-    valued_option,
-)
-from winchcascade.cli.outputs import Printed, check_outputs, deliver, report_maker_of, write_reports
+from winchcascade.cli.options import EVALUATION, REPORT, option, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import is_marked, json_bytes
+from winchcascade.core.files import is_marked
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
-from winchcascade.core.store import make_one
-from winchcascade.report.report_files import ReportFiles
+from winchcascade.core.store import locked, make_one
 
 if TYPE_CHECKING:
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
     from winchcascade.report.content import Report
 
-WithholdOption = Annotated[
-    list[float] | None,
-    valued_option(
-        "--withhold", "LOAD", "Hold the logs of this load [ohm, or inf] out of choice and fit; repeat it for several."
-    ),
-]
-SimulatedOption = Annotated[
-    Path | None,
-    valued_option(
-        "--simulated", "FOLDER", "Compare the logs with your own simulation: files of the same names in this folder."
-    ),
-]
-SuspectOption = Annotated[
-    list[str] | None,
-    valued_option(
-        "--suspect",
-        "EFFECT",
-        "Suspect only this effect; repeat it for several. By default the whole catalogue is suspected.",
-        effect_names,
-    ),
-]
-PredictionsOption = Annotated[
-    Path | None,
-    valued_option(
-        "--predictions",
-        "FOLDER",
-        "Write what the model predicts for the held-out logs, without and with the causes, into this folder.",
-    ),
-]
-WriteOption = Annotated[
-    Path | None,
-    valued_option("--write", "RIG.toml", "Write a rig file that contains the named causes as effects."),
-]
-ExportOption = Annotated[
-    Path | None,
-    valued_option("--export", "FILE", "Write the numbers of the corrected model as .json or .mat."),
-]
-SeedOption = Annotated[
-    int, typer.Option("--seed", metavar="N", min=0, help="Set the seed by which cycles are resampled.")
-]
 
-
-@report_options("html", "pdf", "figures", "tables")
+@with_options(
+    "json",
+    *REPORT,
+    "write",
+    "export",
+    "predictions",
+    seed=option("--seed", "N", "Set the seed by which cycles are resampled; 0 by default.", EVALUATION, minimum=0),
+)
 def diagnose_command(
-    campaign: CampaignArgument,
-    rig: RigOption = None,
-    withhold: WithholdOption = None,
-    simulated: SimulatedOption = None,
-    json: JsonOption = None,
-    report: ReportFiles = NO_REPORT,
-    suspect: SuspectOption = None,
-    predictions: PredictionsOption = None,
-    write: WriteOption = None,
-    export: ExportOption = None,
-    jobs: ThreadsOption = None,
-    seed: SeedOption = 0,
-    force: ForceOption = False,
+    campaign: Path,
+    rig: str | None = None,
+    simulated: Path | None = None,
+    withhold: list[float] | None = None,
+    suspect: list[str] | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    outputs: Outputs = NO_OUTPUTS,
 ) -> None:
     """Find which unmodelled effects separate the logs from the model of the rig.
 
@@ -101,39 +51,29 @@ def diagnose_command(
     cycles are held out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
-    from winchcascade.batch.demo import DIAGNOSIS_FILES
-    from winchcascade.batch.results_pages import list_diagnosis
-    from winchcascade.report.diagnosis_text import as_json as diagnosis_record
-    from winchcascade.report.diagnosis_text import diagnosis_text
-    from winchcascade.report.model_export import check_export, write_export
+    from winchcascade.batch.campaign_diagnosis import diagnose_listed
+    from winchcascade.diagnosis.model_export import check_export
+    from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.screen import status_line
     from winchcascade.rig.effects.catalogue import suspected
 
     suspects, listed = suspected(suspect or ()), _listed(campaign, simulated)
     logs = [run.file for run in listed.runs]
     simulations = [run.simulated for run in listed.runs if run.simulated is not None]
-    check_export(export)
-    results = {"--json": Path(json) if json else None, **report.by_option, "--write": write, "--export": export}
-    inputs = [listed.path, *logs, *simulations, rig or listed.rig]
-    check_outputs(results | _prediction_files(predictions, logs), inputs, force=force)
-    set_threads(jobs or processes())
+    check_export(outputs["export"])
+    predicted = _prediction_files(outputs["predictions"], logs)
+    outputs.without("predictions").check([listed.path, *logs, *simulations, rig or listed.rig], predicted)
+    set_threads(threads or processes())
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
-        written = [] if predictions is None else write_predictions(found, predictions, force=force)
-        corrected = write is None or write_corrected_rig(found, write, force=force)
-        if export is not None:
-            write_export(found, export, force=force)
-        if report.wanted:
-            on_progress("writing reports")
-            make = partial(_linked_report, found, report.html)
-            write_reports(make, report, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
-    files = _files(results, predictions, written=bool(written), corrected=corrected)
-    printed = Printed(lambda: diagnosis_text(found, files))
-    deliver(json, lambda: json_bytes(diagnosis_record(found)), printed, force=force)
-    made = [path for path in (report.html, report.pdf, Path(json or "-")) if path is not None]
-    for folder in {path.parent for path in made if path.name in DIAGNOSIS_FILES}:
-        list_diagnosis(folder)
+        lacking = _write_files(found, outputs)
+    for name in lacking:
+        outputs = outputs.without(name)
+    report = _linked_report(found, outputs["html"])
+    present(
+        lambda: report, outputs, record=lambda: diagnosis_record(found), name="diagnosis", notes=list(lacking.values())
+    )
+    _list_in_results(outputs)
 
 
 def _listed(campaign: Path, simulated: Path | None) -> Campaign:
@@ -144,28 +84,45 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
     return listed if simulated is None else with_simulations(listed, simulated)
 
 
+def _write_files(found: ModelDiagnosis | LineDiagnosis, outputs: Outputs) -> dict[str, str]:
+    """Write predictions, corrected rig and exported model as far as they are wanted; what there is none of, with the reason."""
+    from winchcascade.batch.campaign_diagnosis import write_corrected_rig, write_predictions
+    from winchcascade.diagnosis.model_export import write_export
+
+    predictions, write, export = outputs["predictions"], outputs["write"], outputs["export"]
+    lacking = {}
+    if predictions is not None and not write_predictions(found, predictions, force=outputs.force):
+        lacking["predictions"] = "no predictions, as no effect was fitted"
+    if write is not None and not write_corrected_rig(found, write, force=outputs.force):
+        lacking["write"] = "no corrected rig file, as no named cause belongs in it"
+    if export is not None:
+        write_export(found, export, force=outputs.force)
+    return lacking
+
+
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
     """The report, with links to the pages of a batch beside it."""
-    from winchcascade.report.results_index import INDEX, links_to
+    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.diagnosis import diagnosis_report
 
     folder = Path() if html is None else html.parent
     pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
-    return replace(report_maker_of(found)(), links=links_to(pages))
+    return replace(diagnosis_report(found, command=given_command()), links=links_to(pages))
 
 
-def _files(
-    results: dict[str, Path | None], predictions: Path | None, *, written: bool, corrected: bool
-) -> list[Path | str]:
-    """What was written, and what was not, with the reason."""
-    files: list[Path | str] = [path for option, path in results.items() if path and (corrected or option != "--write")]
-    if not corrected:
-        files.append("no corrected rig file, as no named cause belongs in it")
-    if predictions is not None:
-        files.append(predictions if written else "no predictions, as no effect was fitted")
-    return files
+def _list_in_results(outputs: Outputs) -> None:
+    """List a diagnosis on the pages of the folders of results into which it was written."""
+    from winchcascade.batch.demo import DIAGNOSIS_FILES
+    from winchcascade.batch.results_pages import write_index
+
+    for folder in {path.parent for path in outputs.files if path.name in DIAGNOSIS_FILES}:
+        page = folder / "index.html"
+        if page.is_file() and is_marked(page):
+            with locked(folder, lambda _: None):
+                write_index(folder)
 
 
-def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Path | None]:
+def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Path]:
     """Make a folder of predictions, and list the files that may be written there."""
     if folder is None:
         return {}
@@ -176,8 +133,10 @@ def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Pa
             raise OptionError(
                 f"--predictions {folder}: {first} and {log} would be predicted in one file; give the logs names of their own."
             )
-    found: dict[str, Path | None] = {}
     for side in ("before", "after"):
         make_one(folder / side, "another")
-        found |= {f"--predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv" for log in logs}
-    return found
+    return {
+        f"predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv"
+        for side in ("before", "after")
+        for log in logs
+    }

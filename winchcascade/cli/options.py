@@ -1,32 +1,35 @@
-"""Options that several commands share, the completion of their values in a shell, and the files of a report as options."""
+"""Options and arguments of all commands, in their groups of the help, and the completion of their values in a shell."""
 
 from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
 
+from winchcascade.cli.outputs import Outputs
 from winchcascade.core.errors import OptionError
-from winchcascade.core.run import Repairs
-from winchcascade.report.report_files import ReportFiles
+
+INPUT, EVALUATION, OUTPUTS = "Input", "Evaluation", "Outputs"
+"""Groups of options in the help."""
 
 
-def rig_names(incomplete: str) -> list[str]:
-    """Built-in rigs that start like this."""
-    from winchcascade.core.rig_toml import BUILT_IN
+# ------------------------------------------------------------------------------------------------------------ completion
+def names_in(place: str) -> Callable[[str], list[str]]:
+    """What completes a name by those in a collection, whose module is imported when a shell asks."""
 
-    return _starting(BUILT_IN, incomplete)
+    def starting(incomplete: str) -> list[str]:
+        return [name for name in resolve_name(f"winchcascade.{place}") if name.startswith(incomplete)]
+
+    return starting
 
 
-def table_names(incomplete: str) -> list[str]:
-    """Built-in tables that start like this."""
-    from winchcascade.core.table_toml import BUILT_IN
-
-    return _starting(BUILT_IN, incomplete)
+RIGS, TABLES = names_in("core.rig_toml:BUILT_IN"), names_in("core.table_toml:BUILT_IN")
+"""What completes the names of the built-in rigs and tables."""
 
 
 def effect_names(incomplete: str) -> list[tuple[str, str]]:
@@ -36,97 +39,182 @@ def effect_names(incomplete: str) -> list[tuple[str, str]]:
     return [(name, effect.summary) for name, effect in EFFECTS.items() if name.startswith(incomplete)]
 
 
-def report_choices(incomplete: str) -> list[str]:
-    """Choices of `--reports` that start like this."""
-    from winchcascade.batch.run_batch import REPORTS
+def effect_fields(incomplete: str) -> list[str]:
+    """Fields of effects that start like this, up to their values."""
+    from winchcascade.rig.effects.catalogue import EFFECTS
 
-    return _starting(REPORTS, incomplete)
-
-
-def _starting(names: Iterable[str], incomplete: str) -> list[str]:
-    return [name for name in names if name.startswith(incomplete)]
+    fields = (f"{name}.{field.name}=" for name, effect in EFFECTS.items() for field in effect.fields)
+    return [field for field in fields if field.startswith(incomplete)]
 
 
-def valued_option(flag: str, value: str, text: str, names: Callable[[str], Sequence[Any]] | None = None) -> Any:
-    """An option with a value: its flag, what the help calls the value, the help, and what a shell completes the value from."""
-    return typer.Option(flag, metavar=value, help=text, autocompletion=names)
+# --------------------------------------------------------------------------------------------------------------- options
+def option(
+    flag: str,
+    value: str,
+    text: str,
+    panel: str = EVALUATION,
+    *,
+    names: Callable[[str], Sequence[Any]] | None = None,
+    minimum: float | None = None,
+) -> Any:
+    """An option: its flag, what the help calls its value (empty for a switch), the help and the group.
+
+    Parameters
+    ----------
+    names : what a shell completes the value from
+    """
+    return typer.Option(
+        flag, metavar=value or None, help=text, autocompletion=names, min=minimum, rich_help_panel=panel,
+        show_default=False,
+    )  # fmt: skip
 
 
-RigOption = Annotated[
-    str | None,
-    valued_option(
-        "--rig", "RIG", "Use this rig file, or the built-in rig hsu2026 (the default) or kitepower.", rig_names
+def argument(name: str, text: str, names: Callable[[str], Sequence[Any]] | None = None) -> Any:
+    """An argument: what the help calls it, the help, and what a shell completes it from."""
+    return typer.Argument(metavar=name, help=text, show_default=False, autocompletion=names)
+
+
+LOG = argument("LOG", "The log: CSV, .lvm, TDMS, MATLAB, Parquet or Excel.")
+"""The argument of a single log."""
+
+_TABLE = "The published table: a table file, or the built-in hsu2026-table2."
+
+OPTIONS: dict[str, Any] = {
+    "campaign": argument("CAMPAIGN", "The campaign: a campaign.toml, or the folder that holds one."),
+    "targets": argument("TARGET...", "The logs: a campaign.toml, a folder, a pattern, or single logs."),
+    "results": argument(
+        "RESULTS|CAMPAIGN", "The results: a campaign, the folder of a batch, or the JSON of a reduction."
     ),
-]
-WindowOption = Annotated[
-    str | None,
-    valued_option(
-        "--window",
-        "RULE",
+    "table": argument("TABLE", _TABLE, TABLES),
+    "a": argument("A", "The first side: a campaign, the folder of a batch, the JSON of a reduction, or a log."),
+    "b": argument("B", "The second side, of the same kinds."),
+    "trial": argument("DIR", "The folder of a trial that `blind deal` has made."),
+    "rig": option(
+        "--rig", "RIG", "Use this rig file, or the built-in rig hsu2026 (the default) or kitepower.", INPUT, names=RIGS
+    ),
+    "load_ohm": option("--load-ohm", "OHM", "Set the load resistance in ohms; inf means an open circuit.", INPUT),
+    "sheet": option(
+        "--sheet", "NAME|NUMBER", "Read this sheet of a workbook, this run of a MATLAB file, or this TDMS group.", INPUT
+    ),
+    "profile": option(
+        "--profile", "FILE",
+        "Take the line motion from this CSV file with the columns time_s and velocity_mps instead of a log.", INPUT,
+    ),
+    "simulated": option(
+        "--simulated", "FOLDER", "Compare the logs with your own simulation: files of the same names in this folder.", INPUT
+    ),
+    "against": option("--against", "TABLE", _TABLE, INPUT, names=TABLES),
+    "repairs": option(
+        "--repairs", "on|off",
+        "Repair the faults of the log (on), or keep what was logged and list what would be repaired (off).",
+    ),
+    "window": option(
+        "--window", "RULE",
         "Integrate over this window: auto, payout, or a length in seconds. By default the rule of the rig file applies.",
+        names=lambda incomplete: [rule for rule in ("auto", "payout") if rule.startswith(incomplete)],
     ),
-]
-LoadOption = Annotated[
-    float | None,
-    valued_option("--load-ohm", "OHM", "Set the load resistance in ohms; inf means an open circuit."),
-]
-SheetOption = Annotated[
-    str | None,
-    valued_option(
-        "--sheet", "NAME|NUMBER", "Read this sheet of a workbook, this run of a MATLAB file, or this TDMS group."
+    "withhold": option(
+        "--withhold", "LOAD", "Hold the logs of this load [ohm, or inf] out of choice and fit; repeat it for several."
     ),
-]
-RepairsOption = Annotated[
-    Repairs,
-    typer.Option(
-        "--repairs",
-        help="Repair the faults of the log (on), or keep what was logged and list what would be repaired (off).",
+    "suspect": option(
+        "--suspect", "EFFECT",
+        "Suspect only this effect; repeat it for several. By default the whole catalogue is suspected.", names=effect_names,
     ),
-]
-JsonOption = Annotated[
-    str | None,
-    valued_option("--json", "FILE", "Write the result as JSON; - prints the JSON and nothing else."),
-]
-ParquetOption = Annotated[
-    Path | None,
-    valued_option("--parquet", "FOLDER", "Write cycles, bins and findings as Parquet files into this folder."),
-]
-LossMapOption = Annotated[
-    Path | None,
-    valued_option(
-        "--loss-map",
-        "FILE",
-        "Write the loss from shaft to DC link as a map over torque and speed, as .csv, .mat or .json.",
+    "effects": option(
+        "--with", "EFFECT.FIELD=VALUE",
+        "Apply an effect to the model; repeat it for several. `winchcascade effects` lists them.", names=effect_fields,
     ),
-]
-JobsOption = Annotated[
-    int | None,
-    typer.Option("--jobs", metavar="N", min=1, help="Work with N processes; by default with one for each processor."),
-]
-SchedulerOption = Annotated[
-    str | None,
-    valued_option("--scheduler", "ADDRESS", "Send the work to this Dask scheduler, such as tcp://host:8786."),
-]
-ForceOption = Annotated[
-    bool, typer.Option("--force", help="Replace existing files, also those that another program wrote.")
-]
-ThreadsOption = Annotated[
-    int | None,
-    typer.Option("--jobs", metavar="N", min=1, help="Work with N threads; by default with one for each processor."),
-]
-CampaignArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="CAMPAIGN", help="The campaign: a campaign.toml, or the folder that holds one.", show_default=False
+    "sensors": option("--sensors", "", "Add the errors of the sensors that the rig file states to what the sensors read."),
+    "same_sensors": option(
+        "--same-sensors", "", "Share the gains of the sensors between A and B, so that their errors cancel."
     ),
-]
+    "max_drop": option("--max-drop", "X", "Exit with code 1 if eta_pto of a run drops by more than X, such as 0.01."),
+    "same_logs": option("--same-logs", "", "The table was made from these logs: allow rounding alone."),
+    "tolerance": option(
+        "--tolerance", "PART=FACTOR",
+        "Multiply a part of the tolerance, which is rounding, deviation or uncertainty, by a factor.",
+    ),
+    "physics": option("--physics", "", "Also compare the table with the model of a rig; this takes some seconds."),
+    "cases": option("--cases", "N", "Generate this number of campaigns.", minimum=1),
+    "seed": option("--seed", "N", "Set the seed; the same seed gives the same result.", minimum=0),
+    "jobs": option("--jobs", "N", "Work with N processes; by default with one for each processor.", minimum=1),
+    "threads": option("--jobs", "N", "Work with N threads; by default with one for each processor.", minimum=1),
+    "scheduler": option("--scheduler", "ADDRESS", "Send the work to this Dask scheduler, such as tcp://host:8786."),
+    "out": option(
+        "--out", "FOLDER", "Write the results into this folder. A second call keeps the results that are still valid.", OUTPUTS
+    ),
+    "json": option("--json", "FILE", "Write the result as JSON; - prints the JSON and nothing else.", OUTPUTS),
+    "html": option("--html", "FILE", "Write the report as one self-contained page.", OUTPUTS),
+    "pdf": option("--pdf", "FILE", "Write the report as PDF.", OUTPUTS),
+    "figures": option(
+        "--figures", "FOLDER", "Write each figure of the report into this folder as SVG, PDF and PNG.", OUTPUTS
+    ),
+    "tables": option(
+        "--tables", "FOLDER", "Write each table of the report into this folder as CSV, LaTeX and Markdown.", OUTPUTS
+    ),
+    "parquet": option("--parquet", "FOLDER", "Write cycles, bins and findings as Parquet files into this folder.", OUTPUTS),
+    "loss_map": option(
+        "--loss-map", "FILE", "Write the loss from shaft to DC link as a map over torque and speed, as .csv, .mat or .json.",
+        OUTPUTS,
+    ),
+    "reports": option(
+        "--reports", "none|html|all",
+        "Write reports of each log and of the campaign: none, html (pages, the default), or all (pages and PDF).", OUTPUTS,
+        names=names_in("batch.run_batch:REPORTS"),
+    ),
+    "excel": option("--excel", "", "Also write the tables as an Excel workbook.", OUTPUTS),
+    "predictions": option(
+        "--predictions", "FOLDER",
+        "Write what the model predicts for the held-out logs, without and with the causes, into this folder.", OUTPUTS,
+    ),
+    "write": option("--write", "RIG.toml", "Write a rig file that contains the named causes as effects.", OUTPUTS),
+    "export": option("--export", "FILE", "Write the numbers of the corrected model as .json or .mat.", OUTPUTS),
+    "junit": option("--junit", "FILE", "Write the result as JUnit XML for a test server.", OUTPUTS),
+    "github": option("--github", "", "Also print annotations for GitHub.", OUTPUTS),
+    "force": option("--force", "", "Replace existing files, also those that another program wrote.", OUTPUTS),
+}  # fmt: skip
+"""What the parameters of all commands are on the command line, by their names."""
+
+REPORT = ("html", "pdf", "figures", "tables")
+"""Options of the files of a report."""
 
 
-def name_argument(text: str, names: Callable[[str], Sequence[Any]]) -> Any:
-    """An argument that may be left out, of which a shell completes the names."""
-    return typer.Argument(metavar="[NAME]", help=text, show_default=False, autocompletion=names)
+def with_options(*outputs: str, **own: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give the parameters of a command their options and arguments from `OPTIONS`, by their names.
+
+    Parameters
+    ----------
+    outputs : options in the place of the parameter `outputs`, besides `force`; it gets the files that they name
+    own : what a parameter of this command is instead
+    """
+
+    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        def run(**values: Any) -> None:
+            if outputs:
+                paths = {name: path for name in outputs if (path := values.pop(name)) is not None}
+                values["outputs"] = Outputs(paths, values.pop("force"))
+            command(**values)
+
+        parameters: list[inspect.Parameter] = []
+        for parameter in inspect.signature(command, eval_str=True).parameters.values():
+            if parameter.name == "outputs":
+                parameters += [_parameter(name, Path | None, None, own) for name in outputs]
+                parameters.append(_parameter("force", bool, False, own))
+            else:
+                parameters.append(_parameter(parameter.name, parameter.annotation, parameter.default, own))
+        run.__doc__, run.__annotations__ = command.__doc__, {}
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
+        return run
+
+    return decorated
 
 
+def _parameter(name: str, kind: Any, default: object, own: Mapping[str, Any]) -> inspect.Parameter:
+    annotation = Annotated[kind, own.get(name) or OPTIONS[name]]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+# ---------------------------------------------------------------------------------------------------------------- values
 def check_load(load_ohm: float | None) -> None:
     """Reject a load that is no resistance; OptionError describes what is expected."""
     if load_ohm is not None and not load_ohm > 0:
@@ -140,48 +228,3 @@ def named_number(option: str) -> tuple[str, float]:
         return name.strip(), float(number)
     except ValueError:
         return name.strip(), math.nan
-
-
-NO_REPORT = ReportFiles()
-"""The value of the parameter `report` where no file of a report is wanted."""
-
-_OPTIONS: dict[str, object] = {
-    "html": Annotated[Path | None, valued_option("--html", "FILE", "Write the report as one self-contained page.")],
-    "pdf": Annotated[Path | None, valued_option("--pdf", "FILE", "Write the report as PDF.")],
-    "figures": Annotated[
-        Path | None,
-        valued_option(
-            "--figures",
-            "FOLDER",
-            "Write each figure of the report into this folder as SVG, PDF and PNG, 90 mm and 190 mm wide.",
-        ),
-    ],
-    "tables": Annotated[
-        Path | None,
-        valued_option(
-            "--tables", "FOLDER", "Write each table of the report into this folder as CSV, LaTeX and Markdown."
-        ),
-    ],
-}
-
-
-def report_options(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command these options in the place of its parameter `report`, which gets their values as `ReportFiles`."""
-
-    def with_options(command: Callable[..., None]) -> Callable[..., None]:
-        def run(**values: Any) -> None:
-            command(report=ReportFiles(**{name: values.pop(name) for name in names}), **values)
-
-        options = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_OPTIONS[name])
-            for name in names
-        ]
-        parameters: list[inspect.Parameter] = []
-        for parameter in inspect.signature(command, eval_str=True).parameters.values():
-            own = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-            parameters += options if parameter.name == "report" else [own]
-        run.__doc__, run.__annotations__ = command.__doc__, {}
-        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
-        return run
-
-    return with_options

@@ -1,39 +1,158 @@
-"""Print and write the results of a command, and protect its inputs and the files of others."""
+"""Files that a command writes, and the one function that presents its result: terminal text, JSON, report, list of files."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import msgspec
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import check_replaceable, write_content
+from winchcascade.core.files import check_replaceable, json_bytes, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
 from winchcascade.core.store import make_one
-from winchcascade.report.screen import QUIET, painted
-from winchcascade.report.text_table import file_lines
+from winchcascade.report.screen import QUIET, painted, status_line
 
 if TYPE_CHECKING:
     from winchcascade.report.content import Report
-    from winchcascade.report.report_files import ReportFiles
 
-Results = Mapping[str, str | Path | None]
-"""Files and folders that a command writes, by the option that names each."""
+STDOUT = Path("-")
+"""Standard output, as the file of `--json`."""
+
+_FOLDERS = {"parquet", "predictions"}
+"""Options that name a folder whose files are checked one by one."""
+
+_TOGETHER = {"figures", "tables"}
+"""Folders that may be one and the same, and may hold other files: each file is checked as it is written."""
 
 
-def show(text: str, *, failures: str = "", file: TextIO | None = None, flush: bool = False) -> None:
+class Outputs(msgspec.Struct, frozen=True):
+    """Files and folders that a command writes, by the names of their options; only those that are wanted."""
+
+    paths: dict[str, Path] = {}
+    force: bool = False
+
+    def __getitem__(self, name: str) -> Path | None:
+        """The file that an option names, None where it is not wanted."""
+        return self.paths.get(name)
+
+    @property
+    def files(self) -> list[Path]:
+        """What is listed as written, each once."""
+        return list(dict.fromkeys(path for path in self.paths.values() if path != STDOUT))
+
+    def without(self, name: str) -> Outputs:
+        """These files but that of one option."""
+        return Outputs({option: path for option, path in self.paths.items() if option != name}, self.force)
+
+    def check(self, inputs: Iterable[str | Path | None], more: Mapping[str, Path] = {}) -> None:
+        """Reject, before any work, a file that a result must not replace, and two results of one name.
+
+        Parameters
+        ----------
+        inputs : of the command, which no result replaces, not even with `force`
+        more : further files of the command, by the options that name them
+
+        Raises
+        ------
+        OptionError : a result has no name of its own
+        OutputError : a file is there that must not be replaced
+        """
+        sources = [Path(source) for source in inputs if source and Path(source).exists()]
+        taken: dict[Path, str] = {}
+        for name, path in (self.paths | dict(more)).items():
+            option = f"--{name.replace('_', '-')}"
+            if name == "json" and path == STDOUT:
+                continue
+            if str(path) in ("-", "."):
+                raise OptionError(f"{option} {path}: expected the name of a file.")
+            other = taken.setdefault(Path(os.path.realpath(path)), name)
+            if other != name and not {name, other} <= _TOGETHER:
+                raise OptionError(f"--{other} and {option} both name {path}; give each a name of its own.")
+            if name in _TOGETHER:
+                make_one(path, "another")
+            elif name not in _FOLDERS:
+                if path.exists() and any(source.samefile(path) for source in sources):
+                    raise OptionError(f"{option} {path}: is an input of this command; give the result another name.")
+                check_replaceable(path, force=self.force)
+
+
+NO_OUTPUTS = Outputs()
+"""The value of a command's parameter `outputs` where no file is wanted."""
+
+
+def present(
+    stated: Callable[[], Report],
+    outputs: Outputs,
+    *,
+    record: Callable[[], object] = dict,
+    name: str = "report",
+    drawn: Callable[[], Report] | None = None,
+    failed: Callable[[], Report] | None = None,
+    notes: Iterable[str | Path] = (),
+) -> None:
+    """Write the report and the JSON of a result as far as they are wanted, print its text, and list the files.
+
+    With JSON on standard output nothing else is printed; with --quiet only what failed.
+
+    Parameters
+    ----------
+    stated : makes the report of the result
+    record : makes the content of the JSON, or its bytes
+    name : with which the names of figures and tables begin
+    drawn : makes the report with its figures, where that takes longer
+    failed : makes the report of what failed; None where nothing did
+    notes : listed below the files
+    """
+    from winchcascade.report.render.terminal import terminal_text
+
+    written = _write_report_files(drawn or stated, outputs, name)
+    if outputs["json"] is not None:
+        found = record()
+        content = found if isinstance(found, bytes) else json_bytes(found)
+        if outputs["json"] == STDOUT:
+            sys.stdout.buffer.write(json_without_commands(content))
+            return
+        write_content(outputs["json"], content, force=outputs.force)
+    if QUIET.get():
+        show("", failures="" if failed is None else terminal_text(failed()))
+    else:
+        report = written if written is not None and drawn is None else stated()
+        show(terminal_text(report, list(dict.fromkeys([*outputs.files, *notes]))))
+
+
+def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) -> Report | None:
+    """Write the page, the PDF, the figures and the tables of a report as far as they are wanted, and give the report."""
+    if not outputs.paths.keys() & {"html", "pdf", "figures", "tables"}:
+        return None
+    from winchcascade.report.render.folders import write_figures, write_tables
+    from winchcascade.report.render.publish import publish
+
+    with status_line(f"report of {name}") as on_progress:
+        on_progress(f"{name}: drawing figures")
+        report = make()
+        for ending in ("html", "pdf"):
+            if ending in outputs.paths:
+                on_progress(f"writing {outputs.paths[ending].name}")
+                publish(report, **{ending: outputs.paths[ending]}, force=outputs.force)
+        for folder, write in ((outputs["figures"], write_figures), (outputs["tables"], write_tables)):
+            if folder is not None:
+                on_progress(f"writing files into {folder.name}")
+                write(report, folder, name, force=outputs.force)
+    return report
+
+
+def show(text: str, *, failures: str = "", file: TextIO | None = None) -> None:
     """Print lines without control characters and commands to a runner of GitHub: names from files may hold any text.
 
     Parameters
     ----------
     failures : what is printed instead with --quiet
     """
-    print(painted(failures if QUIET.get() else text, lines), end="", file=file, flush=flush)
+    print(painted(failures if QUIET.get() else text, lines), end="", file=file, flush=True)
 
 
 def show_commands(text: str, *, file: TextIO) -> None:
@@ -41,98 +160,8 @@ def show_commands(text: str, *, file: TextIO) -> None:
     print(printable(text), end="", file=file)
 
 
-class Printed(msgspec.Struct, frozen=True):
-    """What a command prints: a text, or with --quiet the `failures` alone.
-
-    Files that are wanted are listed below the text, or above its last line where that is a `verdict`; `files` holds them by the
-    option that names each.
-    """
-
-    text: Callable[[], str]
-    files: Results = {}
-    failures: Callable[[], str] = str
-    verdict: bool = False
-
-
-def deliver(json: str | None, content: Callable[[], bytes], printed: Printed, *, force: bool) -> None:
-    """Write the content of a JSON file if that is wanted, and print the text unless standard output holds the JSON."""
-    if json == "-":
-        sys.stdout.buffer.write(json_without_commands(content()))
-        return
-    if json is not None:
-        write_content(Path(json), content(), force=force)
-    if QUIET.get():
-        show("", failures=printed.failures())
-    else:
-        shown, files = printed.text(), written(printed.files)
-        end = shown.rstrip("\n").rfind("\n") + 1 if printed.verdict else len(shown)
-        show(shown[:end] + files + shown[end:])
-
-
-def write_reports(make: Callable[[], Report], files: ReportFiles, name: str, *, of: str = "", force: bool) -> None:
-    """Write a report as page and PDF, and its figures and tables, as far as they are wanted.
-
-    Parameters
-    ----------
-    make : makes the report, with what it must import for that
-    name, of : as of `write_report_files`
-    """
-    if files.wanted:
-        from winchcascade.report.exports import write_report_files
-
-        write_report_files(make, files, name, of=of, force=force)
-
-
-def report_maker_of(result: object) -> Callable[[], Report]:
-    """What makes the report of a result of a command, with the command."""
-    from winchcascade.report.report_files import report_of
-
-    return partial(report_of, result, command=given_command())
-
-
-def written(results: Results) -> str:
-    """The lines that list what was written; none for nothing."""
-    return file_lines("files:", [result for result in results.values() if result])
-
-
 def given_command() -> str:
     """The command as it was given, to be given again."""
     import shlex
 
     return shlex.join(["winchcascade", *sys.argv[1:]])
-
-
-_TOGETHER = {"--figures", "--tables"}
-"""Folders that may be one and the same, and may hold other files: each file is checked as it is written."""
-
-
-def check_outputs(results: Results, inputs: Iterable[str | Path | None], *, force: bool) -> None:
-    """Reject, before any work, a file that a result must not replace, and two results of one name.
-
-    Parameters
-    ----------
-    results : by the option that names them; what is not wanted is None
-    inputs : of the command, which no result replaces, not even with `force`
-
-    Raises
-    ------
-    OptionError : a result has no name of its own
-    OutputError : a file is there that must not be replaced
-    """
-    sources = [Path(source) for source in inputs if source]
-    taken: dict[Path, str] = {}
-    for option, wanted in results.items():
-        if not wanted or (option == "--json" and str(wanted) == "-"):
-            continue
-        result = Path(wanted)
-        if str(result) in ("-", "."):
-            raise OptionError(f"{option} {result}: expected the name of a file.")
-        other = taken.setdefault(Path(os.path.realpath(result)), option)
-        if other != option and not {option, other} <= _TOGETHER:
-            raise OptionError(f"{other} and {option} both name {result}; give each a name of its own.")
-        if option in _TOGETHER:
-            make_one(result, "another")
-        elif option != "--parquet":
-            if result.exists() and any(source.exists() and source.samefile(result) for source in sources):
-                raise OptionError(f"{option} {result}: is an input of this command; give the result another name.")
-            check_replaceable(result, force=force)

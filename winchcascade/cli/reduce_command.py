@@ -2,123 +2,102 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
 from msgspec.structs import replace
 
 from winchcascade.batch.log_settings import settings_of
-from winchcascade.cli.options import (
-    NO_REPORT,
-    ForceOption,
-    JsonOption,
-    LoadOption,
-    LossMapOption,
-    ParquetOption,
-    RepairsOption,
-    RigOption,
-    SheetOption,
-    WindowOption,
-    check_load,
-    report_options,
-)
-from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, given_command, write_reports
+from winchcascade.cli.options import LOG, REPORT, check_load, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present
 from winchcascade.core.errors import OptionError
-from winchcascade.report.report_files import ReportFiles
+from winchcascade.core.run import Repairs
 
 if TYPE_CHECKING:
     from winchcascade.reduction.loss_map import LossMap
     from winchcascade.reduction.montecarlo import Uncertainty
     from winchcascade.reduction.reduction_result import Reduction
+    from winchcascade.report.content import Report
 
 
-@report_options("html", "pdf", "figures", "tables")
+@with_options("json", *REPORT, "parquet", "loss_map", logs=LOG)
 def reduce_command(
-    log: Annotated[
-        Path,
-        typer.Argument(metavar="LOG", help="The log: CSV, .lvm, TDMS, MATLAB, Parquet or Excel.", show_default=False),
-    ],
-    rig: RigOption = None,
-    load_ohm: LoadOption = None,
-    window: WindowOption = None,
-    sheet: SheetOption = None,
-    repairs: RepairsOption = "on",
-    json: JsonOption = None,
-    parquet: ParquetOption = None,
-    report: ReportFiles = NO_REPORT,
-    loss_map: LossMapOption = None,
-    force: ForceOption = False,
+    logs: list[Path],
+    rig: str | None = None,
+    load_ohm: float | None = None,
+    sheet: str | None = None,
+    window: str | None = None,
+    repairs: Repairs = "on",
+    outputs: Outputs = NO_OUTPUTS,
 ) -> None:
     """Reduce one log to its cycles with their energies and efficiencies, and list the faults of the log.
 
     If a campaign.toml in the folder of the log lists it, that file gives what the options leave open.
     """
     from winchcascade.ingest.read import read_by
+    from winchcascade.reduction.montecarlo import uncertainty
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
+    from winchcascade.report.records import reduction_json
 
-    _reject_folder(log)
+    log = _one_log(logs)
     check_load(load_ohm)
     if window is not None:
         window_rule(window)
-    results: Results = {"--json": json, **report.by_option, "--parquet": parquet, "--loss-map": loss_map}
-    check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
-    if loss_map is not None:
-        from winchcascade.report.loss_map_text import check_ending
+    outputs.check([log, log.parent / "campaign.toml", rig])
+    if outputs["loss_map"] is not None:
+        from winchcascade.report.loss_map_file import check_ending
 
-        check_ending(loss_map)
+        check_ending(outputs["loss_map"])
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
     reduction = reduce(read_by(log, replace(settings, repairs=repairs)))
     require_payouts(reduction)
-    mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
-    if parquet is not None:
+    mapped = (
+        None if outputs["loss_map"] is None else _write_loss_map(reduction, outputs["loss_map"], force=outputs.force)
+    )
+    if outputs["parquet"] is not None:
         from winchcascade.report.frames import write_parquet
 
-        write_parquet(reduction, parquet, force=force)
-    found = None
-    if json is not None or report.wanted:
-        from winchcascade.reduction.montecarlo import uncertainty
-
-        found = uncertainty(reduction)
-    if found is not None and report.wanted:
-        from winchcascade.report.document import report_maker
-
-        make = report_maker(reduction, found, mapped, command=given_command())
-        write_reports(make, report, Path(reduction.run.name).stem, force=force)
-    deliver(json, lambda: _record(reduction, found), Printed(lambda: _text(reduction, mapped), results), force=force)
+        write_parquet(reduction, outputs["parquet"], force=outputs.force)
+    found = uncertainty(reduction)
+    present(
+        partial(_stated, reduction, found, mapped),
+        outputs,
+        record=lambda: reduction_json(reduction, found),
+        name=Path(reduction.run.name).stem,
+        drawn=partial(_drawn, reduction, found, mapped),
+    )
 
 
-def _record(reduction: Reduction, found: Uncertainty | None) -> bytes:
-    from winchcascade.report.records import reduction_json
-
-    return reduction_json(reduction, found)
-
-
-def _text(reduction: Reduction, mapped: LossMap | None) -> str:
-    from winchcascade.report.terminal import reduction_text
-
-    if mapped is None:
-        return reduction_text(reduction)
-    from winchcascade.report.loss_map_text import loss_map_lines
-
-    return "\n".join([reduction_text(reduction), *loss_map_lines(mapped)]) + "\n"
+def _one_log(logs: Sequence[Path]) -> Path:
+    """The log that is given; several, and a folder of logs, are a batch: OptionError."""
+    if len(logs) == 1 and not logs[0].is_dir():
+        return logs[0]
+    what = f"{len(logs)} logs" if len(logs) > 1 else f"{logs[0]}: is not a file but a folder"
+    batch = shlex.join(["winchcascade", "batch", *map(str, logs), "--out", "results"])
+    raise OptionError(f"{what}; expected one log. To reduce several logs, run `{batch}`.")
 
 
-def _reject_folder(log: Path) -> None:
-    if log.is_dir():
-        import shlex
+def _stated(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:
+    from winchcascade.report.results.loss_surface import loss_map_section
+    from winchcascade.report.results.reduction import reduction_report
 
-        raise OptionError(
-            f"{log}: is not a file but a folder; expected one log. To reduce all logs of a folder, run `winchcascade batch "
-            f"{shlex.quote(str(log))} --out results`."
-        )
+    return reduction_report(reduction, found, more={} if mapped is None else {"loss-map": loss_map_section(mapped)})
+
+
+def _drawn(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:
+    from winchcascade.report.results.drawn_reduction import drawn_report
+
+    return drawn_report(reduction, found, mapped, command=given_command())
 
 
 def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap:
     """Make the loss map of a log and write it."""
     from winchcascade.reduction.loss_map import make_loss_map
     from winchcascade.reduction.loss_points import loss_points
-    from winchcascade.report.loss_map_text import write_loss_map
+    from winchcascade.report.loss_map_file import write_loss_map
 
     found = make_loss_map(loss_points(reduction), reduction.rig)
     write_loss_map(found, path, reduction.run.name, force=force)

@@ -5,81 +5,24 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from winchcascade.cli.options import (
-    NO_REPORT,
-    ForceOption,
-    JobsOption,
-    JsonOption,
-    RigOption,
-    named_number,
-    report_options,
-    table_names,
-    valued_option,
-)
-from winchcascade.cli.outputs import (
-    Printed,
-    Results,
-    check_outputs,
-    deliver,
-    report_maker_of,
-    show,
-    show_commands,
-    write_reports,
-)
+from winchcascade.cli.options import named_number, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, STDOUT, Outputs, given_command, present, show, show_commands
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import json_bytes, write_content
-from winchcascade.report.report_files import ReportFiles
-
-ResultsArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="RESULTS|CAMPAIGN",
-        help="The results: a campaign, the folder of a batch, or the JSON of a reduction.",
-        show_default=False,
-    ),
-]
-AgainstOption = Annotated[
-    str,
-    typer.Option(
-        "--against",
-        metavar="TABLE",
-        help="The published table: a table file, or the built-in hsu2026-table2.",
-        show_default=False,
-        autocompletion=table_names,
-    ),
-]
-ToleranceOption = Annotated[
-    list[str] | None,
-    valued_option(
-        "--tolerance",
-        "PART=FACTOR",
-        "Multiply a part of the tolerance, which is rounding, deviation or uncertainty, by a factor.",
-    ),
-]
-SameLogsOption = Annotated[
-    bool, typer.Option("--same-logs", help="The table was made from these logs: allow rounding alone.")
-]
-JunitOption = Annotated[
-    Path | None, valued_option("--junit", "FILE", "Write the result as JUnit XML for a test server.")
-]
+from winchcascade.core.files import write_content
 
 
-@report_options("html", "pdf", "tables")
+@with_options("json", "html", "pdf", "tables", "junit")
 def check_command(
-    results: ResultsArgument,
-    against: AgainstOption,
-    same_logs: SameLogsOption = False,
-    tolerance: ToleranceOption = None,
-    junit: JunitOption = None,
-    github: Annotated[bool, typer.Option("--github", help="Also print annotations for GitHub.")] = False,
-    json: JsonOption = None,
-    report: ReportFiles = NO_REPORT,
-    jobs: JobsOption = None,
-    force: ForceOption = False,
+    results: Path,
+    against: str,
+    same_logs: bool = False,
+    tolerance: list[str] | None = None,
+    jobs: int | None = None,
+    outputs: Outputs = NO_OUTPUTS,
+    github: bool = False,
 ) -> None:
     """Compare results with a published table, cell by cell. The exit code is 1 if a cell does not agree.
 
@@ -88,7 +31,8 @@ def check_command(
     """
     from winchcascade.batch.results import check_results, input_files, load_results
     from winchcascade.core.jobs import processes
-    from winchcascade.report.check_report import check_record, check_text, github_annotations, junit_xml, missed_text
+    from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
+    from winchcascade.report.results.checks import check_report, failed_check
     from winchcascade.tables.check import SAME_LOGS, Factors
     from winchcascade.tables.point_table import PointTable, open_table
 
@@ -98,10 +42,7 @@ def check_command(
             "the two options."
         )
     factors, table = SAME_LOGS if same_logs else Factors(**_factors(tolerance or [])), open_table(against)
-    outputs: Results = {"--junit": junit, "--json": json, **report.by_option}
-    check_outputs(
-        outputs, [against, table.csv if isinstance(table, PointTable) else None, *input_files(results)], force=force
-    )
+    outputs.check([against, table.csv if isinstance(table, PointTable) else None, *input_files(results)])
     found = load_results(results, jobs=jobs or processes())
     if not found.verified:
         show(
@@ -109,17 +50,18 @@ def check_command(
             file=sys.stderr,
         )
     outcome = check_results(found, table, factors)
-    if junit is not None:
-        write_content(junit, junit_xml(outcome), force=force)
-    write_reports(report_maker_of(outcome), report, f"{table.name}_check", force=force)
-    deliver(
-        json,
-        lambda: json_bytes(check_record(outcome)),
-        Printed(lambda: check_text(outcome), outputs, failures=lambda: missed_text(outcome), verdict=True),
-        force=force,
+    if outputs["junit"] is not None:
+        write_content(outputs["junit"], junit_xml(outcome), force=outputs.force)
+    present(
+        lambda: check_report(outcome, command=given_command()),
+        outputs,
+        record=lambda: check_record(outcome),
+        name=f"{table.name}_check",
+        failed=None if outcome.ok else lambda: failed_check(outcome),
     )
     if github:
-        show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
+        stream = sys.stderr if outputs["json"] == STDOUT else sys.stdout
+        show_commands(github_annotations(outcome, table.path), file=stream)
     raise typer.Exit(0 if outcome.ok else 1)
 
 
@@ -136,61 +78,34 @@ def _factors(options: Sequence[str]) -> dict[str, float]:
     return factors
 
 
-TableArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="TABLE",
-        help="The published table: a table file, or the built-in hsu2026-table2.",
-        show_default=False,
-        autocompletion=table_names,
-    ),
-]
-
-
-@report_options("html", "pdf", "tables")
-def audit_command(
-    table: TableArgument,
-    physics: Annotated[
-        bool, typer.Option("--physics", help="Also compare the table with the model of a rig; this takes some seconds.")
-    ] = False,
-    rig: RigOption = None,
-    json: JsonOption = None,
-    report: ReportFiles = NO_REPORT,
-    force: ForceOption = False,
-) -> None:
+@with_options("json", "html", "pdf", "tables")
+def audit_command(table: str, rig: str | None = None, physics: bool = False, outputs: Outputs = NO_OUTPUTS) -> None:
     """Check a published table and its text for contradictions, without any log. The exit code is 1 if there is one.
 
     With --physics, the result lists the efficiencies that the model of the rig can reach, and the effects that could explain a
     difference.
     """
     from winchcascade.core.published_table import PublishedTable
-    from winchcascade.report.audit_text import (
-        audit_record,
-        audit_text,
-        broken_laws_text,
-        contradictions_text,
-        point_audit_record,
-        point_audit_text,
-    )
+    from winchcascade.report.results.audit_record import audit_record
+    from winchcascade.report.results.audits import audit_report, failed_audit
     from winchcascade.report.screen import Progress
-    from winchcascade.tables.audit import Audit, audit
+    from winchcascade.tables.audit import audit
     from winchcascade.tables.point_table import open_table
 
     if rig is not None and not physics:
         raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
-    outputs: Results = {"--json": json, **report.by_option}
-    check_outputs(outputs, [table, rig], force=force)
+    outputs.check([table, rig])
     opened = open_table(table)
     if physics and isinstance(opened, PublishedTable):
         with Progress(f"physics of {opened.name}") as watch:
             found = audit(opened, physics=True, rig=rig, watch=watch)
     else:
         found = audit(opened, physics=physics)
-    if isinstance(found, Audit):
-        record, text, failures = audit_record(found), audit_text(found), contradictions_text(found)
-    else:
-        record, text, failures = point_audit_record(found), point_audit_text(found), broken_laws_text(found)
-    write_reports(report_maker_of(found), report, f"{opened.name}_audit", force=force)
-    printed = Printed(lambda: text, outputs, failures=lambda: failures, verdict=True)
-    deliver(json, lambda: json_bytes(record), printed, force=force)
+    present(
+        lambda: audit_report(found, command=given_command()),
+        outputs,
+        record=lambda: audit_record(found),
+        name=f"{opened.name}_audit",
+        failed=None if found.ok else lambda: failed_audit(found),
+    )
     raise typer.Exit(0 if found.ok else 1)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from winchcascade.comparison.compared_run import ComparedRun, mean_of_known
 from winchcascade.comparison.comparison_result import ComparedSide, ComparisonNote, MatchedRuns, NoteKind
 from winchcascade.core.campaign_file import KINDS
-from winchcascade.core.cascade import Cascade
 from winchcascade.reduction.uncertainty import R_DRUM
 
 LENGTH_SAME = 0.01
@@ -30,45 +29,12 @@ def comparison_notes(
     matched : runs with their differences
     unlike : sensors whose gains the rig files of both sides state differently
     """
-    notes = _stages(a, b)
-    kinds: list[tuple[NoteKind, NoteText]] = [
-        ("stages", _formulas),
-        (
-            "windows",
-            _unlike(
-                lambda run: run.cycles_from,
-                "the cycles of A come from {}, those of B from {} ([phases] of the rig file); their energies, powers and "
-                "efficiencies cannot be compared",
-            ),
-        ),
-        (
-            "windows",
-            _unlike(
-                rule_text,
-                "the windows of A are {}, those of B {}; energies, powers and efficiencies of different windows cannot be "
-                "compared, so reduce both with one window",
-            ),
-        ),
-        ("windows", _lengths),
-        ("motion", _speeds),
-        ("same_log", _same_log),
-        ("data", _data),
-        ("rigs", _unlike(lambda run: run.rig, "A was reduced with the rig {}, B with {}")),
-        ("cycles", _without_cycles),
-        ("pooled", _pooled),
-        ("repeatability", _repeatability),
-        ("repeatability", _waves),
-        ("accuracy", _accuracy),
-    ]
-    if same_sensors:
-        kinds.append(("shared_gains", _not_split))
-    for kind, note_text in kinds:
+    whole = MatchedRuns("", None, a.runs, b.runs)
+    notes = [ComparisonNote("stages", text) for text in [_STAGES(whole)] if isinstance(text, str) and text]
+    for kind, note_text in (*NOTES, *([_NOT_SPLIT] if same_sensors else [])):
         notes += _grouped(kind, note_text, matched)
     if same_sensors and unlike:
-        text = (
-            f"the rig files state different accuracies of the gains of {', '.join(unlike)}, so that these are no common gains; "
-            "they count as independent"
-        )
+        text = f"the rig files state different gains of {', '.join(unlike)}, so that they count as independent"
         notes.append(ComparisonNote("shared_gains", text))
     return tuple(notes)
 
@@ -87,30 +53,42 @@ def _grouped(kind: NoteKind, note_text: NoteText, matched: Sequence[MatchedRuns]
     ]
 
 
-def _each(runs: Sequence[ComparedRun], text: Callable[[ComparedRun], str]) -> str:
-    """Texts of some logs, each once."""
-    return " and ".join(dict.fromkeys(map(text, runs)))
-
-
+# ------------------------------------------------------------------------------------------------- what differs in A and B
 def _unlike(of: Callable[[ComparedRun], str], sentence: str) -> NoteText:
     """A note on a text of the logs that differs between A and B; the sentence has a place {} for either."""
 
     def note_text(runs: MatchedRuns) -> str:
-        ours, theirs = (_each(side, of) for side in (runs.a, runs.b))
+        ours, theirs = (" and ".join(dict.fromkeys(map(of, side))) for side in (runs.a, runs.b))
         return sentence.format(ours, theirs) if ours != theirs else ""
 
     return note_text
 
 
-def _stages(a: ComparedSide, b: ComparedSide) -> list[ComparisonNote]:
-    """Sides whose stages differ."""
-    ours, theirs = (" and ".join(dict.fromkeys(_named(run.cascade) for run in side.runs)) for side in (a, b))
-    text = f"the stages of A are {ours}, those of B {theirs}; the metrics that both have are compared"
-    return [ComparisonNote("stages", text)] if ours != theirs else []
+def _apart(of: Callable[[ComparedRun], float | None], same: float, unit: str, sentence: str) -> NoteText:
+    """A note on a quantity whose means over the logs of either side differ by more than a share `same`."""
+
+    def note_text(runs: MatchedRuns) -> str | tuple[str, str]:
+        ours, theirs = (mean_of_known([of(run) for run in side]) for side in (runs.a, runs.b))
+        if not ours or not theirs or abs(theirs / ours - 1.0) <= same:
+            return ""
+        return sentence, f"{ours:.3g} {unit} in A, {theirs:.3g} {unit} in B"
+
+    return note_text
 
 
-def _named(cascade: Cascade) -> str:
-    return ", ".join(cascade.names)
+def rule_text(run: ComparedRun) -> str:
+    """Rule of the windows of a log, or their fixed length."""
+    return run.window if isinstance(run.window, str) else f"{run.window:g} s"
+
+
+def _lengths(runs: MatchedRuns) -> str | tuple[str, str]:
+    """Windows of one rule whose lengths differ, as the motions do."""
+    if len({run.window for run in (*runs.a, *runs.b)}) > 1 or not isinstance(runs.a[0].window, str):
+        return ""
+    sentence = (
+        f"windows of the rule {runs.a[0].window} follow the motion and differ in length; energies grow with the window"
+    )
+    return _apart(lambda run: run.window_length, LENGTH_SAME, "s", sentence)(runs)
 
 
 def _formulas(runs: MatchedRuns) -> str:
@@ -119,7 +97,8 @@ def _formulas(runs: MatchedRuns) -> str:
     for energy in runs.a[0].cascade.energies:
         ours, theirs = (_made_of(side, other, energy) for side, other in ((runs.a, runs.b), (runs.b, runs.a)))
         if ours and theirs and ours != theirs:
-            found.append(f"{energy} of A is made of {_joined(ours)}, of B of {_joined(theirs)}")
+            sides = (" and ".join(sorted(names)) for names in (ours, theirs))
+            found.append(f"{energy} is made of {' in A, of '.join(sides)} in B")
     return f"{'; '.join(found)}; a difference may be one of the sensors" if found else ""
 
 
@@ -132,44 +111,7 @@ def _made_of(side: Sequence[ComparedRun], other: Sequence[ComparedRun], energy: 
     return frozenset().union(*(run.measures.get(energy, frozenset()) for run in side)) - unknown
 
 
-def _joined(names: frozenset[str]) -> str:
-    return " and ".join(sorted(names))
-
-
-def rule_text(run: ComparedRun) -> str:
-    """Rule of the windows of a log, or their fixed length."""
-    return run.window if isinstance(run.window, str) else f"{run.window:g} s"
-
-
-def _lengths(runs: MatchedRuns) -> str | tuple[str, str]:
-    """Windows of one rule whose lengths differ, as the motions do."""
-    detail = _means_apart(runs, lambda run: run.window_length, LENGTH_SAME, "s")
-    by_rule = all(isinstance(run.window, str) for run in (*runs.a, *runs.b))
-    if not detail or not by_rule or _each(runs.a, rule_text) != _each(runs.b, rule_text):
-        return ""
-    return (
-        f"the windows of the rule {runs.a[0].window} follow the motion and differ in length; energies grow with the window",
-        detail,
-    )
-
-
-def _speeds(runs: MatchedRuns) -> str | tuple[str, str]:
-    detail = _means_apart(runs, lambda run: run.speed, SPEED_SAME, "m/s")
-    return (
-        ("the plateau speeds of the payouts differ; energies, powers and efficiencies depend on the speed", detail)
-        if detail
-        else ""
-    )
-
-
-def _means_apart(runs: MatchedRuns, of: Callable[[ComparedRun], float | None], same: float, unit: str) -> str:
-    """Means of a quantity over the logs of either side, where they differ by more than a share `same`."""
-    ours, theirs = (mean_of_known([of(run) for run in side]) for side in (runs.a, runs.b))
-    if not ours or not theirs or abs(theirs / ours - 1.0) <= same:
-        return ""
-    return f"{ours:.3g} {unit} in A, {theirs:.3g} {unit} in B"
-
-
+# ------------------------------------------------------------------------------------------------- what limits a comparison
 def _same_log(runs: MatchedRuns) -> str:
     common = {run.digest for run in runs.a} & {run.digest for run in runs.b} - {""}
     return "A and B have a log in common; its two reductions share all errors" if common else ""
@@ -177,19 +119,11 @@ def _same_log(runs: MatchedRuns) -> str:
 
 def _data(runs: MatchedRuns) -> str:
     """Kinds of data that differ, and simulated logs."""
-    ours, theirs = (_each(side, _kind) for side in (runs.a, runs.b))
-    simulated = any(run.simulated for run in (*runs.a, *runs.b))
-    texts = [f"the logs of A are {ours}, those of B {theirs}"] if ours != theirs else []
-    if simulated:
-        texts.append(
-            "a simulated log has no sensors, so that its numbers have no errors of sensors; the errors of its model are in no "
-            "interval"
-        )
-    return "; ".join(texts)
-
-
-def _kind(run: ComparedRun) -> str:
-    return "simulated" if run.simulated else KINDS[run.origin.measured]
+    found = str(_KINDS(runs))
+    if any(run.simulated for run in (*runs.a, *runs.b)):
+        model = "a simulated log has no errors of sensors; the errors of its model are in no interval"
+        return f"{found}; {model}" if found else model
+    return found
 
 
 def _without_cycles(runs: MatchedRuns) -> str:
@@ -198,34 +132,22 @@ def _without_cycles(runs: MatchedRuns) -> str:
 
 
 def _pooled(runs: MatchedRuns) -> str:
-    if len(runs.a) == len(runs.b) == 1:
-        return ""
-    return f"{_logs(runs.a)} of A and {_logs(runs.b)} of B are pooled: the cycles of each side count together"
-
-
-def _logs(runs: Sequence[ComparedRun]) -> str:
-    return f"{len(runs)} log{'s' * (len(runs) > 1)}"
+    many = len(runs.a) > 1 or len(runs.b) > 1
+    return f"cycles count together: {len(runs.a)} logs of A are pooled, and {len(runs.b)} of B" if many else ""
 
 
 def _repeatability(runs: MatchedRuns) -> str:
     """Sides of which the scatter of the cycles is unknown."""
-    if not runs.differences:
-        return ""
     lacking = [name for name, side in (("A", runs.a), ("B", runs.b)) if len(side) == 1 and not side[0].repeats]
-    return (
-        f"the repeatability of {' and '.join(lacking)} is unknown, as one cycle, or cycles that are no repeats, do not show "
-        "it; the interval does not contain it"
-        if lacking
-        else ""
-    )
+    if not lacking or not runs.differences:
+        return ""
+    return f"the interval does not contain the repeatability of {' and '.join(lacking)}, which needs cycles that repeat"
 
 
 def _waves(runs: MatchedRuns) -> str:
+    waves = any(run.cycles_from == "waves" for run in (*runs.a, *runs.b))
     return (
-        "the cycles are waves, which count as independent although high waves follow each other in groups; the intervals may "
-        "be too narrow"
-        if any(run.cycles_from == "waves" for run in (*runs.a, *runs.b))
-        else ""
+        "waves count as independent, although high ones follow each other; intervals may be too narrow" if waves else ""
     )
 
 
@@ -236,11 +158,8 @@ def _accuracy(runs: MatchedRuns) -> str:
         return ""
     channels = sorted(frozenset().union(*(run.unknown for run in (*runs.a, *runs.b))))
     which = "any metric" if len(without) == len(runs.differences) else ", ".join(without)
-    why = f" ({', '.join(channels)} under [sensors] of the rig file)" if channels else ""
-    return (
-        f"no interval of {which} for lack of an accuracy{why}; the interval of the repeatability alone is in the JSON and in "
-        "the report"
-    )
+    why = f" of {', '.join(channels)} under [sensors] of the rig file" if channels else ""
+    return f"no interval of {which} for lack of an accuracy{why}; that of the repeatability alone is in JSON and report"
 
 
 def _not_split(runs: MatchedRuns) -> str:
@@ -250,9 +169,38 @@ def _not_split(runs: MatchedRuns) -> str:
         wanted = [one.metric for one in runs.differences if run.sensors.get(one.metric)]
         if not run.simulated and any(metric not in run.split for metric in wanted):
             names.append(run.name)
+    whose = " and ".join(names)
     return (
-        f"the JSON of {' and '.join(names)} does not split its uncertainty by source, so that its gains are not shared; reduce "
-        "the log again"
-        if names
-        else ""
+        f"the JSON of {whose} does not split gains from zeros, so that none are shared; reduce again" if names else ""
     )
+
+
+_STAGES = _unlike(
+    lambda run: ", ".join(run.cascade.names), "the stages of A are {}, those of B {}; the metrics of both are compared"
+)
+_KINDS = _unlike(
+    lambda run: "simulated" if run.simulated else KINDS[run.origin.measured], "the logs of A are {}, those of B {}"
+)
+_NOT_SPLIT: tuple[NoteKind, NoteText] = ("shared_gains", _not_split)
+NOTES: tuple[tuple[NoteKind, NoteText], ...] = (
+    ("stages", _formulas),
+    ("windows", _unlike(
+        lambda run: run.cycles_from,
+        "the cycles of A come from {}, those of B from {} ([phases] of the rig file), and cannot be compared",
+    )),
+    ("windows", _unlike(rule_text, "the windows of A are {}, those of B {}; reduce both with one window")),
+    ("windows", _lengths),
+    ("motion", _apart(
+        lambda run: run.speed, SPEED_SAME, "m/s",
+        "the plateau speeds of the payouts differ; energies, powers and efficiencies depend on the speed",
+    )),
+    ("same_log", _same_log),
+    ("data", _data),
+    ("rigs", _unlike(lambda run: run.rig, "A was reduced with the rig {}, B with {}")),
+    ("cycles", _without_cycles),
+    ("pooled", _pooled),
+    ("repeatability", _repeatability),
+    ("repeatability", _waves),
+    ("accuracy", _accuracy),
+)  # fmt: skip
+"""What is noted of matched runs, in this order."""

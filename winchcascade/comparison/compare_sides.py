@@ -15,9 +15,6 @@ from winchcascade.core.published_table import load_text, same_load
 LISTED = 8
 """Loads or names that a sentence lists."""
 
-Key = float | str
-"""Load of a log, or its file name where it has none."""
-
 
 def compare_sides(a: ComparedSide, b: ComparedSide, *, same_sensors: bool = False) -> Comparison:
     """Compare two sides: differences B - A of all metrics that both have, run by run, with 95 % intervals.
@@ -82,53 +79,42 @@ def match_runs(a: ComparedSide, b: ComparedSide) -> tuple[tuple[MatchedRuns, ...
     ------
     CompareError : no log of a side has the load or the name of one of the other side
     """
-    only = [*a.runs, *b.runs]
-    if len(a.runs) == len(b.runs) == 1 and all(run.load is None for run in only):
-        names = dict.fromkeys(run.file for run in only)
+    if len(a.runs) == len(b.runs) == 1 and a.runs[0].load is None and b.runs[0].load is None:
+        names = dict.fromkeys(run.file for run in (*a.runs, *b.runs))
         return (MatchedRuns(" and ".join(names), None, a.runs, b.runs),), "only_log"
     found = []
-    for key in _keys(a.runs):
-        ours, theirs = (tuple(run for run in side.runs if _is(run, key)) for side in (a, b))
+    for load, name in _keys(a.runs):
+        ours, theirs = (tuple(run for run in side.runs if _is(run, load, name)) for side in (a, b))
         if theirs:
-            load = key if isinstance(key, float) else None
-            found.append(MatchedRuns(load_text(key) if isinstance(key, float) else key, load, ours, theirs))
+            found.append(MatchedRuns(name if load is None else load_text(load), load, ours, theirs))
     if not found:
-        raise CompareError(_nothing(a, b))
+        sides = " and ".join(f"{side.name} has {_listed(side.runs)}" for side in (a, b))
+        raise CompareError(
+            f"no runs match: {sides}; expected a load in common. A log without a load is matched by its file name; state "
+            "loads by load_ohm in campaign.toml or --load-ohm of reduce."
+        )
     by_load = [runs.load is not None for runs in found]
     return tuple(found), "load" if all(by_load) else "load_and_file" if any(by_load) else "file"
 
 
-def _keys(runs: Sequence[ComparedRun]) -> list[Key]:
+def _keys(runs: Sequence[ComparedRun]) -> list[tuple[float | None, str]]:
     """Loads in falling order, each once, then the names of logs without a load."""
     loads: list[float] = []
     for load in sorted((run.load for run in runs if run.load is not None), reverse=True):
         if not loads or not same_load(loads[-1], load):
             loads.append(load)
-    return [*loads, *{run.file.casefold(): run.file for run in runs if run.load is None}.values()]
+    names = {run.file.casefold(): run.file for run in runs if run.load is None}
+    return [*((load, "") for load in loads), *((None, name) for name in names.values())]
 
 
-def _is(run: ComparedRun, key: Key) -> bool:
+def _is(run: ComparedRun, load: float | None, name: str) -> bool:
     """Whether a log has a load, or has none and has a name."""
-    if isinstance(key, float):
-        return run.load is not None and same_load(run.load, key)
-    return run.load is None and run.file.casefold() == key.casefold()
-
-
-def _nothing(a: ComparedSide, b: ComparedSide) -> str:
-    """The sentence on two sides without a load or a name in common."""
-    lacking = [run for run in (*a.runs, *b.runs) if run.load is None]
-    what = (
-        "A log without a load is matched by its file name; state loads by load_ohm in campaign.toml or --load-ohm of reduce."
-        if lacking
-        else "Compare logs of the same load."
-    )
-    return (
-        f"no run of {a.name} matches a run of {b.name}: A has {_listed(a.runs)}, B has {_listed(b.runs)}; expected a load in "
-        f"common. {what}"
-    )
+    if load is None or run.load is None:
+        return load is run.load and run.file.casefold() == name.casefold()
+    return same_load(run.load, load)
 
 
 def _listed(runs: Sequence[ComparedRun]) -> str:
-    texts = [load_text(key) if isinstance(key, float) else f"{key} (no load)" for key in _keys(runs)]
+    texts = [f"{name} (no load)" if load is None else load_text(load) for load, name in _keys(runs)]
     more = f" and {len(texts) - LISTED} more" if len(texts) > LISTED else ""
     return (", ".join(texts[:LISTED]) + more) or "no run"

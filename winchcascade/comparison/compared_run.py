@@ -107,7 +107,7 @@ def compared_run(record: RunRecord, where: str) -> ComparedRun:
         cascade=cascade,
         window=record.window,
         cycles_from=record.cycles_from or "velocity",
-        window_length=mean_of_known([cycle.window.duration_s for cycle in done]),
+        window_length=mean_of_known([cycle.window["duration_s"] for cycle in done]),
         speed=record.plateau_speed,
         complete=len(done),
         findings=len(record.quality),

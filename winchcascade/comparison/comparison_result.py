@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from winchcascade.comparison.compared_run import ComparedRun
 from winchcascade.comparison.differences import Difference
-from winchcascade.core.late_module import LateModule
-from winchcascade.core.run import Units
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib import axes
-else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
+from winchcascade.core.viewed import Viewed
 
 NoteKind = Literal[
     "windows", "motion", "data", "stages", "rigs", "same_log", "pooled", "repeatability", "accuracy", "shared_gains", "cycles"
 ]  # fmt: skip
 """What a note is about."""
-
-ComparisonPlot = Literal["efficiency"]
-"""Plots of a comparison."""
 
 MatchedBy = Literal["load", "file", "load_and_file", "only_log"]
 """How runs were matched."""
@@ -69,7 +57,7 @@ class MatchedRuns(msgspec.Struct, frozen=True):
         return next((one for one in self.differences if one.metric == metric), None)
 
 
-class Comparison(msgspec.Struct, frozen=True):
+class Comparison(Viewed, frozen=True):
     """Differences B - A of energies, powers and efficiencies of matched runs, with 95 % intervals.
 
     Parameters
@@ -97,24 +85,3 @@ class Comparison(msgspec.Struct, frozen=True):
     def __repr__(self) -> str:
         """One line instead of every number."""
         return f"Comparison({self.a.name!r}, {self.b.name!r}, {len(self.runs)} matched)"
-
-    def to_pandas(self, units: Units = "si") -> pd.DataFrame:
-        """A row for each difference, with the columns of the JSON."""
-        from winchcascade.report.frames import comparison_frame
-
-        return comparison_frame(self, units)
-
-    def plot(self, what: ComparisonPlot = "efficiency", ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
-        """Plot the differences of the efficiencies with their 95 % intervals, run by run; gives the Axes.
-
-        They are an array with one for each efficiency; on a given `ax` that of the whole cascade is drawn alone.
-        """
-        from winchcascade.report.plots import plot_comparison
-
-        return plot_comparison(self, what, ax)
-
-    def _repr_html_(self) -> str:
-        """Differences of the efficiencies as a table, for notebooks."""
-        from winchcascade.report.plots import summary_html
-
-        return summary_html(self)

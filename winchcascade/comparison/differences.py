@@ -34,46 +34,41 @@ class Scatter(msgspec.Struct, frozen=True):
     freedom: float
 
 
-class Difference(msgspec.Struct, frozen=True):
-    """Difference B - A of the means of one metric, in its SI unit.
+WRITTEN = {
+    "value": "difference", "uncertainty": "standard_uncertainty", "freedom": "degrees_of_freedom", "interval": "interval_95",
+    "interval_repeatability": "interval_95_repeatability",
+}  # fmt: skip
+"""Names of the fields in written files."""
+
+
+class Difference(msgspec.Struct, frozen=True, rename=WRITTEN):
+    """Difference B - A of the means of one metric, in its SI unit; its fields are those of the JSON.
 
     Parameters
     ----------
-    cycles_a, cycles_b : complete cycles that the means are of
+    value, relative : B - A, and as a share of A; None where A is zero
+    uncertainty, freedom, interval : of scatter and sensors together; `freedom` is inf where no scatter counts; None with
+        `sensors`
+    excludes_zero : whether the 95 % interval excludes no difference; None without an interval
     repeatability : standard uncertainty by the scatter of cycles; None where neither side shows it
-    one_sided : whether one side alone shows a scatter
     sensors : standard uncertainty by the errors of sensors; None where an accuracy is unknown
-    uncertainty, freedom, interval : of both together; `freedom` is inf where no scatter counts; None with `sensors`
     interval_repeatability : of the scatter alone, as if the sensors had no errors
+    cycles : complete cycles that the means of A and B are of
     """
 
     metric: str
     a: float
     b: float
-    cycles_a: int
-    cycles_b: int
-    repeatability: float | None
-    one_sided: bool
-    sensors: float | None
+    value: float
+    relative: float | None
     uncertainty: float | None
     freedom: float | None
     interval: tuple[float, float] | None
+    excludes_zero: bool | None
+    repeatability: float | None
+    sensors: float | None
     interval_repeatability: tuple[float, float] | None
-
-    @property
-    def value(self) -> float:
-        """B - A."""
-        return self.b - self.a
-
-    @property
-    def relative(self) -> float | None:
-        """B - A as a share of A; None where A is zero."""
-        return self.value / abs(self.a) if self.a else None
-
-    @property
-    def excludes_zero(self) -> bool | None:
-        """Whether the 95 % interval excludes no difference; None without an interval."""
-        return None if self.interval is None else self.interval[0] > 0.0 or self.interval[1] < 0.0
+    cycles: tuple[int, int]
 
 
 class _Side(msgspec.Struct, frozen=True):
@@ -107,19 +102,21 @@ def difference(
     value = second.mean - first.mean
     repeatability = math.hypot(*(part.u for part in scatters)) if scatters else None
     combined = None if sensors is None else math.hypot(sensors, repeatability or 0.0)
+    interval = None if combined is None else _interval(value, scatters, combined)
     return Difference(
         metric=metric,
         a=first.mean,
         b=second.mean,
-        cycles_a=first.cycles,
-        cycles_b=second.cycles,
-        repeatability=repeatability,
-        one_sided=bool(first.scatters) != bool(second.scatters),
-        sensors=sensors,
+        value=value,
+        relative=value / abs(first.mean) if first.mean else None,
         uncertainty=combined,
         freedom=None if combined is None else effective_freedom(scatters, combined),
-        interval=None if combined is None else _interval(value, scatters, combined),
+        interval=interval,
+        excludes_zero=None if interval is None else interval[0] > 0.0 or interval[1] < 0.0,
+        repeatability=repeatability,
+        sensors=sensors,
         interval_repeatability=None if repeatability is None else _interval(value, scatters, repeatability),
+        cycles=(first.cycles, second.cycles),
     )
 
 

@@ -20,8 +20,8 @@ Verdict = Literal[
 """Whether a drop is beyond the limit, and whether its interval contains drops of the other side of the limit."""
 
 
-class Drop(msgspec.Struct, frozen=True):
-    """Drop A - B of an efficiency of matched runs, with its 95 % interval."""
+class Drop(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "value": "drop", "interval": "interval_95"}):
+    """Drop A - B of an efficiency of matched runs, with its 95 % interval; names in JSON are those of its record."""
 
     label: str
     load: float | None
@@ -98,8 +98,7 @@ def _verdict(drop: float, ends: tuple[float, float] | None, limit: float) -> Ver
     if ends is None:
         return "no_interval_beyond" if beyond else "no_interval_within"
     low, high = ends
-    if math.isclose(low, high, abs_tol=ROUNDING):
-        return "beyond" if beyond else "within"
+    exact = math.isclose(low, high, abs_tol=ROUNDING)
     if beyond:
-        return "beyond" if low > limit else "beyond_uncertain"
-    return "within" if high <= limit else "within_uncertain"
+        return "beyond" if exact or low > limit else "beyond_uncertain"
+    return "within" if exact or high <= limit else "within_uncertain"

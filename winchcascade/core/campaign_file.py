@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime  # msgspec evaluates the types of a struct
@@ -25,9 +24,6 @@ Ranges = Annotated[
 
 KINDS = {True: "measured", False: "not measured", None: "not stated"}
 """Words for whether data are measured."""
-
-BANNER = 160
-"""Longest origin in a banner: two lines at the top of a page. The summary of the report has the whole. [characters]"""
 
 
 class Origin(msgspec.Struct, frozen=True):
@@ -84,17 +80,17 @@ def origin_words(origins: Sequence[Origin]) -> str:
 def banner(origins: Sequence[Origin]) -> str:
     """Warning for every page of a report on logs that are not measured; empty if there is none.
 
-    >>> banner([Origin(False, "Rebuilt from Table 2")])
-    'Not measured: Rebuilt from Table 2.'
+    >>> banner([Origin(False, "Rebuilt from Table 2")]), banner([Origin(True), Origin(False)])
+    ('Not measured.', '1 of 2 logs are not measured.')
     """
-    made = [origin for origin in origins if origin.measured is False]
-    if not made:
-        return ""
-    sentence = joint_origin(made).sentence
-    who = "Not measured" if len(made) == len(origins) else f"{len(made)} of {len(origins)} logs are not measured"
-    if len(sentence) > BANNER:
-        return f"{who}: {textwrap.shorten(sentence, BANNER, placeholder=' …')}"
-    return f"{who}: {sentence}." if sentence else f"{who}."
+    made = sum(origin.measured is False for origin in origins)
+    return (
+        ""
+        if not made
+        else "Not measured."
+        if made == len(origins)
+        else f"{made} of {len(origins)} logs are not measured."
+    )
 
 
 CAMPAIGN_FILE = "campaign.toml"

@@ -10,7 +10,9 @@ import msgspec
 from winchcascade.core.arguments import LOAD, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
 from winchcascade.core.late_module import LateModule
+from winchcascade.core.public_names import public
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.viewed import Units
 
 LOAD_HEADER = "Load (ohm)"
 """Last column of a simulated log: the load of its run in every row, inf for an open circuit."""
@@ -39,10 +41,6 @@ else:
     class Mask:
         """Array of truth values, numpy.bool_."""
 
-
-Units = Literal["si", "display"]
-"""Units of a frame: `si` as in the JSON; `display` as in the reports: efficiencies in percent, pressures in kg/cm2, speeds of
-shafts in rpm, flows in L/min, and the numbers of causes in their own units."""
 
 FindingKind = Literal[
     "rig_assumed",
@@ -223,9 +221,8 @@ class Run(msgspec.Struct, frozen=True):
 
     def to_pandas(self, units: Units = "si") -> pd.DataFrame:
         """Stamps and channels as a frame with the units in the names of its columns; `display` gives those of the reports."""
-        from winchcascade.report.frames import run_frame
-
-        return run_frame(self, units)
+        found: pd.DataFrame = public("frame")(self, "channels", units)
+        return found
 
     @property
     def open_circuit(self) -> bool:

@@ -5,21 +5,18 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Literal, TypeVar
+from typing import Literal
 
 import msgspec
 
-from winchcascade.core.addresses import fingerprint
 from winchcascade.core.errors import OutputError
 from winchcascade.core.scratch import is_scratch, removed_at_end
 
 LOCK = ".winchcascade.lock"
 """File that a call locks while it works in a folder."""
-
-Mark = TypeVar("Mark")
 
 State = Literal["kept", "altered", "other"]
 """State of a result: an earlier call made it from the same input with the same options; it did, but the content does not match
@@ -36,10 +33,43 @@ _TAIL = 120
 """Bytes at the end of a record among which its digest is."""
 
 
-class KeptFiles(msgspec.Struct, frozen=True):
-    """Files that an earlier call wrote into a folder, by their names there, with their digests."""
+class Kept(msgspec.Struct, frozen=True):
+    """How an earlier call made an output: by which key, and the digest of each file made with its record, by its name.
 
+    The key is a digest of all that the output depends on: inputs, options and version.
+    """
+
+    key: str = ""
     files: dict[str, str] = {}
+
+
+class Output(msgspec.Struct, frozen=True):
+    """An output in a folder of results: a record, which is JSON, and the files that are made with it.
+
+    Parameters
+    ----------
+    record : name of the record
+    entry : of the record that states how it was made, its last one
+    key : of the output as it would be made now
+    files : those that are wanted with the record, as its entry names them
+    prefix : how their names in the folder begin before that
+    """
+
+    record: str
+    entry: str
+    key: str
+    files: tuple[str, ...] = ()
+    prefix: str = ""
+
+
+class Present(msgspec.Struct, frozen=True):
+    """What is there of an output: whether all of it is as it would be made now, its unchanged files with their digests, and
+    the names of wanted ones that were changed after an earlier call had made them.
+    """
+
+    kept: bool = False
+    files: Mapping[str, str] = {}
+    altered: tuple[str, ...] = ()
 
 
 @contextmanager
@@ -157,9 +187,20 @@ def digest_of(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def fingerprint(path: str | Path) -> str:
+    """SHA-256 of the content of a file; empty for one that cannot be read, and for a pipe or a folder."""
+    try:
+        if not Path(path).is_file():  # a pipe would keep its reader waiting
+            return ""
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
 def altered(folder: Path, digests: Mapping[str, str]) -> list[str]:
     """Names of the files whose content is not that of their digest; one that is missing is among them."""
-    return [name for name, digest in digests.items() if fingerprint(str(inside(folder, name))) != digest]
+    return [name for name, digest in digests.items() if fingerprint(inside(folder, name)) != digest]
 
 
 def with_digest(record: Mapping[str, object], entry: str, about: Mapping[str, object], *, indent: int = 0) -> bytes:
@@ -187,14 +228,15 @@ def digest_in(content: bytes) -> State:
     return "kept" if digest_of(blank) == found[1].decode() else "altered"
 
 
-def marked(path: Path, kind: type[Mark]) -> Mark | Literal["altered", "other"]:
-    """Read how an earlier call made a record; "other" if it does not contain that, "altered" if it was changed since.
+def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:
+    """Read how an earlier call made a record; "other" if it does not state that, "altered" if it was changed since.
 
     A record of version 0.1.0 has no digest, and is made again.
     """
     try:
-        content = path.read_bytes()
-        found = msgspec.json.decode(content, type=kind)
+        content = record.read_bytes()
+        entries = msgspec.json.decode(content, type=dict[str, msgspec.Raw])
+        found = msgspec.json.decode(entries.get(entry, b"{}"), type=Kept)
     except OSError:
         return "other"
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -203,7 +245,17 @@ def marked(path: Path, kind: type[Mark]) -> Mark | Literal["altered", "other"]:
     return found if state == "kept" else state
 
 
-def check_links(folder: Path, names: Iterable[str]) -> None:
-    """Reject a folder of results in which one of these names is a link. Raises as `inside`."""
-    for name in names:
-        inside(folder, name)
+def state_of(folder: Path, output: Output) -> Present:
+    """Find what an earlier call made of an output. Raises as `inside`."""
+    found = kept(inside(folder, output.record), output.entry)
+    if not isinstance(found, Kept) or found.key != output.key:
+        return Present(altered=(output.record,) if found == "altered" else ())
+    intact = {
+        name: digest for name, digest in found.files.items() if not altered(folder, {output.prefix + name: digest})
+    }
+    lost = [output.prefix + name for name in output.files if name in found.files and name not in intact]
+    return Present(
+        kept=set(output.files) <= set(intact),
+        files=intact,
+        altered=tuple(name for name in lost if (folder / name).exists()),
+    )

@@ -132,7 +132,7 @@ class Calibration(msgspec.Struct, frozen=True):
 
     `misfit` is the mean square of the residuals of force, torque and pressure, in units of their noise: about 1 where damper
     and screw explain the log [1]. `strained` are the tolerances that the fit exceeds. `settled`: the fit converged; its
-    numbers are no result otherwise.
+    numbers are no result otherwise. `payouts` are those that were used, each from its onset to the start of its braking [s].
     """
 
     run: Run
@@ -143,6 +143,7 @@ class Calibration(msgspec.Struct, frozen=True):
     misfit: float
     strained: tuple[Strain, ...]
     settled: bool
+    payouts: tuple[tuple[float, float], ...]
 
     def __repr__(self) -> str:
         """One line instead of every number."""
@@ -198,7 +199,7 @@ def calibrate(
         for k, (n, x) in enumerate(zip(data.nuisances, value, strict=True))
         if abs(x) > STRAINED and k not in at
     )
-    return Calibration(run, rig, numbers, regression, together, misfit, strained, settled)
+    return Calibration(run, rig, numbers, regression, together, misfit, strained, settled, tuple(payouts))
 
 
 def complete_payouts(reduction: Reduction) -> list[tuple[float, float]]:

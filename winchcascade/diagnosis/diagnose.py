@@ -53,8 +53,8 @@ if TYPE_CHECKING:
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of the owner's own simulation
-    where there is one, `fitted_blocks` those of the fit with its causes. `rig` is as its file states it; `data.rig` has the
-    numbers before their calibration, which the causes are found against.
+    where there is one, `fitted_blocks` those of the fit with its causes, `alone` those with the only suspect.
+    `rig` is as its file states it; `data.rig` has the numbers before their calibration, which the causes are found against.
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
     those of its phases, and `cancelling` are causes that cancel each other. `thresholds` are how large each effect would have
@@ -67,6 +67,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     stages: tuple[StagePlace, ...]
     predicted: Signal
     fitted_blocks: Signal
+    alone: Signal | None = None
     own_simulation: OwnSimulation | None = None
     contributions: tuple[Contribution, ...] = ()
     energies: tuple[PhaseEnergy, ...] = ()
@@ -139,6 +140,7 @@ def diagnose(
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
+        alone=_alone(data, suspects, found),
         sets=probabilities(found.fits, found.scale),
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(suspects, found),
@@ -148,6 +150,15 @@ def diagnose(
 
 DISPENSABLE = 0.005
 """Share of the gap that a cause whose number differs from run to run must close, or it is none. [1]"""
+
+
+def _alone(data: Fitted, suspects: Suspects, found: Found) -> Signal | None:
+    """Blocks with the only suspect at its fitted numbers, all else as in the rig file, (M, 5); None where more are given."""
+    if len(suspects) != 1:
+        return None
+    names = tuple(suspects)
+    fit = found.fits[names] if names in found.fits else fit_set(RigProblem(data, suspects, names), found.null)
+    return data.predict(np.zeros(len(data.nuisances)), fit.effects(suspects))
 
 
 def without_imitators(data: Fitted, suspects: Suspects, found: Found) -> Found:

@@ -6,34 +6,21 @@ import math
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from winchcascade.core.campaign_file import check_held_out
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.late_module import LateModule
-from winchcascade.core.run import Units
+from winchcascade.core.viewed import Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib import axes
 
     from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.suspects import Suspects
-else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
-DiagnosisTable = Literal["causes", "contributions", "map", "stability"]
-"""Tables of a diagnosis as frames."""
-
-DiagnosisPlot = Literal["map", "waterfall"]
-"""Plots of a diagnosis."""
 
 Names = tuple[str, ...]
 """A set of suspects."""
@@ -435,7 +422,7 @@ class OwnSimulation(msgspec.Struct, frozen=True):
     shared: Names = ()
 
 
-class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
+class DiagnosisResult(Viewed, frozen=True, kw_only=True):
     """The answer of a diagnosis, by a model or without one.
 
     `chosen` are the effects of the fit, `fitted` their numbers, and `causes` those of them that are named; `sets` holds the
@@ -460,27 +447,6 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     experiment: Experiment | None = None
     sets: dict[Names, float]
     places: tuple[Place, ...]
-
-    def to_pandas(self, table: DiagnosisTable, units: Units = "si") -> pd.DataFrame:
-        """One table as a frame: causes, parts of the metrics of each run, places of the map, or causes run by run."""
-        from winchcascade.report.frames import diagnosis_frame
-
-        return diagnosis_frame(self, table, units)
-
-    def plot(self, what: DiagnosisPlot, ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
-        """Plot the map of the gap, or what each cause costs of an efficiency, as a waterfall for each load.
-
-        Gives the Axes; of the waterfalls an array of them, or, on a given `ax`, that of the largest difference alone.
-        """
-        from winchcascade.report.plots import plot_diagnosis
-
-        return plot_diagnosis(self, what, ax)
-
-    def _repr_html_(self) -> str:
-        """Verdict and causes as a table, for notebooks."""
-        from winchcascade.report.plots import summary_html
-
-        return summary_html(self)
 
     @property
     def unnamed(self) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN, Stream
 from winchcascade.core.integrate import extremes, integrals, means_of
+from winchcascade.core.quantity import KGF
 from winchcascade.core.run import Signal
 from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.phases import Cycle
@@ -18,6 +19,7 @@ WRITTEN = {
     "begin": "begin_s", "braking": "braking_s", "duration": "duration_s", "travel": "travel_m", "speed": "speed_mps",
     "speed_max": "speed_max_mps", "force": "force_n", "force_min": "force_min_n", "torque": "torque_nm",
     "energy_line": "energy_line_j", "power_line": "power_line_w", "power_mech": "power_mech_w", "power_gen": "power_gen_w",
+    "pressure": "pressure_kgcm2",
 }  # fmt: skip
 """Names of the fields in written files, which have the units in them."""
 
@@ -51,8 +53,8 @@ def mean_plateau_speed(payouts: Iterable[PayoutSummary]) -> float | None:
     return sum(known) / len(known) if known else None
 
 
-class HoldSummary(msgspec.Struct, frozen=True):
-    """Hold: duration [s] and time means of force [N], torque [N m] and gauge pressure [Pa]."""
+class HoldSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
+    """Hold: duration [s] and time means of force [N], torque [N m] and gauge pressure, in the unit of the files [kg/cm2]."""
 
     duration: float
     force: float | None
@@ -111,7 +113,7 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     holds, hauls = _windows(cycles, [c.hold for c in cycles]), _windows(cycles, [c.haul_in for c in cycles])
     means = _means(phased, (*_MEANS, "pressure"), np.concatenate((flat, holds, hauls)))
     on_plateau, held, hauled_in = (means[k * len(cycles) : (k + 1) * len(cycles)] for k in range(3))
-    held = [[force, torque, pressure] for _, force, torque, *_, pressure in held]
+    held = [[f, torque, None if pa is None else pa / (KGF * 1e4)] for _, f, torque, *_, pa in held]
     known = "velocity" in run.channels
     plateaus = [
         None if p is None else PlateauSummary(begin, braking, p.speed if speed is None and known else speed, *rest)

@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
-from winchcascade.core.late_module import LateModule
 from winchcascade.core.rig_file import Rig, WindowRule
-from winchcascade.core.run import Finding, Run, Units
+from winchcascade.core.run import Finding, Run
+from winchcascade.core.viewed import Viewed
 from winchcascade.reduction.bins import Bin
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import PhaseSummary
 from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib import axes
-else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
-
-ReductionTable = Literal["cycles", "bins", "findings", "channels"]
-"""Tables of a reduction as frames."""
-
-ReductionPlot = Literal["power", "history", "speed", "efficiency"]
-"""Plots of a reduction."""
 
 
 class CycleResult(msgspec.Struct, frozen=True):
@@ -51,7 +37,7 @@ class MeasuredLoad(msgspec.Struct, frozen=True):
     u: float
 
 
-class Reduction(msgspec.Struct, frozen=True):
+class Reduction(Viewed, frozen=True):
     """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over generator speed.
 
     `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums. The
@@ -78,27 +64,6 @@ class Reduction(msgspec.Struct, frozen=True):
         """One line instead of every number."""
         return f"Reduction({self.run.name!r}, {len(self.complete)} of {len(self.cycles)} cycles complete)"
 
-    def to_pandas(self, table: ReductionTable, units: Units = "si") -> pd.DataFrame:
-        """One table as a frame with the columns of the Parquet tables; `channels` has a row for each sample."""
-        from winchcascade.report.frames import reduction_frame
-
-        return reduction_frame(self, table, units)
-
-    def plot(self, what: ReductionPlot, ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
-        """Plot powers of a cycle, histories of the log, powers over generator speed, or efficiencies of the cycles.
-
-        Gives the Axes; of the histories an array of them, or, on a given `ax`, the powers alone.
-        """
-        from winchcascade.report.plots import plot_reduction
-
-        return plot_reduction(self, what, ax)
-
-    def _repr_html_(self) -> str:
-        """Energies and efficiencies of the cycles as a table, for notebooks."""
-        from winchcascade.report.plots import summary_html
-
-        return summary_html(self)
-
     @property
     def both_ways(self) -> dict[str, tuple[float, float]]:
         """What flows with the cascade and, negative, against it, by stage, in all complete cycles together; nothing where
@@ -116,3 +81,24 @@ class Reduction(msgspec.Struct, frozen=True):
     def complete(self) -> tuple[CycleResult, ...]:
         """The cycles that count."""
         return tuple(c for c in self.cycles if c.complete)
+
+    @property
+    def lost_share(self) -> float:
+        """Share of the time of the log in which at least one channel was bridged. [1]"""
+        step = 1.0 / self.run.fs
+        lost, end = 0.0, -math.inf
+        for a, b in sorted((a, b) for gaps in self.run.gaps.values() for a, b in gaps.tolist()):
+            lost += max(0.0, b - max(a, end) - (step if a >= end else 0.0))
+            end = max(end, b)
+        return lost / max(float(self.run.t[-1] - self.run.t[0]), step)
+
+    @property
+    def extremes(self) -> tuple[CycleResult, CycleResult, str] | None:
+        """Complete cycles of the highest and the lowest efficiency, and which; None where there are not two to compare."""
+        cascade = self.rig.cascade
+        for metric in (cascade.overall, *cascade.neighbours, *cascade.energies[:1]):
+            known = [c for c in self.complete if c.metrics.get(metric) is not None]
+            if len(known) > 1:
+                ranked = sorted(known, key=lambda c: c.metrics.value(metric))
+                return ranked[-1], ranked[0], metric
+        return None

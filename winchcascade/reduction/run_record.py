@@ -5,8 +5,8 @@ Versions before the present one lack some of it: what has a default here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Literal
+import math
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -14,14 +14,8 @@ from msgspec import UNSET, UnsetType
 from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Repairs
 from winchcascade.reduction.energies import NetSpan
-from winchcascade.reduction.phase_summary import (
-    BothWays,
-    HaulInSummary,
-    OperatingPoint,
-    PayoutSummary,
-    mean_plateau_speed,
-)
-from winchcascade.reduction.wave_bootstrap import EnergyError
+from winchcascade.reduction.phase_summary import PhaseSummary, mean_plateau_speed
+from winchcascade.reduction.wave_bootstrap import EnergyError, RatioOfSums
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
 
@@ -55,32 +49,22 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
     about: str | None
     repairs: Repairs = "on"
 
-
-class RepairRecord(msgspec.Struct, frozen=True):
-    """What a finding changed of the log: how, the number of samples (0: none was taken out), how many places, and the times of
-    the first `MAX_SPANS` of them; `applied` is false where repairs are off, and nothing was changed."""
-
-    what: str
-    applied: bool
-    samples: int
-    places: int
-    spans_s: tuple[tuple[float, float], ...]
+    @property
+    def load(self) -> float | None:
+        """The load, inf for an open circuit, None for none or an unknown one. [ohm]"""
+        return math.inf if self.open_circuit else self.load_ohm
 
 
 MAX_SPANS = 100
 """Maximum number of places of a repair in the record."""
 
 
-class RigRecord(msgspec.Struct, frozen=True):
-    """The rig of a reduction: `assumed` is whether it was taken because none was named."""
-
-    name: str
-    assumed: bool
-    r_drum_m: float | None
-
-
 class FindingRecord(msgspec.Struct, frozen=True):
-    """One finding, with the share of the log's samples that it removed and what it changed, null for nothing."""
+    """One finding, with the share of the log's samples that it removed and what it changed, null for nothing.
+
+    `repaired` is what was changed and how many samples (0: none was taken out), in how many places, the times of the first
+    `MAX_SPANS` of them, and whether it was `applied`: false where repairs are off.
+    """
 
     kind: str
     channel: str | None
@@ -90,55 +74,20 @@ class FindingRecord(msgspec.Struct, frozen=True):
     action: str
     message: str
     removed_share: float
-    repaired: RepairRecord | None = None
-
-
-class PhasesRecord(msgspec.Struct, frozen=True):
-    """Begin and end of each phase. [s]"""
-
-    payout: tuple[float, float]
-    hold: tuple[float, float] | None
-    haul_in: tuple[float, float] | None
-
-
-class HoldRecord(msgspec.Struct, frozen=True):
-    """Summary of a hold."""
-
-    duration_s: float
-    force_n: float | None
-    torque_nm: float | None
-    pressure_kgcm2: float | None
-
-
-class PhaseSummaryRecord(msgspec.Struct, frozen=True):
-    """Summaries of the phases of a cycle; null for a phase that the log does not hold, `point` only where a cycle is a span."""
-
-    payout: PayoutSummary
-    hold: HoldRecord | None
-    haul_in: HaulInSummary | None
-    point: OperatingPoint | msgspec.UnsetType = msgspec.UNSET
-    both_ways: Mapping[str, BothWays] | msgspec.UnsetType = msgspec.UNSET
-
-
-class WindowRecord(msgspec.Struct, frozen=True):
-    """Integration window of a cycle."""
-
-    onset_s: float
-    cutoff_s: float
-    duration_s: float
+    repaired: dict[str, Any] | None = None
 
 
 class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """One cycle with its phases, their summary, its window, its metrics and their standard uncertainties.
+    """One cycle with begin and end of its phases, their summary, its window, its metrics and their standard uncertainties. [s]
 
     `sensors_by_limits` is as in `UncertaintyRecord`.
     """
 
     cycle: int
     complete: bool
-    phases: PhasesRecord
-    phase_summary: PhaseSummaryRecord
-    window: WindowRecord
+    phases: dict[str, tuple[float, float] | None]
+    phase_summary: PhaseSummary
+    window: dict[str, float]
     net_span: NetSpan | None = None
     energy_line_j: float | None
     energy_mech_j: float | None
@@ -210,31 +159,6 @@ class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
     undetermined: tuple[str, ...]
 
 
-class BinRecord(msgspec.Struct, frozen=True):
-    """One bin of generator speed with mean powers and their standard errors.
-
-    `power_rotor_w`, `power_spring_w` and `power_capacitor_w` go into the rotor, the spring of the shaft and the capacitor of
-    the DC link while the speed changes, null where the rig file states no inertia, stiffness or capacitance. The loss between
-    shaft and DC link is P_mech - P_gen less these.
-    """
-
-    rpm_low: float
-    rpm_high: float
-    count: int
-    power_line_w: float | None
-    power_line_w_standard_error: float | None
-    power_mech_w: float | None
-    power_mech_w_standard_error: float | None
-    power_gen_w: float | None
-    power_gen_w_standard_error: float | None
-    torque_nm: float | None
-    torque_nm_standard_error: float | None
-    power_rotor_w: float | None = None
-    power_spring_w: float | None = None
-    power_capacitor_w: float | None = None
-    stages: Numbers | UnsetType = UNSET
-
-
 class StagesRecord(msgspec.Struct, frozen=True):
     """Numbers of the stages that a rig file configures, by name.
 
@@ -257,31 +181,13 @@ class StagesRecord(msgspec.Struct, frozen=True):
 Part = Literal["mean", "max_deviation_percent", "standard_uncertainty", "total"]
 
 
-class RatioRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """A ratio of sums over waves [1] or a mean power [W]; an efficiency leads from and to the stages `between`."""
-
-    value: float | None
-    interval_95: Interval95 | None
-    block_waves: int | None
-    standard_uncertainty_waves: float | None
-    standard_uncertainty_sensors: float | None
-    between: tuple[str, str] | UnsetType = UNSET
-
-
-class BootstrapRecord(msgspec.Struct, frozen=True):
-    """Number and seed of the resamples behind the intervals of waves."""
-
-    draws: int
-    seed: int
-
-
 class WavesRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Energies of waves: of each, of the whole record, and by class, with stages and units in the names of the numbers."""
 
     record: dict[str, float]
-    mean_power: dict[str, RatioRecord] = {}
-    efficiency: dict[str, RatioRecord]
-    bootstrap: BootstrapRecord
+    mean_power: dict[str, RatioOfSums] = {}
+    efficiency: dict[str, RatioOfSums]
+    bootstrap: dict[str, int]
     waves: int
     waves_of_logs: tuple[int, ...]
     payout_unit: str
@@ -292,20 +198,10 @@ class WavesRecord(msgspec.Struct, frozen=True, kw_only=True):
     classes: tuple[dict[str, int | float | tuple[float, float] | None], ...]
 
 
-class LogWavesRecord(msgspec.Struct, frozen=True):
-    """The waves of one log in the record of a campaign."""
-
-    run: str
-    load_ohm: float | None
-    record: dict[str, float]
-    efficiency: dict[str, RatioRecord]
-    waves: int
-
-
 class CampaignWavesRecord(WavesRecord, frozen=True, kw_only=True):
     """The block `waves` of the record of a campaign: all logs together, and each; single waves are in the results."""
 
-    logs: tuple[LogWavesRecord, ...]
+    logs: tuple[dict[str, Any], ...]
     left_out: tuple[str, ...]
 
 
@@ -320,7 +216,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     version: str
     data: dict[str, bool | str | None] = {}
     log: LogRecord
-    rig: RigRecord | str
+    rig: dict[str, Any] | str
     window: str | float
     quality: tuple[FindingRecord, ...]
     cycles: tuple[CycleRecord, ...]
@@ -330,7 +226,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     interval_95: dict[str, Interval95 | None]
     uncertainty: UncertaintyRecord
     total: Numbers
-    bins: tuple[BinRecord, ...]
+    bins: tuple[dict[str, Any], ...]
     stages: StagesRecord | UnsetType = UNSET
     cycles_from: str | UnsetType = UNSET
     waves: WavesRecord | UnsetType = UNSET
@@ -338,12 +234,17 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def rig_name(self) -> str:
         """Name of the rig."""
-        return self.rig if isinstance(self.rig, str) else self.rig.name
+        return self.rig if isinstance(self.rig, str) else str(self.rig["name"])
 
     @property
     def plateau_speed(self) -> float | None:
         """Mean speed of the plateaus of the complete cycles, None where there is none. [m/s]"""
         return mean_plateau_speed(cycle.phase_summary.payout for cycle in self.cycles if cycle.complete)
+
+    @property
+    def intervals(self) -> dict[str, Interval95 | None]:
+        """95 % intervals of the metrics by their names, those of configured stages among them."""
+        return self.interval_95 | (self.stages.interval_95 if self.stages else {})
 
     def numbers(self, part: Part) -> Numbers:
         """Numbers of the metrics by their names, those of configured stages among them."""

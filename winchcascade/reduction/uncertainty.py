@@ -18,7 +18,7 @@ from winchcascade.core.cascade import Cascade, Product
 from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Index, Mask, Run, Signal
-from winchcascade.reduction.efficiency import NOTHING, Metrics
+from winchcascade.reduction.efficiency import NET_METRICS, NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
 
@@ -287,6 +287,12 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
     0.36
     """
     return Metrics({m: (a / b) ** 2 for m, a in part.items() if a is not None and (b := whole[m])}, whole.known)
+
+
+def budgeted(mean: Metrics) -> list[str]:
+    """Metrics whose budget is shown: efficiencies, then energies of the window."""
+    etas = [m for m in mean if m.startswith("eta")]
+    return [*etas, *(m for m in mean if m.startswith("energy") and m not in NET_METRICS)]
 
 
 def _sources(rig: Rig, stages: Mapping[str, StageEnergy]) -> list[ErrorSource]:

@@ -56,11 +56,19 @@ class EnergyError(msgspec.Struct, frozen=True):
         return up - down if self.shared else math.hypot(up, down)
 
 
-class RatioOfSums(msgspec.Struct, frozen=True):
+WRITTEN = {
+    "interval": "interval_95", "block": "block_waves", "u_waves": "standard_uncertainty_waves",
+    "u_sensors": "standard_uncertainty_sensors",
+}  # fmt: skip
+"""Names of the fields in written files."""
+
+
+class RatioOfSums(msgspec.Struct, frozen=True, rename=WRITTEN):
     """An efficiency of all waves together [1], or the mean power of the record [W].
 
     `interval` holds 95 % by the waves, and by the sensors where `u_sensors`, their standard uncertainty, is known; `u_waves` is
-    that of the waves, `block` the length of the blocks that gave it, of several logs the longest [waves].
+    that of the waves, `block` the length of the blocks that gave it, of several logs the longest [waves]. An efficiency leads
+    from and to the stages `between`.
     """
 
     value: float | None
@@ -68,6 +76,7 @@ class RatioOfSums(msgspec.Struct, frozen=True):
     block: int | None = None
     u_waves: float | None = None
     u_sensors: float | None = None
+    between: tuple[str, str] | msgspec.UnsetType = msgspec.UNSET
 
 
 def ratio_of_sums(

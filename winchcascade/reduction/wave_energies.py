@@ -182,7 +182,8 @@ def _with_sums(waves: WaveEnergies) -> WaveEnergies:
             sums = (into, float(x.sum())), (out, float(y.sum()))
             known = not (waves.unknown.get(into) or waves.unknown.get(out)) and sums[0][1] > NOTHING
             errors = [(e.of_ratio(*sums), e.shape) for e in waves.errors] if known else None
-            efficiency[name] = ratio_of_sums(x, y, counts=waves.counts, errors=errors)
+            found = ratio_of_sums(x, y, counts=waves.counts, errors=errors)
+            efficiency[name] = msgspec.structs.replace(found, between=(into, out))
     power = {}
     for stage, joule in waves.record_energy.items():
         known = stage in waves.unknown and not waves.unknown[stage] and waves.record_duration > 0.0
@@ -311,19 +312,6 @@ def _classes(waves: WaveEnergies) -> tuple[WaveClass, ...]:
         ends = (a * across, (a + 1) * across), (b * along, (b + 1) * along)
         found.append(WaveClass(*ends, int(of.sum()), joule, _ratios(joule, waves.pairs)))
     return tuple(found)
-
-
-def classes_of_payout(waves: WaveEnergies) -> list[WaveClass]:
-    """Classes of payout alone: those of all periods together."""
-    found: dict[tuple[float, float], list[WaveClass]] = {}
-    for one in waves.classes:
-        found.setdefault(one.payout, []).append(one)
-    together = []
-    for payout, of in found.items():
-        joule = {stage: sum(one.energy[stage] or 0.0 for one in of) for stage in waves.energy}
-        period = min(one.period[0] for one in of), max(one.period[1] for one in of)
-        together.append(WaveClass(payout, period, sum(one.count for one in of), joule, _ratios(joule, waves.pairs)))
-    return together
 
 
 def _ratios(joule: Mapping[str, float], pairs: Pairs) -> dict[str, float | None]:

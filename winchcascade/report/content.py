@@ -1,291 +1,288 @@
-"""The content of a report: sections of tables, figures and notes, made once, which HTML and PDF only lay out."""
+"""What a result states, each number once: tables, figures and sentences. Renderers lay it out and add nothing.
+
+Texts are plain: metrics by their names (`eta_pto`), units as `ohm` and `N.m`, a hyphen for a minus. `glossary.typeset` sets
+them for a page.
+"""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import TYPE_CHECKING, Generic, Literal, TypeVar
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar
 
 import msgspec
 
-from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.version import __version__
-from winchcascade.report.digits import NumberText, common_decimals, number, upper
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
-
-Cell = str | float | None
-"""Value of a cell: a number, a text that is formatted already, or None for what does not exist."""
-
 T = TypeVar("T")
-
-LONG = 32
-"""A column with a longer text than this is one of sentences. [characters]"""
-
-
-class Table(msgspec.Struct, frozen=True, tag="table"):
-    """Rows of texts under a head of names and units; `summary` rows at the end stand apart.
-
-    `text_columns` are set to the left, all others are numbers. `note` follows the table. `links` are addresses that the
-    first cell of each row leads to, none or one for every row. `values` are the cells before they are rounded, for tables
-    in files of their own.
-    """
-
-    id: str
-    caption: str
-    head: tuple[str, ...]
-    units: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    text_columns: tuple[int, ...] = (0,)
-    summary: int = 0
-    note: str = ""
-    links: tuple[str, ...] = ()
-    values: tuple[tuple[Cell, ...], ...] = ()
-
-    def is_long(self, column: int) -> bool:
-        """Whether a column holds sentences, which may be broken into lines."""
-        return any(len(row[column]) > LONG for row in self.rows)
-
-
-class TableColumn(msgspec.Struct, Generic[T], frozen=True):
-    """Column of a table: its name, its unit, the decimals of its numbers, and the cell that it has for the item of a row.
-
-    `text` columns are aligned to the left, all others to the right.
-    """
-
-    name: str
-    unit: str = ""
-    decimals: int = 0
-    text: bool = False
-    of: Callable[[T], Cell] | None = None
-
-
-_EVERY_ROW: ContextVar[bool] = ContextVar("every_row", default=False)
-
-
-@contextmanager
-def every_row() -> Iterator[None]:
-    """Make tables with all their rows within this context: a file has no page that a long one would fill."""
-    token = _EVERY_ROW.set(True)
-    try:
-        yield
-    finally:
-        _EVERY_ROW.reset(token)
-
-
-def row_limit(maximum: int | None) -> int | None:
-    """Rows that a table lists at most: what is given, or no limit where every row is wanted."""
-    return None if _EVERY_ROW.get() else maximum
-
-
-class Limit(msgspec.Struct, frozen=True):
-    """How many items a table lists: of more than `maximum`, the first and the last half of that. `more` names the others."""
-
-    maximum: int
-    more: str = "more"
-
-
-def rows_of(
-    columns: Sequence[TableColumn[T]], items: Sequence[T], limit: Limit | None = None
-) -> list[tuple[Cell, ...]]:
-    """Cells of the columns for each item, as many as the limit allows.
-
-    >>> rows_of([TableColumn("k", of=int), TableColumn("text", of=str)], range(9), Limit(2))
-    [(0, '0'), ('… 7 more', ''), (8, '8')]
-    """
-    maximum = None if limit is None else row_limit(limit.maximum)
-    rows = [
-        tuple(column.of(item) for column in columns if column.of is not None)
-        for item in (
-            items if maximum is None or len(items) <= maximum else [*items[: maximum // 2], *items[-(maximum // 2) :]]
-        )
-    ]
-    if limit is not None and maximum is not None and len(items) > maximum:
-        rows.insert(maximum // 2, (f"… {len(items) - maximum} {limit.more}", *[""] * (len(columns) - 1)))
-    return rows
-
-
-def with_common_decimals(
-    columns: Sequence[TableColumn[T]], rows: Sequence[Sequence[Cell]]
-) -> tuple[tuple[Cell, ...], ...]:
-    """Rows whose numbers with an uncertainty have the same decimals in each column, unless the rows differ in their units."""
-    cells = [list(row) for row in rows]
-    if not any(column.name.lower() == ROW_UNIT.lower() for column in columns):
-        for k in range(len(columns)):
-            decimals = common_decimals(row[k] for row in cells)
-            for row in cells if decimals is not None else ():
-                cell = row[k]
-                if isinstance(cell, NumberText) and cell.decimals is not None and decimals is not None:
-                    row[k] = cell.at(decimals)
-    return tuple(tuple(row) for row in cells)
-
-
-ROW_UNIT = "Unit"
-"""Name of a column that states the unit of its row."""
-
-
-def make_table(
-    name: str,
-    caption: str,
-    columns: Sequence[TableColumn[T]],
-    rows: Iterable[Sequence[Cell]],
-    *,
-    below: Sequence[Sequence[Cell]] = (),
-    note: str = "",
-) -> Table:
-    """A table of cells under the names and units of its columns; texts of cells stay, numbers get the decimals of the column.
-
-    Parameters
-    ----------
-    below : rows that summarise the others
-    """
-    values = with_common_decimals(columns, [*rows, *below])
-    return Table(
-        id=name,
-        caption=caption,
-        head=tuple(column.name for column in columns),
-        units=tuple(column.unit for column in columns),
-        rows=tuple(
-            tuple(
-                str(cell if isinstance(cell, str) else number(cell, column.decimals))
-                for cell, column in zip(row, columns, strict=True)
-            )
-            for row in values
-        ),
-        values=values,
-        text_columns=tuple(k for k, column in enumerate(columns) if column.text),
-        summary=len(below),
-        note=note,
-    )
-
-
-class ItemTable(msgspec.Struct, Generic[T], frozen=True):
-    """Declaration of a table with a row for each item: its name, its caption and its columns.
-
-    `limit` is how many items it lists.
-    """
-
-    name: str
-    caption: str
-    columns: Sequence[TableColumn[T]]
-    note: str = ""
-    limit: Limit | None = None
-
-    def of(self, items: Sequence[T]) -> Table | None:
-        """The table of some items, as many as the limit allows; None without items."""
-        return self.always(items) if items else None
-
-    def always(self, items: Sequence[T], below: Sequence[Sequence[Cell]] = ()) -> Table:
-        """The table of some items, also without any; `below` are rows that summarise the others."""
-        rows = rows_of(self.columns, items, self.limit)
-        return make_table(self.name, self.caption, self.columns, rows, below=below, note=self.note)
-
-
-def text_column(name: str, unit: str = "") -> TableColumn[object]:
-    """A column of texts."""
-    return TableColumn(name, unit, text=True)
-
-
-def number_column(name: str, unit: str = "") -> TableColumn[object]:
-    """A column of numbers that are formatted already."""
-    return TableColumn(name, unit)
-
-
-def formatted_table(
-    name: str, caption: str, columns: Sequence[TableColumn[T]], rows: Sequence[Sequence[str]], note: str = ""
-) -> Table | None:
-    """A table of texts; None without rows."""
-    return make_table(name, caption, columns, rows, note=note) if rows else None
-
 
 Tone = Literal["plain", "good", "warn"]
 
 
-class Picture(msgspec.Struct, frozen=True, tag="picture"):
-    """A figure as SVG text with named colours in it (`figures.COLOURS`); `alt` describes in words what it shows.
+class Measured(NamedTuple):
+    """A value with its standard uncertainty, which decides its digits; shown with it where `both`, with a plus where `signed`.
 
-    `marks` is the JSON of its axes and series, with which a page zooms, reads and switches them.
+    `alone`: it has decimals of its own in a column whose other numbers have theirs in common.
+    """
+
+    value: float | None
+    u: float | None = None
+    both: bool = False
+    alone: bool = False
+    signed: bool = False
+
+
+class Span(NamedTuple):
+    """The ends of an interval, with the standard uncertainty that decides their digits."""
+
+    low: float | None
+    high: float | None
+    u: float | None = None
+
+
+Cell = str | float | Measured | Span | None
+"""A text, a number, a number with its uncertainty, an interval, or None for what does not exist."""
+
+
+# -------------------------------------------------------------------------------------------------------- one rule of digits
+def places(u: float) -> int:
+    """Decimals that a standard uncertainty allows: those of its first two digits (GUM 7.2.6).
+
+    >>> places(0.0048), places(116.0), places(0.0996)
+    (4, -1, 2)
+    """
+    return 1 - math.floor(math.log10(float(f"{u:.1e}")))
+
+
+def known(u: float | None) -> bool:
+    """Whether an uncertainty decides digits."""
+    return bool(u) and u is not None and math.isfinite(u)
+
+
+def number_text(value: float | None, decimals: int | None = None, *, signed: bool = False) -> str:
+    """Text of a number, with four significant digits unless its decimals are given; never a zero with a minus.
+
+    >>> number_text(None), number_text(-7114.9, -1), number_text(-0.0004, 3), number_text(2.0, 1, signed=True)
+    ('-', '-7110', '0.000', '+2.0')
+    """
+    if value is None or math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "inf" if value > 0.0 else "-inf"
+    if decimals is None:
+        if value and not 1e-4 <= abs(value) < 1e8:
+            return f"{value:.3e}"
+        decimals = 0 if isinstance(value, int) else 3 - math.floor(math.log10(abs(value) or 1.0))
+    rounded = round(value, decimals) + 0.0
+    return f"{rounded:{'+' if signed and rounded > 0.0 else ''}.{max(decimals, 0)}f}"
+
+
+def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> str:
+    """Text of a cell; the decimals of a column hold where no uncertainty decides.
+
+    >>> shown(None), shown(0.90337, 3), shown(Measured(0.90337, 0.0048)), shown(Span(5.479, 5.4817), 2)
+    ('-', '0.903', '0.9034', '5.48 to 5.48')
+    >>> shown(Measured(0.90337, 0.0048, both=True))
+    '0.9034 +- 0.0048'
+    """
+    if isinstance(cell, Measured):
+        own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
+        text = number_text(cell.value, own, signed=signed or cell.signed)
+        return f"{text} +- {number_text(cell.u, own)}" if cell.both and known(cell.u) else text
+    if isinstance(cell, Span):
+        own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
+        ends = [number_text(end, own, signed=signed) for end in (cell.low, cell.high)]
+        return " to ".join(ends) if ends != ["-", "-"] else "-"
+    return cell if isinstance(cell, str) else number_text(cell, decimals, signed=signed)
+
+
+def common_places(cells: Iterable[Cell]) -> int | None:
+    """Decimals of a column: those of its median uncertainty, of two in the middle the smaller one; None without any.
+
+    >>> common_places([Measured(1439.0, 61.8), Measured(904.4, 14.5), Measured(488.4, 4.8), "text"])
+    0
+    """
+    weighed = [cell for cell in cells if isinstance(cell, Span) or (isinstance(cell, Measured) and not cell.alone)]
+    allowed = sorted(places(cell.u) for cell in weighed if cell.u is not None and known(cell.u))
+    return allowed[len(allowed) // 2] if allowed else None
+
+
+# ------------------------------------------------------------------------------------------------------------------ tables
+class Column(msgspec.Struct, Generic[T], frozen=True):
+    """Column of a table: name, what its cell is for the item of a row, unit, and decimals.
+
+    `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `own_digits`: rows differ in quantity or
+    unit, so that each number has its own decimals. `link` is the address that a cell leads to on a page.
+    """
+
+    name: str
+    of: Callable[[T], Cell]
+    unit: str = ""
+    decimals: int | None = None
+    brief: bool = True
+    signed: bool = False
+    own_digits: bool = False
+    link: Callable[[T], str] | None = None
+
+    def texts(self, cells: Sequence[Cell]) -> list[str]:
+        """Cells as they are shown, with decimals in common."""
+        common = None if self.own_digits else common_places(cells)
+        return [self._text(cell, common) for cell in cells]
+
+    def _text(self, cell: Cell, common: int | None) -> str:
+        if common is None or not isinstance(cell, Measured | Span) or (isinstance(cell, Measured) and cell.alone):
+            return shown(cell, self.decimals, signed=self.signed)
+        text = shown(cell._replace(u=None), common, signed=self.signed)
+        return (
+            f"{text} +- {number_text(cell.u, common)}"
+            if isinstance(cell, Measured) and cell.both and known(cell.u)
+            else text
+        )
+
+
+class Table(msgspec.Struct, Generic[T], frozen=True):
+    """A row for each item; rows `below` summarise. `brief` tables stand in a terminal too.
+
+    `limit` is how many rows are shown at most, the first and the last half of them; files hold all.
     """
 
     id: str
     caption: str
-    alt: str
-    svg: str
-    interactive: bool = False
-    marks: str = ""
+    columns: Sequence[Column[T]]
+    items: Sequence[T]
+    below: Sequence[Sequence[Cell]] = ()
+    note: str = ""
+    brief: bool = True
+    limit: int = 60
+
+    @property
+    def cells(self) -> list[list[Cell]]:
+        """Rows as they are, unrounded."""
+        return [[column.of(item) for column in self.columns] for item in self.items] + [list(row) for row in self.below]
+
+    @property
+    def texts(self) -> list[list[str]]:
+        """Rows as they are shown, all of them."""
+        rows = self.cells
+        columns = [column.texts([row[k] for row in rows]) for k, column in enumerate(self.columns)]
+        return [list(row) for row in zip(*columns, strict=True)]
+
+    @property
+    def left(self) -> list[bool]:
+        """Which columns hold texts, which stand to the left."""
+        rows = self.cells[: len(self.items)] or self.cells
+        return [any(isinstance(row[k], str) for row in rows) for k in range(len(self.columns))]
+
+    @property
+    def addresses(self) -> list[list[str]]:
+        """What the cells of the items lead to, "" where they do not."""
+        return [[column.link(item) if column.link else "" for column in self.columns] for item in self.items]
+
+    def shortened(self, rows: Sequence[Sequence[str]], *, counted: bool = True) -> list[list[str]]:
+        """Texts of rows up to the limit, with one row in place of what is left out, which counts it if `counted`."""
+        count, half = len(self.items), self.limit // 2
+        if count <= self.limit + 1:
+            return [list(row) for row in rows]
+        more = [f"... {count - 2 * half} more" if counted else "", *[""] * (len(self.columns) - 1)]
+        return [*map(list, rows[:half]), more, *map(list, rows[count - half :])]
+
+    def used(self) -> Table[T]:
+        """The table without the columns that hold nothing; the first one stays."""
+        rows = self.cells
+        keep = [k for k in range(len(self.columns)) if k == 0 or any(row[k] not in (None, "") for row in rows)]
+        return msgspec.structs.replace(
+            self, columns=[self.columns[k] for k in keep], below=[[row[k] for k in keep] for row in self.below]
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """The table with units in the heads and numbers in full; intervals and uncertainties have columns of their own."""
+        import pandas as pd
+
+        found: dict[str, list[object]] = {}
+        for k, column in enumerate(self.columns):
+            cells = [row[k] for row in self.cells]
+            head = f"{column.name} ({column.unit})" if column.unit else column.name
+            names = [head]
+            if any(isinstance(cell, Span) for cell in cells):
+                names = [f"{head}, low", f"{head}, high"]
+            elif any(isinstance(cell, Measured) and cell.both for cell in cells):
+                names = [head, f"{head}, standard uncertainty"]
+            for j, name in enumerate(names):
+                values: list[object] = [
+                    cell[j] if isinstance(cell, tuple) else cell if j == 0 else None for cell in cells
+                ]
+                found[name if name not in found else f"{name}, {len(found)}"] = values
+        return pd.DataFrame(found)
 
 
-class Note(msgspec.Struct, frozen=True, tag="note"):
-    """A paragraph, and what it is about where that is set before it."""
+def table(
+    name: str, caption: str, columns: Sequence[Column[T]], items: Iterable[T], *, note: str = "", brief: bool = True
+) -> Table[T] | None:
+    """A table of some items; None without any."""
+    listed = list(items)
+    return Table(name, caption, columns, listed, note=note, brief=brief) if listed else None
+
+
+PAIRS: tuple[Column[tuple[str, Cell]], ...] = (
+    Column("Item", lambda row: row[0]),
+    Column("Value", lambda row: row[1], own_digits=True),
+)
+"""Columns of a table of two texts."""
+
+
+# --------------------------------------------------------------------------------------------------------- the other blocks
+class Note(msgspec.Struct, frozen=True):
+    """A sentence, what it is about, and whether it is a warning; `brief` ones stand in a terminal too."""
 
     text: str
     about: str = ""
+    tone: Tone = "plain"
+    brief: bool = True
 
 
-def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
-    """A figure as a block of a report; None for none. In a format that takes figures it is taken, and the block is empty."""
-    from winchcascade.report.interaction import mark
-    from winchcascade.report.style import present_format
-    from winchcascade.report.svg_drawing import svg_text
+class Picture(msgspec.Struct, frozen=True):
+    """A figure, its caption, and what it shows in words; `histories` is the JSON of an interactive one (`render/page.py`)."""
 
-    if figure is None:
-        return None
-    take = present_format().take
-    if take is not None:
-        take(name, figure)
-        return Picture(name, caption, alt, "", interactive)
-    marks = mark(figure)
-    return Picture(name, caption, alt, svg_text(figure, name), interactive, marks)
+    id: str
+    caption: str
+    alt: str
+    figure: Figure
+    histories: str = ""
 
 
-Block = Table | Picture | Note
+def picture(figure: Figure | None, name: str, caption: str, alt: str, histories: str = "") -> Picture | None:
+    """A figure as a block; None for none."""
+    return None if figure is None else Picture(name, caption, alt, figure, histories)
+
+
+Block = Table[Any] | Picture | Note
 
 
 class Section(msgspec.Struct, frozen=True):
-    """A heading and what stands under it."""
+    """A heading and what stands under it; a `folded` one is opened by the reader, and open in print."""
 
     id: str
     heading: str
-    blocks: tuple[Block, ...]
+    blocks: Sequence[Block]
+    folded: bool = False
 
 
-def section(name: str, heading: str, *blocks: Block | None) -> Section:
+def section(name: str, heading: str, *blocks: Block | None, folded: bool = False) -> Section:
     """A section of the blocks that there are."""
-    return Section(name, heading, tuple(b for b in blocks if b is not None))
-
-
-def filled(*sections: Section) -> tuple[Section, ...]:
-    """Those of some sections that have blocks."""
-    return tuple(s for s in sections if s.blocks)
+    return Section(name, heading, [block for block in blocks if block is not None], folded)
 
 
 class Tile(msgspec.Struct, frozen=True):
-    """One number of the summary: its name, value, 95 % interval, and what it is."""
+    """One number of the first screen: its name, what it is, its value as shown, and what stands below it."""
 
-    symbol: str
     name: str
-    value: str
-    interval: str
-
-
-class Point(msgspec.Struct, frozen=True):
-    """One sentence of the summary: about what, the sentence, and whether it is a warning."""
-
     about: str
-    text: str
-    tone: Tone = "plain"
-
-
-SUBSCRIPTS = (
-    "line", "mech", "gen, cycle", "gen", "trans", "pto", "max", "min", "mean", "plateau", "hold", "payout", "returned", "net",
-)  # fmt: skip
-"""Subscripts of the symbols of every report."""
+    value: str
+    beside: str = ""
 
 
 class Link(msgspec.Struct, frozen=True):
@@ -296,75 +293,34 @@ class Link(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """A whole report, in order.
+    """Everything that is said of a result, in order.
 
-    `traces` is the JSON that the page's time histories read values from. `banner` is a warning on every page. `subscripts` are
-    what may stand low behind a letter and an underscore in a text. `links` lead to the pages that belong to it. `lead` is a
-    figure that stands beside the tiles.
+    `banner` is a warning on every page. `lead` is a figure beside the tiles. `verdict` is the last line in a terminal.
     """
 
     kind: str
     title: str
-    subtitle: str
-    tiles: tuple[Tile, ...]
-    points: tuple[Point, ...]
-    sections: tuple[Section, ...]
-    traces: str = ""
+    subtitle: str = ""
+    tiles: Sequence[Tile] = ()
+    points: Sequence[Note | None] = ()
+    sections: Sequence[Section] = ()
+    verdict: Note | None = None
     banner: str = ""
-    subscripts: tuple[str, ...] = SUBSCRIPTS
-    links: tuple[Link, ...] = ()
     lead: Picture | None = None
+    links: Sequence[Link] = ()
     generator: str = f"winchcascade/{__version__}"
 
+    @property
+    def notes(self) -> list[Note]:
+        """The points that have a text."""
+        return [point for point in self.points if point is not None and point.text]
 
-def data_point(origins: Sequence[Origin]) -> Point:
-    """State whether the data are measured and where they come from; a warning where any are not measured."""
-    words = origin_words(origins)
-    text = words if words.endswith(".") else f"{words}."
-    made = any(origin.measured is False for origin in origins)
-    return Point("Data", upper(text), "warn" if made else "plain")
+    @property
+    def filled(self) -> list[Section]:
+        """The sections that have blocks."""
+        return [one for one in self.sections if one.blocks]
 
-
-def provenance_section(rows: Sequence[tuple[str, str]], command: str, *before: Table | None) -> Section:
-    """Where every number comes from: items with their values, those without one left out, and how the report was made.
-
-    Parameters
-    ----------
-    before : tables that stand before that of the items
-    """
-    import platform
-
-    import numpy
-
-    versions = f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"
-    made = (
-        ("Made by", versions),
-        ("Command", command),
-        ("Made on", made_at().strftime("%Y-%m-%d %H:%M:%S UTC")),
-    )
-    given = [row for row in (*rows, *made) if row[1]]
-    return section(
-        "provenance", "Provenance", *before, pairs_table("provenance", "What the report was made from, and how.", given)
-    )
-
-
-def pairs_table(
-    name: str, caption: str, rows: Sequence[Sequence[Cell]], heads: tuple[str, str] = ("Item", "Value")
-) -> Table:
-    """A table of two columns of texts."""
-    return make_table(name, caption, [text_column(head) for head in heads], rows)
-
-
-def made_at() -> datetime:
-    """Give the time of making, or SOURCE_DATE_EPOCH where a build must be repeatable; UTC, whole seconds."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    given = epoch.isdigit() and len(epoch) <= 11
-    now = datetime.fromtimestamp(int(epoch), UTC) if given else datetime.now(UTC)
-    return now.replace(microsecond=0)
-
-
-def file_digest(path: str) -> str:
-    """SHA-256 of a rig file, nothing for a built-in one."""
-    from winchcascade.core.store import digest_of
-
-    return digest_of(Path(path).read_bytes()) if Path(path).is_file() else ""
+    @property
+    def blocks(self) -> list[Block]:
+        """All blocks, in order."""
+        return [block for one in self.sections for block in one.blocks]

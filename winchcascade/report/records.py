@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -13,29 +13,23 @@ from msgspec import UNSET, UnsetType
 from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.cascade import PAPER, Cascade, field_of
 from winchcascade.core.files import json_bytes
-from winchcascade.core.quantity import KGF, si_unit
+from winchcascade.core.quantity import si_unit
 from winchcascade.core.version import __version__
+from winchcascade.reduction.bins import STORES
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty, uncertainty
 from winchcascade.reduction.run_record import (
     MAX_SPANS,
     REDUCTION_SCHEMA,
-    BinRecord,
     BudgetRecord,
     CycleRecord,
     FindingRecord,
-    HoldRecord,
     Interval95,
     LogRecord,
-    PhasesRecord,
-    PhaseSummaryRecord,
-    RepairRecord,
-    RigRecord,
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
     WavesRecord,
-    WindowRecord,
 )
 from winchcascade.reduction.uncertainty import BudgetRow, shares
 
@@ -44,8 +38,6 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-
-_KGCM2 = KGF * 1e4
 
 
 def read_results(results: Mapping[str, Path]) -> Iterator[tuple[str, RunRecord]]:
@@ -62,8 +54,8 @@ def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> by
 def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> RunRecord:
     """The record of the reduction of one log with its uncertainty."""
     found = found or uncertainty(reduction)
-    run, measured = reduction.run, reduction.measured_load
-    known, names = found.budget, tuple(dict.fromkeys((*ALL_METRICS, *reduction.rig.cascade.metrics)))
+    run, rig, measured = reduction.run, reduction.rig, reduction.measured_load
+    known, names = found.budget, tuple(dict.fromkeys((*ALL_METRICS, *rig.cascade.metrics)))
     freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
     return RunRecord(
         schema=REDUCTION_SCHEMA,
@@ -84,11 +76,11 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             about=run.about or None,
             repairs=run.repairs,
         ),
-        rig=RigRecord(reduction.rig.name, reduction.rig.assumed, reduction.rig.r_drum),
+        rig={"name": rig.name, "assumed": rig.assumed, "r_drum_m": rig.r_drum},
         window=reduction.window,
-        quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
+        quality=tuple(_finding(f, run.samples) for f in reduction.quality),
         cycles=tuple(
-            cycle_record(c, u, reduction.rig.cascade, limits)
+            _cycle(c, rig.cascade, u, limits)
             for c, u, limits in zip(reduction.cycles, known.cycles, known.cycles_by_limits, strict=True)
         ),
         mean=reduction.mean.fields(),
@@ -105,15 +97,15 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
             monte_carlo=found.drawn.fields(names),
             interval_95_sensors=_intervals(found.interval_95_sensors, names),
             degrees_of_freedom=freedom.fields(names),
-            budget=tuple(_budget_row(row, known.mean, reduction.rig.known_channels, names) for row in known.rows),
+            budget=tuple(_budget_row(row, known.mean, rig.known_channels, names) for row in known.rows),
             taken_as_exact=tuple(known.exact),
             without_accuracy=tuple(known.unknown),
             undetermined=tuple(field_of(name) for name in known.undetermined),
         ),
         total=reduction.total.fields(),
-        bins=tuple(bin_record(b, reduction.rig.cascade) for b in reduction.bins),
+        bins=tuple(_bin(b, rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
-        cycles_from=UNSET if reduction.rig.phases.source == "velocity" else reduction.rig.phases.source,
+        cycles_from=UNSET if rig.phases.source == "velocity" else rig.phases.source,
         waves=_waves(reduction),
     )
 
@@ -123,7 +115,7 @@ def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
     if reduction.rig.phases.source != "waves":
         return UNSET
     from winchcascade.reduction.wave_energies import wave_energies
-    from winchcascade.report.wave_text import wave_record
+    from winchcascade.reduction.wave_record import wave_record
 
     return wave_record(wave_energies(reduction))
 
@@ -170,70 +162,54 @@ def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], 
     )
 
 
-def finding_record(finding: Finding, samples: int) -> FindingRecord:
+def _finding(finding: Finding, samples: int) -> FindingRecord:
     """One finding of a log with a given number of samples."""
     repair, repaired = finding.repaired, None
     if repair is not None:
-        spans = repair.spans[:MAX_SPANS]
-        repaired = RepairRecord(repair.what, repair.applied, repair.samples, len(repair.spans), spans)
+        repaired = {"what": repair.what, "applied": repair.applied, "samples": repair.samples}
+        repaired |= {"places": len(repair.spans), "spans_s": repair.spans[:MAX_SPANS]}
     return FindingRecord(
-        kind=finding.kind,
-        channel=finding.channel,
-        start_s=finding.start,
-        end_s=finding.end,
-        count=finding.count,
-        action=finding.action,
-        message=finding.message,
-        removed_share=finding.lost_share(samples),
-        repaired=repaired,
-    )
+        finding.kind, finding.channel, finding.start, finding.end, finding.count, finding.action, finding.message,
+        finding.lost_share(samples), repaired,
+    )  # fmt: skip
 
 
-def cycle_record(
-    cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cascade = PAPER, by_limits: Metrics | None = None
-) -> CycleRecord:
+def _cycle(cycle: CycleResult, cascade: Cascade, u: Metrics, by_limits: Metrics | None) -> CycleRecord:
     """One cycle with the standard uncertainties of its metrics, and those by replaced accuracies of its sensors."""
-    phases, window, summary = cycle.phases, cycle.window, cycle.summary
+    phases, window = cycle.phases, cycle.window
     names = tuple(dict.fromkeys((*ALL_METRICS, *cascade.metrics)))
-    hold = None
-    if summary.hold is not None:
-        pressure = None if summary.hold.pressure is None else summary.hold.pressure / _KGCM2
-        hold = HoldRecord(summary.hold.duration, summary.hold.force, summary.hold.torque, pressure)
     return CycleRecord(
         cycle=cycle.cycle,
         complete=cycle.complete,
-        phases=PhasesRecord((phases.onset, phases.payout_end), phases.hold, phases.haul_in),
-        phase_summary=PhaseSummaryRecord(summary.payout, hold, summary.haul_in, summary.point, summary.both_ways),
-        window=WindowRecord(window.onset, window.cutoff, round(window.cutoff - window.onset, 9)),
+        phases={"payout": (phases.onset, phases.payout_end), "hold": phases.hold, "haul_in": phases.haul_in},
+        phase_summary=cycle.summary,
+        window={
+            "onset_s": window.onset,
+            "cutoff_s": window.cutoff,
+            "duration_s": round(window.cutoff - window.onset, 9),
+        },
         net_span=cycle.net,
         **cycle.metrics.fields(),
-        standard_uncertainty=standard_uncertainty.fields(names),
+        standard_uncertainty=u.fields(names),
         sensors_by_limits=by_limits.fields(names) if by_limits else {},
         stages=cycle.metrics.fields(cascade.metrics) if cascade.configured else UNSET,
     )
 
 
-def bin_record(item: Bin, cascade: Cascade = PAPER) -> BinRecord:
-    """One bin of generator speed."""
-    power, error = item.power, item.standard_error
-    stages: dict[str, float | None] | UnsetType = UNSET
+def _bin(item: Bin, cascade: Cascade) -> dict[str, Any]:
+    """One bin of generator speed with mean powers, their standard errors, and the powers that are stored meanwhile.
+
+    Those go into the rotor, the spring of the shaft and the capacitor of the DC link while the speed changes, null where the
+    rig file states no inertia, stiffness or capacitance. The loss between shaft and DC link is P_mech - P_gen less these.
+    """
+    row: dict[str, Any] = {"rpm_low": item.rpm_low, "rpm_high": item.rpm_high, "count": item.count}
+    for stage in PAPER.names:
+        row[f"power_{stage}_w"] = item.power.get(stage)
+        row[f"power_{stage}_w_standard_error"] = item.standard_error.get(stage)
+    row |= {"torque_nm": item.torque, "torque_nm_standard_error": item.torque_standard_error}
+    row |= {f"power_{store}_w": item.stored.get(store) for store in STORES}
     if cascade.configured:
-        stages = {f"power_{stage}_w": watts for stage, watts in power.items()}
-        stages |= {f"power_{stage}_w_standard_error": watts for stage, watts in error.items()}
-    return BinRecord(
-        rpm_low=item.rpm_low,
-        rpm_high=item.rpm_high,
-        count=item.count,
-        power_line_w=power.get("line"),
-        power_line_w_standard_error=error.get("line"),
-        power_mech_w=power.get("mech"),
-        power_mech_w_standard_error=error.get("mech"),
-        power_gen_w=power.get("gen"),
-        power_gen_w_standard_error=error.get("gen"),
-        torque_nm=item.torque,
-        torque_nm_standard_error=item.torque_standard_error,
-        power_rotor_w=item.stored.get("rotor"),
-        power_spring_w=item.stored.get("spring"),
-        power_capacitor_w=item.stored.get("capacitor"),
-        stages=stages,
-    )
+        powers = {f"power_{stage}_w": watts for stage, watts in item.power.items()}
+        errors = {f"power_{stage}_w_standard_error": watts for stage, watts in item.standard_error.items()}
+        row["stages"] = powers | errors
+    return row

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from winchcascade.core.plain_text import lines, one_line
 
@@ -24,8 +24,6 @@ PIPED = 100
 
 UNKNOWN = 80
 """Columns of a terminal that does not report its size."""
-
-Tone = Literal["good", "warning", "contradiction"]
 
 
 class Screen(NamedTuple):
@@ -65,6 +63,11 @@ def use_screen(screen: Screen) -> None:
     _PRESENT.set(screen)
 
 
+def present_screen() -> Screen:
+    """The screen for which texts are laid out now."""
+    return _PRESENT.get()
+
+
 def line_width(piped: int = PIPED) -> int:
     """Columns of a sentence. [characters]
 
@@ -75,58 +78,32 @@ def line_width(piped: int = PIPED) -> int:
     return _PRESENT.get().width or piped
 
 
-def table_width() -> int | None:
-    """Columns that a table may have; None in a pipe, which gets all of it. [characters]"""
-    return _PRESENT.get().width
-
-
 # --------------------------------------------------------------------------------------------------------------- colours
-_MARKS: dict[Tone, str] = {"good": "\ufdd0", "warning": "\ufdd1", "contradiction": "\ufdd2"}
-_END = "\ufdd3"
-_CODES = {"\ufdd0": "\x1b[32m", "\ufdd1": "\x1b[33m", "\ufdd2": "\x1b[31m", _END: "\x1b[0m"}
-"""Signs that stand for a colour until the text is printed, no characters of any language: texts from files lose them."""
-
-_NO_MARKS = str.maketrans(dict.fromkeys(_CODES))
-
-
-def toned(text: str, tone: Tone) -> str:
-    """A text marked as good, as a warning or as a contradiction; in a pipe the text alone."""
-    return f"{_MARKS[tone]}{text}{_END}" if text and _PRESENT.get().colour else text
-
-
-def without_tones(text: str) -> str:
-    """A text without its marks."""
-    return text.translate(_NO_MARKS)
-
-
-def length(text: str) -> int:
-    """Columns that a text takes. [characters]"""
-    return len(without_tones(text))
+ESCAPE = "\ufdd4"
+"""Stands for the escape with which the codes of a text begin that is laid out already, no character of any language."""
 
 
 def painted(text: str, clean: Callable[[str], str]) -> str:
-    """A text with colours instead of marks, cleaned in between; in a pipe the clean text."""
-    if not _PRESENT.get().colour:
-        return clean(text)
-    parts, begin = [], 0
-    for k, sign in enumerate(text):
-        if sign in _CODES:
-            parts += [clean(text[begin:k]), _CODES[sign]]
-            begin = k + 1
-    return "".join([*parts, clean(text[begin:])])
+    """A text with its colours, cleaned in between; in a pipe the clean text."""
+    return ("\x1b" if _PRESENT.get().colour else "").join(map(clean, text.split(ESCAPE)))
 
 
 @contextmanager
 def status_line(title: str) -> Iterator[Callable[[str], None]]:
-    """Show in one changing line of a terminal what is being done; elsewhere show nothing."""
+    """Show in one changing line of a terminal the present step and the time until now; elsewhere show nothing."""
     if QUIET.get() or not sys.stderr.isatty():
         yield lambda _: None
         return
     from rich.console import Console
     from rich.markup import escape
+    from rich.progress import Progress as Bar
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.table import Column
 
-    with Console(stderr=True).status(escape(one_line(title))) as line:
-        yield lambda text: line.update(escape(f"{one_line(title)}: {one_line(text)}"))
+    step = TextColumn("{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis"))
+    with Bar(SpinnerColumn(), TimeElapsedColumn(), step, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(escape(one_line(title)))
+        yield lambda text: bar.update(task, description=escape(one_line(text)))
 
 
 class Progress:

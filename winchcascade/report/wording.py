@@ -1,146 +1,31 @@
-"""Words and symbols that terminal and pages share: loads, windows, uncertainties, sentences of a page, and the glossary."""
+"""Words on a log: its load, window, cycles, and the sources of its uncertainty."""
 
 from __future__ import annotations
 
 import math
-import re
-from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
 
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
-from winchcascade.core.cascade import Cascade, efficiency_name
-from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
-from winchcascade.report.content import SUBSCRIPTS, ItemTable, Section, picture, section
-from winchcascade.report.content import TableColumn as Column
-from winchcascade.report.digits import RAISED
+from winchcascade.report.glossary import CHANNELS, SENSORS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from winchcascade.core.rig_file import WindowRule
+    from winchcascade.core.run import Run
     from winchcascade.reduction.reduction_result import CycleResult, MeasuredLoad, Reduction
 
-
-SENSORS = {
-    "force": "force cell",
-    "torque": "torque sensor",
-    "velocity": "velocity",
-    "power_mech": "shaft power",
-    "vdc": "Vdc",
-    "idc": "Idc",
-    R_DRUM: "drum radius",
-    SAMPLING: "sampling",
-}
-"""What a source of uncertainty is called in a sentence."""
-
-
-class _Symbols(dict[str, str]):
-    """Symbols of metrics; one of a stage of a rig file is made of its name."""
-
-    def __missing__(self, metric: str) -> str:
-        kind, _, place = metric.partition("_")
-        return f"{_LETTERS[kind]}_{place.replace('_', '→')}"
-
-
-_LETTERS = {"energy": "E", "power": "P", "eta": "η"}
+_SOURCES = (
+    {name: term.label for name, term in CHANNELS.items()} | SENSORS | {R_DRUM: "drum radius", SAMPLING: "sampling"}
+)
+"""What a source of uncertainty is called."""
 
 _SPANS = {"steps": "step", "rows": "row", "ranges": "range", "whole": "record"}
 """What a cycle is called whose whole span counts, by the source of the cycles."""
-
-
-def span_word(reduction: Reduction) -> str:
-    """What the part of a cycle is called that its window lies in: a payout, or the span that a rig file gives.
-
-    >>> from winchcascade.reduction.reduce import reduce
-    >>> from winchcascade.ingest.read import read_run
-    >>> span_word(reduce(read_run("fixtures/campaign/r36ohm.csv")))
-    'payout'
-    """
-    return _SPANS.get(reduction.rig.phases.source, "payout")
-
-
-SYMBOL = _Symbols({
-    "energy_line": "E_line", "energy_mech": "E_mech", "energy_gen": "E_gen", "power_line": "P_line", "power_mech": "P_mech",
-    "power_gen": "P_gen", "eta_trans": "η_trans", "eta_gen": "η_gen", "eta_pto": "η_pto", "energy_payout": "E_payout",
-    "energy_returned": "E_returned", "energy_net": "E_net", "energy_gen_cycle": "E_gen, cycle", "eta_net": "η_net",
-})  # fmt: skip
-"""Symbols of the metrics; what follows the underscore is set low."""
-
-
-def unit_of(metric: str) -> str:
-    """Unit of a metric, "" for an efficiency."""
-    return {"energy": "J", "power": "W"}.get(metric.partition("_")[0], "")
-
-
-def decimals_of(metric: str) -> int:
-    """Decimals of a metric whose uncertainty is unknown."""
-    return 3 if metric.startswith("eta") else 0
-
-
-def metrics_note(cascade: Cascade, given: Sequence[str]) -> str:
-    """What the symbols of some metrics mean."""
-    stages = [
-        f"{s.name}, {s.where}" for s in cascade.stages if f"energy_{s.name}" in given or f"power_{s.name}" in given
-    ]
-    ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in cascade.ratios.items() if m in given]
-    subscripts = f"Subscripts: {'; '.join(stages)}" if stages else ""
-    return "".join(f"{text}. " for text in (subscripts, ", ".join(ratios)) if text)
-
-
-def subscripts_of(cascade: Cascade) -> tuple[str, ...]:
-    """Subscripts of the symbols of a cascade, longer ones first."""
-    own = {SYMBOL[m].partition("_")[2] for m in cascade.all_metrics}
-    return (*sorted(own - {*SUBSCRIPTS}, key=len, reverse=True), *SUBSCRIPTS)
-
-
-def tex(metric: str) -> str:
-    """Symbol of a metric in a figure.
-
-    >>> tex("eta_trans"), tex("energy_gen_cycle")
-    ('$\\\\eta_\\\\mathrm{trans}$', '$E_\\\\mathrm{gen}$')
-    """
-    letter, _, place = SYMBOL[metric].partition(", ")[0].partition("_")
-    return "$" + letter.replace("η", r"\eta") + rf"_\mathrm{{{place.replace('→', chr(92) + 'to ')}}}$"
-
-
-def source_name(source: ErrorSource | None) -> str:
-    """Name a source of uncertainty: the sensor and what of it errs."""
-    if source is None:
-        return "bridged gaps"
-    part = "" if source.channel in (R_DRUM, SAMPLING) else f", {source.part}"
-    return _sensor(source) + part + (" (acquisition)" if source.origin == ACQUISITION else "")
-
-
-def by_sensor(known: Budget, metric: str) -> dict[str, float]:
-    """Share of the variance of a metric's mean by sensor, zero and gain together, and by repeatability. [1]"""
-    found: dict[str, float] = {}
-    rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
-    for name, of in (*rows, ("repeatability", known.repeatability)):
-        if share := shares(of, known.mean)[metric]:
-            found[name] = found.get(name, 0.0) + share
-    return found
-
-
-def _sensor(source: ErrorSource) -> str:
-    return SENSORS.get(source.channel, source.channel)
-
-
-def decisive(known: Budget) -> list[tuple[str, float, str]]:
-    """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
-    parts = [(m, by_sensor(known, m)) for m in known.mean if m.startswith("eta") and m != "eta_net"]
-    return [(metric, max(found.values()), max(found, key=found.__getitem__)) for metric, found in parts if found]
-
-
-def measured_load_words(measured: MeasuredLoad | None, unit: str = "Ω") -> str:
-    """Vdc / Idc as it stands beside the stated load; empty where it was not measured."""
-    return "" if measured is None else f"Vdc / Idc {measured.ohm:.4g} {unit}"
 
 
 def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknown: str = "no load") -> str:
@@ -159,9 +44,41 @@ def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknow
     return unknown if load is None else "open circuit" if math.isinf(load) else f"{before}{load:g} {unit}"
 
 
+def load_text(load: float | None) -> str:
+    """Load of a log under a head with its unit.
+
+    >>> load_text(9.0), load_text(math.inf), load_text(None)
+    ('9', 'open circuit', '-')
+    """
+    return load_words(load, "", unknown="-").rstrip()
+
+
+def measured_load_words(measured: MeasuredLoad | None, unit: str = "Ω") -> str:
+    """Vdc / Idc as it stands beside the stated load; empty where it was not measured."""
+    return "" if measured is None else f"Vdc / Idc {measured.ohm:.4g} {unit}"
+
+
 def window_words(window: WindowRule) -> str:
     """Rule of an integration window."""
     return window if isinstance(window, str) else f"{window:g} s from the onset"
+
+
+def span_word(reduction: Reduction) -> str:
+    """What the part of a cycle is called that its window lies in: a payout, or the span that a rig file gives.
+
+    >>> from winchcascade.reduction.reduce import reduce
+    >>> from winchcascade.ingest.read import read_run
+    >>> span_word(reduce(read_run("fixtures/campaign/r36ohm.csv")))
+    'payout'
+    """
+    return _SPANS.get(reduction.rig.phases.source, "payout")
+
+
+# ---------------------------------------------------------------------------------------------------------------- cycles
+def clock_zero(run: Run) -> float:
+    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
+    first, last = float(run.t[0]), float(run.t[-1])
+    return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
 
 
 def label(cycle: CycleResult) -> str:
@@ -179,8 +96,7 @@ def of_phase(phase: str, field: str, cycle: CycleResult) -> float | None:
         "haul_in": summary.haul_in,
         "point": summary.point or None,
     }
-    value: float | None = (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
-    return value / (KGF * 1e4) if field == "pressure" and value is not None else value
+    return (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
 
 
 LISTED_CYCLES = 6
@@ -201,6 +117,32 @@ def _named_cycles(numbers: Sequence[int], of: int) -> str:
     more = f" and {len(numbers) - LISTED_CYCLES} more" if len(numbers) > LISTED_CYCLES else ""
     named = f"cycle{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers[:LISTED_CYCLES]))}{more}"
     return "all cycles" if 1 < len(numbers) == of else named
+
+
+# ----------------------------------------------------------------------------------------------- sources of uncertainty
+def source_name(source: ErrorSource | None) -> str:
+    """Name a source of uncertainty: the sensor and what of it errs."""
+    if source is None:
+        return "bridged gaps"
+    part = "" if source.channel in (R_DRUM, SAMPLING) else f", {source.part}"
+    return _sensor(source) + part + (" (acquisition)" if source.origin == ACQUISITION else "")
+
+
+def _sensor(source: ErrorSource) -> str:
+    return _SOURCES.get(source.channel, source.channel)
+
+
+def decisive(known: Budget) -> list[tuple[str, float, str]]:
+    """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
+    rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
+    found = []
+    for metric in (name for name in known.mean if name.startswith("eta") and name != "eta_net"):
+        parts: dict[str, float] = {}
+        for name, of in (*rows, ("repeatability", known.repeatability)):
+            parts[name] = parts.get(name, 0.0) + (shares(of, known.mean)[metric] or 0.0)
+        largest = max(parts, key=parts.__getitem__)
+        found += [(metric, parts[largest], largest)] if parts[largest] else []
+    return found
 
 
 def not_known(known: Budget) -> list[str]:
@@ -228,181 +170,3 @@ def not_known(known: Budget) -> list[str]:
         )
         if wanted
     ]
-
-
-_SET: tuple[tuple[str, str], ...] = (
-    (r"(?<=\d) ohm\b", "\u00a0Ω"),
-    (r"\b(N|m)\.(?=m\b|s/rad)", r"\1·"),
-    (r"\bR2\b", "R²"),
-    (r" \+- ", " ± "),
-    (r"(?<=\d)\.\.(?=-?\d)", " to "),
-    (r"(?<![\w.)\]-])-(?=\d)", "\u2212"),
-    (r"`([^`]*)`", r"\1"),
-)
-"""What the terminal writes with plain letters, and how a page sets it."""
-
-
-def page_text(text: str, kept: str = "") -> str:
-    """A sentence of the terminal as a page sets it: symbols for names of metrics, signs and units, no marks of commands.
-
-    Parameters
-    ----------
-    kept : name of a file in it, which stays as it is
-
-    Examples
-    --------
-    >>> page_text("36 ohm: eta_pto drops by -0.01 N.m.s/rad, `diagnose` finds 1..2e-05")
-    '36\\xa0Ω: η_pto drops by −0.01 N·m·s/rad, diagnose finds 1 to 2×10⁻⁵'
-    >>> page_text("-5.csv gives -5", "-5.csv")
-    '-5.csv gives −5'
-    """
-    if kept:
-        return kept.join(page_text(part) for part in text.split(kept))
-    for plain, shown in _SET:
-        text = re.sub(plain, shown, text)
-    text = re.sub(r"(?<=\d)e([-+]\d+)", lambda found: f"×10{str(int(found[1])).translate(RAISED)}", text)
-    metrics = "|".join(sorted(SYMBOL, key=len, reverse=True))
-    return re.sub(rf"\b(?:{metrics})\b", lambda found: SYMBOL[found[0]], text)
-
-
-class Symbol(NamedTuple):
-    """A symbol, what it means, and its unit, "1" for a ratio."""
-
-    text: str
-    meaning: str
-    unit: str
-
-
-PLACES = {"line": "line", "mech": "shaft", "gen": "DC link", "hyd": "hydraulic circuit", "ac": "AC terminals"}
-"""What the place of a stage is called in a drawing; one of a rig file has its own name."""
-
-_MOTION = (
-    Symbol("v", "Line velocity, positive in payout", "m/s"),
-    Symbol("F", "Line tension", "N"),
-    Symbol("τ", "Torque of the PTO shaft", "N·m"),
-    Symbol("p", "Accumulator pressure, gauge", "kg/cm²"),
-    Symbol("n", "Speed of the shaft", "rpm"),
-)
-_WHOLE_CYCLE = (
-    Symbol("E_payout", "Line energy of the payout", "J"),
-    Symbol("E_returned", "Line energy given back in haul-in, positive", "J"),
-    Symbol("E_net", "Line energy from onset to next onset: that of the payout less that given back", "J"),
-    Symbol("E_gen, cycle", "Energy at the DC link from onset to next onset", "J"),
-    Symbol("η_net", "Efficiency of whole cycles: energy at the DC link over net line energy", "1"),
-)
-_UNCERTAINTY = (
-    Symbol("u", "Standard uncertainty of a mean", "as the mean"),
-    Symbol("s", "Standard deviation of a cycle, from the scatter of the cycles", "as the mean"),
-    Symbol("N", "Number of complete cycles", "1"),
-    Symbol("ν", "Effective degrees of freedom of u", "1"),
-)
-_DIAGNOSIS = (
-    Symbol("z", "Difference over its standard uncertainty", "1"),
-    Symbol("Vdc, Idc", "Voltage and current of the DC link", "V, A"),
-)
-
-
-def symbols_section(cascade: Cascade, *, cycles: bool = True, diagnosed: bool = False) -> Section:
-    """The section of the symbols: the drawing of the cascade and the table.
-
-    Parameters
-    ----------
-    cycles : the report states means of cycles with their uncertainties
-    diagnosed : the report compares a log with a model
-    """
-    rows = cascade_symbols(cascade)
-    rows += _WHOLE_CYCLE if cycles and cascade.has_net else ()
-    rows += (*_MOTION, *(_UNCERTAINTY if cycles else ()), *(_DIAGNOSIS if diagnosed else ()))
-    ways = " → ".join(PLACES.get(name, name) for name in cascade.names)
-    return section(
-        "symbols", "Symbols",
-        picture(
-            cascade_figure(cascade), "cascade",
-            f"The cascade: power flows from {ways}. E is an energy, P a power, η the share of the energy that comes out.",
-            f"Boxes of the stages from left to right: {ways}; the arrows between them carry the efficiencies.",
-        ),
-        ItemTable[Symbol]("symbols", "Symbols of this report.", [
-        Column("Symbol", text=True, of=lambda row: row.text),
-        Column("Meaning", text=True, of=lambda row: row.meaning),
-        Column("Unit", text=True, of=lambda row: row.unit),
-    ]).of(rows),
-    )  # fmt: skip
-
-
-def cascade_symbols(cascade: Cascade) -> list[Symbol]:
-    """Energies, powers and efficiencies of the stages of a cascade."""
-    where = {stage.name: stage.where or f"stage {stage.name}" for stage in cascade.stages}
-    found = [Symbol(SYMBOL[f"energy_{s}"], f"Energy of {where[s]}, over the integration window", "J") for s in where]
-    found += [Symbol(SYMBOL[f"power_{s}"], f"Power of {where[s]}; as a mean, over the window", "W") for s in where]
-    place = {f"energy_{name}": text.partition(" (")[0] for name, text in where.items()}
-    return found + [
-        Symbol(SYMBOL[eta], f"Efficiency: energy of {place[out]} over that of {place[into]}", "1")
-        for eta, (out, into) in cascade.ratios.items()
-    ]
-
-
-# ----------------------------------------------------------------------------------------------------------- the drawing
-BOX, HEIGHT = 0.62, 0.42
-"""Width of a box over the distance of two stages, and height of a box."""
-
-MAX_TEXT_SIZE = 8.5
-"""Largest size of a text; one that has no room is smaller. [pt]"""
-
-
-def cascade_figure(cascade: Cascade) -> Figure:
-    """Draw the stages of a cascade as boxes with their powers, and the efficiencies between them."""
-    from winchcascade.report.style import wide_figure
-
-    names = cascade.names
-    figure = wide_figure(1.75 if len(names) > 2 else 1.3)
-    ax = figure.add_axes((0.01, 0.0, 0.98, 1.0))
-    ax.set_axis_off()
-    ax.set_xlim(-0.5 * BOX - 0.03, len(names) - 1 + 0.5 * BOX + 0.03)
-    for k, name in enumerate(names):
-        _box(ax, k, name)
-    for k, (a, b) in enumerate(pairwise(names)):
-        _arrow(ax, (k + 0.5 * BOX, k + 1 - 0.5 * BOX), 0.5 * HEIGHT, tex(efficiency_name(a, b)))
-    if len(names) > 2:
-        _arrow(ax, (0.0, len(names) - 1.0), -0.27, tex(cascade.overall), turned=True)
-    ax.set_ylim(-0.42 if len(names) > 2 else -0.05, 0.78)
-    return figure
-
-
-def _box(ax: Axes, at: int, name: str) -> None:
-    """A stage: its place within a box, its energy and its power above."""
-    from matplotlib.patches import Rectangle
-
-    from winchcascade.report.style import COLOURS, broken, look_of
-
-    ax.add_patch(
-        Rectangle((at - 0.5 * BOX, 0.0), BOX, HEIGHT, fc=COLOURS["paper"], ec=COLOURS[look_of(name).colour], lw=1.6)
-    )
-    words = broken(PLACES.get(name, name), 12)
-    longest = max(words.split("\n"), key=len)
-    ax.text(at, 0.5 * HEIGHT, words, ha="center", va="center", fontsize=_size(ax, longest, 0.94 * BOX))
-    above = f"{tex(f'energy_{name}')}, {tex(f'power_{name}')}"
-    ax.text(at, HEIGHT + 0.07, above, ha="center", va="bottom", fontsize=_size(ax, above, 0.96))
-
-
-def _arrow(ax: Axes, ends: tuple[float, float], y: float, text: str, *, turned: bool = False) -> None:
-    """An arrow from one stage to another with the efficiency above it; `turned` leaves and enters the boxes from below."""
-    from winchcascade.report.style import COLOURS
-
-    style = {"arrowstyle": "-|>", "color": COLOURS["soft"], "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0}
-    if turned:
-        ax.plot([ends[0], ends[0], ends[1]], [0.0, y, y], color=COLOURS["soft"], lw=1.0)
-        ax.annotate("", xy=(ends[1], 0.0), xytext=(ends[1], y), arrowprops=style)
-    else:
-        ax.annotate("", xy=(ends[1], y), xytext=(ends[0], y), arrowprops=style)
-    size = _size(ax, text, 0.94 * (ends[1] - ends[0]))
-    ax.text(0.5 * sum(ends), y + 0.04, text, ha="center", va="bottom", fontsize=size)
-
-
-def _size(ax: Axes, text: str, room: float) -> float:
-    """Size at which a text has room between two places of a drawing. [pt]"""
-    from winchcascade.report.style import figure_width
-    from winchcascade.report.svg_drawing import text_size
-
-    low, high = ax.get_xlim()
-    inches = room / (high - low) * 0.98 * figure_width()
-    return min(MAX_TEXT_SIZE, MAX_TEXT_SIZE * inches * 72.0 / text_size(text, MAX_TEXT_SIZE).width)

@@ -140,7 +140,7 @@ def _metrics(numbers: Numbers) -> Numbers:
 
 def _at(cycles: Sequence[CycleRecord]) -> Numbers:
     """Speed and torque of the shaft, plateau speed and travel of the payouts: means over the cycles, by their lengths."""
-    lengths = [cycle.window.duration_s for cycle in cycles]
+    lengths = [cycle.window["duration_s"] for cycle in cycles]
     columns: dict[str, list[float | None]] = {"speed": [], "torque": [], "velocity": [], "travel": []}
     for summary in (cycle.phase_summary for cycle in cycles):
         plateau, point = summary.payout.plateau, summary.point or None

@@ -82,6 +82,12 @@ class CyclePart(msgspec.Struct, frozen=True):
     columns: Signal
     blocks: Blocks
 
+    @property
+    def line_power(self) -> Signal:
+        """Line tension times speed at the samples that count, (k,) [W]."""
+        found: Signal = (self.run.channels["force"] * self.run.channels["velocity"])[self.here]
+        return found
+
     def means(self, x: Signal) -> Signal:
         """Mean over each block of values at the samples that count, (m,); NaN where half of a block is missing."""
         whole, known = np.zeros(self.run.t.size), np.zeros(self.run.t.size)

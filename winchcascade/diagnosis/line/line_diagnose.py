@@ -82,6 +82,13 @@ class LineClosure(GapClosure, frozen=True):
     quiet: bool
 
     @property
+    def samples(self) -> Signal:
+        """Measured power, line tension times speed, and power with the causes, at all samples that count, (3, n) [W]."""
+        given = np.concatenate([part.line_power for part in self.parts])
+        measured = given + np.concatenate([part.gap for part in self.parts])
+        return np.array([measured, given, measured - np.concatenate(self.after)])
+
+    @property
     def power(self) -> Shrunk:
         """Root mean squares of the power. [W]"""
         return self.channels[POWER]

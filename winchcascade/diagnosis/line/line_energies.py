@@ -64,7 +64,7 @@ def _of_part(m: Moments, number: int, part: CyclePart, after: Signal) -> EnergyT
     def summed(power: Signal) -> Signal:
         return np.bincount(place, power * part.width, codes.size).astype(np.float64)
 
-    before = summed((part.run.channels["force"] * part.run.channels["velocity"])[part.here])
+    before = summed(part.line_power)
     measured, duration = before + summed(part.gap), summed(np.ones(part.here.size))
     within, between = (
         _step(part) * duration * np.array([m.variance[cells[p]] if cells[p] >= 0 else m.variance.max() for p in phase])

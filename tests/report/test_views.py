@@ -1,0 +1,219 @@
+"""Frames hold the numbers of the JSON and the Parquet tables, and plots draw them; the methods of results do the same."""
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+from diagnosed import diagnosed
+from matplotlib.axes import Axes
+
+from winchcascade import CampaignReduction, Reduction, frame, open_campaign, plot, read_run, reduce, summary_html
+from winchcascade.core.errors import OptionError
+from winchcascade.core.quantity import KGF
+from winchcascade.report.figures.style import COLOURS
+from winchcascade.report.frames import write_parquet
+from winchcascade.report.records import reduction_json
+from winchcascade.report.results.diagnosis_record import as_json
+
+mpl.use("Agg")
+
+
+@pytest.fixture(autouse=True)
+def _closed() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(name="reduction", scope="module")
+def _reduction() -> Reduction:
+    return reduce(read_run("fixtures/campaign/r36ohm.csv", load=36.0), window=5.48)
+
+
+@pytest.fixture(name="campaign", scope="module")
+def _campaign(tmp_path_factory: pytest.TempPathFactory) -> CampaignReduction:
+    folder = tmp_path_factory.mktemp("campaign")
+    lines = []
+    for load in ("9", "18"):
+        (folder / f"r{load}.csv").write_bytes(Path(f"fixtures/campaign/r{load}ohm.csv").read_bytes())
+        lines += ["[[run]]", f'file = "r{load}.csv"', f"load_ohm = {load}"]
+    (folder / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return open_campaign(folder).reduce()
+
+
+# ------------------------------------------------------------------------------------------------------------------- frames
+def test_frames_of_a_reduction_are_its_parquet_tables(reduction: Reduction, tmp_path: Path) -> None:
+    write_parquet(reduction, tmp_path)
+    for table in ("cycles", "bins", "findings"):
+        stored = pd.read_parquet(tmp_path / f"r36ohm.csv.{table}.parquet")
+        pd.testing.assert_frame_equal(frame(reduction, table), stored)
+        pd.testing.assert_frame_equal(reduction.to_pandas(table), stored)
+
+
+def test_cycles_have_the_numbers_of_the_json(reduction: Reduction) -> None:
+    record: dict[str, Any] = msgspec.json.decode(reduction_json(reduction))
+    names = [name for name in record["mean"] if name in frame(reduction)]
+    for (_, row), cycle in zip(frame(reduction).iterrows(), record["cycles"], strict=True):
+        assert [row[name] for name in names] == [cycle[name] for name in names]
+        assert row["plateau_force_n"] == cycle["phase_summary"]["payout"]["plateau"]["force_n"]
+
+
+def test_units_of_display_are_percent_rpm_and_kg_per_cm2(reduction: Reduction) -> None:
+    plain, shown = frame(reduction), frame(reduction, units="display")
+    assert np.allclose(shown["eta_pto_percent"], 100.0 * plain["eta_pto"], rtol=1e-15)
+    assert "eta_pto" not in shown
+    assert shown["energy_line_j"].equals(plain["energy_line_j"])
+    run = reduction.run
+    assert np.array_equal(run.to_pandas()["pressure_pa"], run.channels["pressure"])
+    assert np.allclose(run.to_pandas("display")["pressure_kgcm2"] * KGF * 1e4, run.channels["pressure"], rtol=1e-15)
+    fast = msgspec.structs.replace(run, channels={"speed": np.array([math.pi])}, t=np.array([0.0]), fs=1.0)
+    assert fast.to_pandas("display")["speed_rpm"].tolist() == [30.0]
+    assert fast.to_pandas()["speed_radps"].tolist() == [math.pi]
+
+
+def test_a_frame_of_a_run_is_read_as_the_same_run(reduction: Reduction) -> None:
+    again = read_run(frame(reduction.run), load=36.0)
+    assert again.findings == reduction.run.findings
+    for name, x in reduction.run.channels.items():
+        assert np.array_equal(again.channels[name], x), name
+
+
+def test_energies_follow_from_the_samples_of_a_frame(reduction: Reduction) -> None:
+    samples = frame(reduction, "channels")
+    for one in reduction.cycles:
+        part = samples[(samples["cycle"] == one.cycle) & samples["in_window"]]
+        assert part["time_s"].min() >= one.window.onset
+        assert part["time_s"].max() <= one.window.cutoff
+        assert set(part["phase"]) == {"payout"}
+        energy = float(np.trapezoid(part["power_line_w"], part["time_s"]))
+        assert energy == pytest.approx(one.metrics.value("energy_line"), rel=0.02)  # without the ends of the window
+    spans = samples.groupby(["cycle", "phase"])["time_s"].min()
+    assert spans[1, "payout"] == pytest.approx(reduction.cycles[0].phases.onset, abs=0.04)
+    assert set(samples.loc[samples["cycle"].isna(), "phase"]) == {""}
+
+
+def test_frames_of_a_campaign_have_the_means_of_each_run(campaign: CampaignReduction) -> None:
+    record = campaign.records["r9.csv"]
+    opened = msgspec.structs.replace(record, log=msgspec.structs.replace(record.log, load_ohm=None, open_circuit=True))
+    both = msgspec.structs.replace(campaign, records={"one": record, "two": opened})
+    found, shown = frame(both, "runs"), frame(both, "runs", "display")
+    assert found["run"].tolist() == ["one", "two"]
+    assert found["load_ohm"].tolist() == [9.0, math.inf]
+    assert found["eta_pto"].tolist() == [record.mean["eta_pto"]] * 2
+    assert shown["eta_pto_percent_low_95"][0] == 100.0 * found["eta_pto_low_95"][0]
+    assert shown["eta_pto_max_deviation_percent"].equals(found["eta_pto_max_deviation_percent"])
+    assert len(frame(both, "cycles")) == 2 * len(record.cycles)
+
+
+def test_frames_of_a_diagnosis_are_its_json() -> None:
+    found = diagnosed("copper")
+    record = as_json(found)
+    causes = frame(found, "causes")
+    assert causes["effect"].tolist() == [c["effect"] for c in record["causes"] for _ in c["parameters"]]
+    first = next(iter(record["causes"][0]["parameters"].values()))
+    shown = ["value", "low", "high", "unit"]
+    assert causes.loc[0, shown].tolist() == [first[k] for k in shown]
+    places = frame(found, "map")
+    assert places["z"].tolist() == pytest.approx([p["z"] for p in record["where"]["map"]], nan_ok=True)
+    assert set(places.loc[places["channel"] == "force", "unit"]) == {"N"}
+    assert len(frame(found, "stability")) == sum(len(c.get("stability", [])) for c in record["causes"])
+
+
+def test_parts_of_a_metric_add_up_and_are_displayed_in_percent() -> None:
+    found = diagnosed("copper")
+    plain, shown = frame(found, "contributions"), frame(found, "contributions", "display")
+    sums = plain.groupby(["run", "metric"]).agg({"as_given": "first", "measured": "first", "value": "sum"}).dropna()
+    gap = sums["measured"] - sums["as_given"]
+    assert np.allclose(gap, sums["value"], rtol=1e-9, atol=1e-9 * sums["measured"].abs().max())
+    ratios = plain["metric"].str.startswith("eta_")
+    assert set(shown.loc[ratios, "unit"]) == {"%"}
+    assert np.allclose(shown.loc[ratios, "value"].dropna(), 100.0 * plain.loc[ratios, "value"].dropna())
+    others = ~ratios & (plain["unit"] != "Pa")
+    assert shown.loc[others].equals(plain.loc[others])
+
+
+# -------------------------------------------------------------------------------------------------------------------- plots
+def drawn(ax: Axes, label: str) -> tuple[list[float], list[float]]:
+    line = next(line for line in ax.lines if label in str(line.get_label()))
+    return np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist()
+
+
+def test_a_plot_is_drawn_on_the_given_axes_and_changes_no_settings(reduction: Reduction) -> None:
+    before = dict(mpl.rcParams)
+    _, ax = plt.subplots()
+    figures = plt.get_fignums()
+    for what in ("power", "history", "speed", "efficiency"):
+        ax.clear()
+        assert reduction.plot(what, ax=ax) is ax
+        assert ax.lines
+    assert dict(mpl.rcParams) == before
+    assert plt.get_fignums() == figures
+
+
+def test_efficiencies_and_powers_are_those_of_the_cycles(reduction: Reduction) -> None:
+    assert drawn(plot(reduction, "efficiency"), "pto") == (
+        [1.0, 2.0, 3.0],
+        [c.metrics["eta_pto"] for c in reduction.cycles],
+    )
+    watts = (reduction.run.channels["vdc"] * reduction.run.channels["idc"])[reduction.run.t < 35.0]
+    assert max(drawn(plot(reduction, "power"), "gen")[1]) == pytest.approx(np.max(watts))
+    assert drawn(plot(reduction, "speed"), "line")[1] == [b.power_line for b in reduction.bins]
+
+
+def test_a_campaign_is_drawn_over_its_loads(campaign: CampaignReduction) -> None:
+    means = frame(campaign, "runs").sort_values("load_ohm")
+    for what, field in (("efficiency", "eta_pto"), ("power", "power_gen_w")):
+        assert means[field].tolist() in [np.asarray(line.get_ydata()).tolist() for line in plot(campaign, what).lines]
+    lines = plot(campaign, "power").lines
+    colours = {line.get_color() for line in lines if len(np.asarray(line.get_xdata())) == 2}
+    assert colours == {COLOURS["line"], COLOURS["mech"], COLOURS["gen"]}
+    assert [text.get_text() for text in plot(campaign, "speed").get_legend().get_texts()] == ["18 Ω", "9 Ω"]
+
+
+def test_a_diagnosis_has_a_map_and_waterfalls() -> None:
+    found = diagnosed("copper")
+    assert len(plot(found, "map").texts) == len(frame(found, "map"))
+    assert isinstance(plot(found, "waterfall", plt.subplots()[1]), Axes)
+    loads = frame(found, "contributions")["load_ohm"].nunique()
+    assert np.ravel(np.array(plot(found, "waterfall"), dtype=object)).size == loads
+
+
+# ---------------------------------------------------------------------------------------------------- what is not there
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda r: frame(r, "cycle"), r"to_pandas\('cycle'\): no such table; expected one of 'cycles', 'bins'"),
+        (lambda r: r.run.to_pandas("SI"), r"units='SI'\): no such units; expected 'si' or 'display'"),
+        (lambda r: plot(r, "powers"), r"plot\('powers'\): no such plot of this result; expected one of 'power'"),
+        (
+            lambda r: plot(msgspec.structs.replace(r, bins=()), "speed"),
+            r"plot\('speed'\): .*the speed of the generator",
+        ),
+        (lambda r: frame(r.mean), "frame: Metrics has no frame"),
+        (lambda r: plot(r.run), "plot: Run has no plot"),
+        (lambda r: summary_html(r.run), "summary_html: Run has no summary"),
+    ],
+)
+def test_what_a_result_does_not_have_is_reported(reduction: Reduction, wrong: Any, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        wrong(reduction)
+    assert not plt.get_fignums()
+
+
+def test_notebooks_show_the_summary_table_without_scripts(reduction: Reduction, campaign: CampaignReduction) -> None:
+    run = msgspec.structs.replace(reduction.run, name="<script>alert(1)</script>")
+    page = msgspec.structs.replace(reduction, run=run)._repr_html_()
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+    cells = re.findall(r"<td[^>]*>([^<]*)</td>", page)
+    assert f"{reduction.cycles[0].metrics.value('eta_pto'):.3f}" in " ".join(cells)
+    assert "r18.csv" in summary_html(campaign)
+    assert "href" not in summary_html(campaign)
+    assert "copper" in summary_html(diagnosed("copper"))

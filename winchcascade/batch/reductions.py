@@ -1,0 +1,149 @@
+"""Reduce the logs of a plan: each to its record and reports, all to the record of the campaign; nothing is written."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+from msgspec import UNSET
+from msgspec.structs import asdict, replace
+
+from winchcascade.batch.campaign_findings import findings_between, log_efficiency
+from winchcascade.batch.plan import Plan, Work, result_key
+from winchcascade.core.jobs import Nobody, Workers
+from winchcascade.core.plain_text import one_line
+from winchcascade.core.store import digest_of, with_digest
+from winchcascade.ingest.read import read_by
+from winchcascade.reduction.campaign_record import CampaignRecord, FailedLog, log_summary
+from winchcascade.reduction.campaign_reduction import CampaignReduction
+from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
+from winchcascade.reduction.reduce import reduce, require_payouts
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.run_record import RunRecord
+from winchcascade.report.records import reduction_record
+
+ENTRY = "batch"
+"""Entry of the record of a log that states how it was made."""
+
+_DRAWING = threading.Lock()
+"""matplotlib's settings are global, and a worker of a cluster may have several threads."""
+
+
+class Made(msgspec.Struct, frozen=True):
+    """What is made of one log: its record as JSON, and its reports by their endings."""
+
+    record: bytes
+    reports: dict[str, bytes]
+
+
+def reduce_log(work: Work, *, reports: Sequence[str] = (), command: str = "") -> Made:
+    """Reduce one log, and make its record and reports.
+
+    Parameters
+    ----------
+    reports : endings, "html" or "pdf"
+    command : what was typed, for the reports
+
+    Raises
+    ------
+    LogError : the log cannot be used
+    """
+    run = replace(read_by(Path(work.path), work.settings), path=one_line(work.path))
+    reduction = reduce(run)
+    require_payouts(reduction)
+    found = uncertainty(reduction)
+    whole = asdict(reduction_record(reduction, found))
+    record = {name: part for name, part in whole.items() if part is not UNSET}
+    files: dict[str, bytes] = {}
+    if reports:
+        with _DRAWING:
+            files, record["model"] = _reports(reduction, found, reports, command)
+    digests = {ending: digest_of(content) for ending, content in files.items()}
+    made_by = {"key": result_key(work, reduction.run.sha256), "reports": list(reports), "files": digests}
+    return Made(with_digest(record, ENTRY, made_by), files)
+
+
+def _reports(
+    reduction: Reduction, found: Uncertainty, endings: Sequence[str], command: str
+) -> tuple[dict[str, bytes], object]:
+    """Reports of a log, and the account of its model, which the report of the campaign draws."""
+    from winchcascade.diagnosis.model_account import modelled
+    from winchcascade.report.render.page import page_text
+    from winchcascade.report.render.pdf import pdf_bytes
+    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.drawn_reduction import drawn_report
+
+    model = modelled(reduction)
+    report = drawn_report(reduction, found, model=model, command=command)
+    report = replace(report, links=links_to(["campaign.html", INDEX], above=True))
+    files = {"html": page_text(report).encode()} if "html" in endings else {}
+    return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {}), model.account
+
+
+def reduce_campaign(plan: Plan, workers: Workers) -> CampaignReduction:
+    """Reduce all logs of a plan; a log that cannot be used has its fault in the result.
+
+    Raises
+    ------
+    OptionError : no further process can be started
+    """
+    found: dict[str, RunRecord] = {}
+    faults: dict[str, str] = {}
+    for name, outcome in workers.run(reduce_log, {work.name: work for work in plan.work}, Nobody()):
+        if outcome.value is None:
+            faults[name] = outcome.fault or ""
+        else:
+            found[name] = msgspec.json.decode(outcome.value.record, type=RunRecord)
+    found = {work.name: found[work.name] for work in plan.work if work.name in found}
+    summary = campaign_record(plan, found.items(), faults)
+    cascades = tuple(work.settings.rig.cascade for work in plan.work)
+    return CampaignReduction(summary, with_findings_between(found, summary.between), cascades)
+
+
+def campaign_record(
+    plan: Plan, results: Iterable[tuple[str, RunRecord]], faults: Mapping[str, str], state: str = ""
+) -> CampaignRecord:
+    """Put the results of a plan into the record of its campaign, with findings of single logs beside the others.
+
+    Parameters
+    ----------
+    results : records with the names of their logs; they are not kept, but for those with waves
+    faults : of the other logs
+    state : digest of all that the record depends on
+    """
+    logs, efficiencies, waves = {}, [], []
+    paths = {work.name: one_line(work.path) for work in plan.work}
+    for name, record in results:
+        logs[name] = log_summary(name, paths[name], record)
+        efficiencies.append(log_efficiency(name, record))
+        if record.waves is not UNSET:
+            waves.append((name, record))
+    between = tuple(findings_between(efficiencies))
+    for name, finding in between:
+        run = logs[name]
+        kinds = tuple(sorted({*run.findings, finding.kind}))
+        logs[name] = replace(run, findings=kinds, finding_count=run.finding_count + 1)
+    runs = tuple(
+        logs.get(name) or FailedLog(name, path, one_line(faults.get(name, "not reduced")))
+        for name, path in paths.items()
+    )
+    if not waves:
+        return CampaignRecord(one_line(plan.title), state, runs, between)
+    from winchcascade.reduction.wave_record import campaign_waves, campaign_waves_record
+
+    together = campaign_waves(waves)
+    return CampaignRecord(
+        one_line(plan.title), state, runs, between, UNSET if together is None else campaign_waves_record(together)
+    )
+
+
+def with_findings_between(
+    records: Mapping[str, RunRecord], between: Iterable[tuple[str, object]]
+) -> dict[str, RunRecord]:
+    """Records of a campaign, each with the findings that its log has beside the others."""
+    more: dict[str, tuple[object, ...]] = {}
+    for name, finding in between:
+        more[name] = (*more.get(name, ()), finding)
+    return {name: replace(one, quality=(*one.quality, *more.get(name, ()))) for name, one in records.items()}

@@ -1,0 +1,37 @@
+"""Results in a notebook: methods that the public functions `frame`, `plot` and `summary_html` answer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import msgspec
+
+from winchcascade.core.late_module import LateModule
+from winchcascade.core.public_names import public
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib import axes
+else:
+    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
+
+Units = Literal["si", "display"]
+"""Units of a frame: `si` as in the JSON; `display` as in the reports: efficiencies in percent, pressures in kg/cm2, speeds of
+shafts in rpm, flows in L/min, and the numbers of causes in their own units."""
+
+
+class Viewed(msgspec.Struct, frozen=True):
+    """A result with tables and plots, each of which has a name; the first one is given where none is named."""
+
+    def to_pandas(self, table: str = "", units: Units = "si") -> pd.DataFrame:
+        """One table as a frame with units in the names of its columns, or in a column of their own."""
+        found: pd.DataFrame = public("frame")(self, table, units)
+        return found
+
+    def plot(self, what: str = "", ax: axes.Axes | None = None) -> Any:
+        """Draw on new Axes, or on a given one alone; gives the Axes, of a plot with several an array of them."""
+        return public("plot")(self, what, ax)
+
+    def _repr_html_(self) -> str:
+        """The main table, for notebooks."""
+        return str(public("summary_html")(self))

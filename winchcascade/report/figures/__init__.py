@@ -1,0 +1,1 @@
+"""Figures of results: one style, one module for each kind of result."""

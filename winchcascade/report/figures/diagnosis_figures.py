@@ -1,0 +1,314 @@
+"""Figures of the gap of a diagnosis: maps by channel and phase, errors over time and current, channels over speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from winchcascade.diagnosis.block_means import BLOCK, PHASES
+from winchcascade.diagnosis.block_series import (
+    HAUL_IN,
+    OUT,
+    Sides,
+    means_over_speed,
+    representative,
+    seen_channels,
+    series,
+    stretches,
+)
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.line.line_data import POWER
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.simulated_cycle import SimulatedCycle
+from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
+from winchcascade.report.diagnosis_names import NAMES, baseline_words, phase_words, signed
+from winchcascade.report.figures.histories import Curve, History, Mark, Panel, repaired_spans, thinned
+from winchcascade.report.figures.style import (
+    COLOURS,
+    LOAD_COLOURS,
+    Dashes,
+    LineStyle,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    patch_entry,
+    shade_over_speed,
+)
+from winchcascade.report.glossary import CHANNELS as TERMS
+from winchcascade.report.glossary import typeset, upper
+from winchcascade.report.wording import load_words
+from winchcascade.rig.stages import STAGES
+
+AFTER = "with the fitted effects"
+"""Name of the simulation with the causes in every legend."""
+
+HOLLOW: LineStyle = {"ls": "none", "marker": "o", "ms": 3.2, "mew": 0.7, "mfc": "none", "color": COLOURS["mech"]}
+FILLED: LineStyle = {"ls": "none", "marker": "s", "ms": 3.0, "mew": 0.0, "color": COLOURS["gen"]}
+"""Marks of values before and after."""
+
+
+def coloured(mark: LineStyle, colour: str) -> LineStyle:
+    """The same mark in another colour."""
+    found = mark.copy()
+    found["color"] = COLOURS[colour]
+    return found
+
+
+DASHES: Dashes = (0, (4, 1.2))
+"""Dashes of a line before the causes."""
+
+BAND = 1.96
+"""Half width of a band of 95 %, in standard deviations."""
+
+
+def quantity_label(channel: str) -> str:
+    """Name and unit of a channel for an axis."""
+    return f"{upper(NAMES[channel])} ({typeset(TERMS[channel].unit)})"
+
+
+# ------------------------------------------------------------------------------------------------------ maps of the gap
+FULL = 20.0
+"""Standard uncertainties at which a cell of the map has its full colour."""
+
+STRONGEST, WEAKEST = 0.75, 0.18
+"""Opacity of the full colour, under which its number can still be read, and of a cell that is just significant."""
+
+Cells = Mapping[tuple[str, str, int], float]
+"""Numbers of standard uncertainties by channel or stage, phase and log."""
+
+
+def gap_map(found: ModelDiagnosis) -> Figure | None:
+    """Draw the bias of each channel and phase (rows) at each load (columns) over its standard uncertainty."""
+    return _map(found, *_gaps(found))
+
+
+def draw_gap_map(ax: Axes, found: DiagnosisResult) -> None:
+    """Draw the map of `gap_map` on given axes; without a model, the gap of all logs together by phase."""
+    columns = _by_load(found) if isinstance(found, ModelDiagnosis) else {-1: "all logs"}
+    _draw_map(ax, columns, *_gaps(found))
+
+
+def stage_map(found: ModelDiagnosis) -> Figure | None:
+    """Draw the bias of each stage's output, from its own inputs, by phase (rows) and load (columns), as `gap_map`."""
+    ends = {p.stage: p.channel for p in found.stages}
+    names = {(s, p): f"{s}: {NAMES[ends[s]]}, {phase_words(p)}" for s in STAGES if s in ends for p in PHASES}
+    return _map(found, names, {(p.stage, p.phase, p.log): p.z for p in found.stages})
+
+
+def _gaps(found: DiagnosisResult) -> tuple[dict[tuple[str, str], str], Cells]:
+    """Names of the rows of the map of the gap, by channel and phase, and its cells."""
+    channels = CHANNELS if isinstance(found, ModelDiagnosis) else (POWER,)
+    names = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in channels for p in PHASES}
+    return names, {(p.channel, p.phase, p.log): p.z for p in found.places}
+
+
+def _map(found: ModelDiagnosis, names: Mapping[tuple[str, str], str], cells: Cells) -> Figure | None:
+    rows = {key[:2] for key in cells}
+    if not rows:
+        return None
+    figure, (ax,) = panel_figure(0.3 + 0.235 * len(rows))
+    _draw_map(ax, _by_load(found), names, cells)
+    return figure
+
+
+def _by_load(found: ModelDiagnosis) -> dict[int, str]:
+    """Numbers of the logs in order of their loads, with the load, and which of its logs one is."""
+    logs = by_load(found)
+    loads = [load_words(found.data.logs[k].run.load) for k in logs]
+    return {
+        log: f"{load} ({loads[:k].count(load) + 1})" if loads.count(load) > 1 else load
+        for k, (log, load) in enumerate(zip(logs, loads, strict=True))
+    }
+
+
+def _draw_map(ax: Axes, columns: Mapping[int, str], names: Mapping[tuple[str, str], str], cells: Cells) -> None:
+    """Draw the numbers as a matrix of colours, a column for each log; a row without a cell is left out."""
+    rows = [row for row in names if any(key[:2] == row for key in cells)]
+    for i, (kind, phase) in enumerate(rows):
+        for j, log in enumerate(columns):
+            if (kind, phase, log) in cells:
+                _cell(ax, i, j, cells[kind, phase, log])
+        if i and kind != rows[i - 1][0]:
+            ax.axhline(i - 0.5, color=COLOURS["soft"], lw=0.6)
+    ax.set_xticks(range(len(columns)), list(columns.values()))
+    ax.set_yticks(range(len(rows)), [names[row] for row in rows])
+    ax.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
+    ax.xaxis.tick_top()
+    ax.tick_params(length=0)
+    ax.grid(False)
+    ax.spines[:].set_visible(False)
+
+
+def _cell(ax: Axes, i: int, j: int, z: float) -> None:
+    """Colour one cell by its sign and its size, and write its number."""
+    beyond = abs(z) > STANDS_OUT
+    colour = "hold" if not beyond else "above" if z > 0.0 else "below"
+    alpha = max(STRONGEST * min(abs(z) / FULL, 1.0), WEAKEST) if beyond else 1.0
+    ax.fill(
+        [j - 0.48, j + 0.48, j + 0.48, j - 0.48], [i - 0.46, i - 0.46, i + 0.46, i + 0.46],
+        color=COLOURS[colour], alpha=alpha, lw=0,
+    )  # fmt: skip
+    weight = "bold" if beyond else "normal"
+    ax.text(j, i, signed(z), ha="center", va="center", fontsize=7.0, fontweight=weight, color=COLOURS["ink"])
+
+
+# ---------------------------------------------------------------------------------------------------- errors over time
+LONGEST = 150.0
+"""Length of a log that is drawn over time, at most. [s]"""
+
+
+def error_history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure | None:
+    """Draw logged minus simulated of every channel of one log, block by block, before and after, with the band of its noise."""
+    own = [c for c in seen_channels(found) if found.data.logs[log].noise.seen[:, CHANNELS.index(c)].any()]
+    if not own:
+        return None
+    figure, axes = panel_figure(0.75 + 0.95 * len(own), len(own), share="x")
+    for ax, channel in zip(axes, own, strict=True):
+        one, factor = series(found, both, log, channel), TERMS[channel].factor
+        shown = one.t <= one.t[0] + LONGEST
+        for a, b in stretches((one.phase == OUT) & shown):
+            ax.axvspan(one.t[a] - 0.5 * BLOCK, one.t[b - 1] + 0.5 * BLOCK, color=COLOURS["payout"], lw=0, zorder=0.1)
+        band = BAND * one.noise[shown] * factor
+        ax.fill_between(one.t[shown], -band, band, step="mid", color=COLOURS["loss"], alpha=0.6, lw=0, zorder=0.5)
+        for error, colour in zip(one.errors, ("mech", "gen"), strict=False):
+            ax.plot(one.t[shown], (error * factor)[shown], color=COLOURS[colour], lw=1.0)
+        ax.margins(x=0.005)
+        ax.ticklabel_format(axis="y", useOffset=False)
+        ax.set_ylabel(quantity_label(channel).replace(" (", "\n("))
+    figure.align_ylabels(axes)
+    axes[0].set_title(f"{upper(word)} − simulated")
+    axes[-1].set_xlabel("Time (s)")
+    lines = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)]
+    shades = [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]
+    legend_above(figure, [*lines[: 1 if both.after is None else 2], *shades])
+    return figure
+
+
+def cycle_history(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> History:
+    """The channels of one cycle as logged, by the model of the rig file, and with the fitted effects, later ones above.
+
+    Parameters
+    ----------
+    word : what the logs are called
+    """
+    run = found.data.logs[item.log].run
+    here, count = [name for name in CHANNELS if name in run.channels], len(item.sides)
+    full = [side[:, CHANNELS.index(name)] * TERMS[name].factor for name in here for side in item.sides]
+    t, curves = thinned(item.t, full)
+    looks = ((word, "ink", "-"), (baseline_words(found), "mech", DASHES), (AFTER, "gen", "-"))
+    ends = [np.clip(span, t[0], t[-1]).tolist() for span in repaired_spans(run, CHANNELS, item.onset)]
+    repaired = [(begin, end) for begin, end in ends if begin < end]
+    panels = []
+    for k, name in enumerate(here):
+        drawn = zip(looks, curves[k * count : (k + 1) * count], strict=False)
+        lines = [Curve(label, curve, colour, dashes) for (label, colour, dashes), curve in drawn]
+        panels.append(Panel(upper(NAMES[name]), typeset(TERMS[name].unit), lines, repaired))
+    return History(
+        t, "Time since the onset of the payout (s)", panels, [Mark("payout", "payout", [(0.0, item.payout_end)])]
+    )
+
+
+# ------------------------------------------------------------------------------------------------------ Figs 18a, c, d
+QUANTITIES = (
+    ("Current of the DC link", "A", ("idc",)),
+    ("Torque of the PTO shaft", "N·m", ("torque",)),
+    ("Power at the DC link", "W", ("vdc", "idc")),
+)
+"""Quantities over generator speed: title, unit, and the channel or the two whose product it is."""
+
+
+def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure | None:
+    """Draw current, torque and power over generator speed at three loads (Figs 18a, 18c, 18d).
+
+    The log is a line, the model of the rig file open circles, and the model with the causes filled squares.
+    """
+    logs = representative(found)
+    panels = [panel for panel in QUANTITIES if {*panel[2]} <= {*seen_channels(found)}]
+    if not panels or not logs or found.rig.rpm_per_velocity is None:
+        return None
+    figure, axes = panel_figure(3.1, 1, len(panels))
+    colours = dict(zip(logs, (LOAD_COLOURS[k] for k in (1, 3, 5)), strict=False))
+    rated, shaded = found.rig.generator.speed_rated, False
+    for n, (ax, (title, unit, channels)) in enumerate(zip(axes, panels, strict=True)):
+        for k, colour in colours.items():
+            rpm, logged, *simulated = means_over_speed([series(found, both, k, channel) for channel in channels])
+            ax.plot(rpm, logged, color=COLOURS[colour], lw=1.2)
+            for values, mark in zip(simulated, (HOLLOW, FILLED), strict=False):
+                ax.plot(rpm, values, **coloured(mark, colour))
+        ax.set(xlim=(0.0, None), ylim=(0.0, None))
+        shaded |= shade_over_speed(ax, None if rated is None else rated.value * 30.0 / math.pi)
+        label_panel(ax, "abc"[n], title, x="Generator speed (rpm)", unit=unit)
+    marks = [line_entry(baseline_words(found), **coloured(HOLLOW, "ink"))]
+    marks += [line_entry(AFTER, **coloured(FILLED, "ink"))] if both.after is not None else []
+    loads = [line_entry(load_words(found.runs[k].load), colour, lw=1.2) for k, colour in colours.items()]
+    over = [patch_entry("over rated speed", "over")] if shaded else []
+    legend_above(figure, [line_entry(word, lw=1.2), *marks, *over, *loads])
+    return figure
+
+
+# ------------------------------------------------------------------------------------------------------------- Fig 18b
+OVER_SPEED = ("torque", "vdc")
+"""Channels whose errors are drawn over generator speed; others over themselves."""
+
+
+def error_panels(found: ModelDiagnosis) -> list[str]:
+    """Channels whose errors are drawn: the current over the current, and that of the gap over what it depends on."""
+    current = "idc" if loaded(found) else ""
+    own = found.where.worst.channel if found.where is not None and found.where.worst.channel != "idc" else ""
+    return [channel for channel in (current, own) if channel in seen_channels(found)]
+
+
+def error_figure(
+    found: ModelDiagnosis, both: Sides, word: str, *, after: str = AFTER, channels: Sequence[str] | None = None
+) -> Figure | None:
+    """Draw errors over the current, or over what they depend on, before and after, with the band of noise (Fig. 18b).
+
+    Parameters
+    ----------
+    after : name of the simulation after
+    channels : those of `error_panels` if not given
+    """
+    panels = error_panels(found) if channels is None else [name for name in channels if name in seen_channels(found)]
+    if not panels:
+        return None
+    figure, axes = panel_figure(2.6, 1, len(panels))
+    rated = rated_dc_current(found) if panels[0] == "idc" else None
+    for letter, ax, channel in zip("ab", axes, panels, strict=False):
+        _draw_errors(ax, found, both, channel)
+        if channel == "idc" and rated is not None and rated < ax.get_xlim()[1]:
+            ax.axvline(rated, color=COLOURS["soft"], lw=0.8, ls="--")
+        title = f"{upper(word)} − simulated, {NAMES[channel]}"
+        ax.set_title(f"({letter}) {title}" if len(panels) > 1 else title)
+        over = "Generator speed (rpm)" if channel in OVER_SPEED else quantity_label(channel)
+        ax.set(xlabel=over, ylabel=f"Difference ({typeset(TERMS[channel].unit)})")
+    entries = [line_entry(baseline_words(found), **HOLLOW), line_entry(after, **FILLED)][
+        : 1 if both.after is None else 2
+    ]
+    entries += [patch_entry("noise, 95 % in the middle", "loss", alpha=0.6, lw=0)]
+    legend_above(figure, entries + ([line_entry("rated stator current", "soft", lw=0.8, ls="--")] if rated else []))
+    return figure
+
+
+def _draw_errors(ax: Axes, found: ModelDiagnosis, both: Sides, channel: str) -> None:
+    """Draw the blocks of the payouts of all logs; of force and pressure those of the haul-ins too."""
+    factor, columns = TERMS[channel].factor, []
+    phases = (OUT, HAUL_IN) if channel in ("force", "pressure") else (OUT,)
+    for k in loaded(found) if channel == "idc" else by_load(found):
+        one = series(found, both, k, channel)
+        ruler = one.rpm if channel in OVER_SPEED else one.logged * factor
+        column = np.array([ruler, one.noise * factor, *(error * factor for error in one.errors)])
+        columns.append(column[:, np.isin(one.phase, phases) & np.isfinite(one.logged)])
+    at, noise, *errors = np.concatenate(columns, axis=1)
+    if not at.size:
+        return
+    half = BAND * float(np.median(noise))
+    ax.axhspan(-half, half, color=COLOURS["loss"], alpha=0.6, lw=0, zorder=0.5)
+    for values, mark in zip(errors, (HOLLOW, FILLED), strict=False):
+        ax.plot(at, values, alpha=0.8, **mark)

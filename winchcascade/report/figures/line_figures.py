@@ -1,0 +1,81 @@
+"""Figures of a winch without a model: its power over time, and over what is predicted."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.report.figures.diagnosis_figures import DASHES
+from winchcascade.report.figures.style import (
+    COLOURS,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    wide_figure,
+)
+from winchcascade.report.glossary import upper
+
+GIVEN, CAUSED = "line tension times speed", "with the causes"
+
+MARKS = 2500
+"""Samples that are drawn over each other, at most."""
+
+NEAR = 12.0
+"""Length of the enlarged stretch about the largest gap. [s]"""
+
+SHOWN = 2
+"""Cycles that are drawn over time."""
+
+KILO = 1e-3
+"""From W to kW."""
+
+
+def power_history(found: LineDiagnosis, word: str) -> Figure:
+    """Draw the power of two cycles over time, with the residual below, and the largest gap of them enlarged."""
+    part = found.lines.judged[0]
+    t, given = part.run.t[part.here], part.line_power
+    measured = given + part.gap
+    caused = None if found.closure is None else measured - found.closure.after[0]
+    cycles = np.unique(part.cycle)
+    middle = cycles[max(cycles.size // 2 - 1, 0) :][:SHOWN]
+    own = t[np.isin(part.cycle, middle)]
+    shown = (t >= own[0]) & (t <= own[-1])
+    about = t[shown][np.argmax(np.abs(part.gap[shown]))]
+    near = (t >= about - 0.5 * NEAR) & (t <= about + 0.5 * NEAR)
+    figure = wide_figure(4.3)
+    axes = figure.subplots(2, 2, sharex="col", width_ratios=(2.1, 1.0), height_ratios=(1.7, 1.0))
+    title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {part.run.name}"
+    for column, (here, text) in enumerate(((shown, title), (near, "Where they differ most"))):
+        above, below = axes[:, column]
+        for power, colour, style in ((given, "mech", {"lw": 0.9, "ls": DASHES}), (caused, "gen", {"lw": 1.3})):
+            if power is not None:
+                above.plot(t[here] - own[0], power[here] * KILO, color=COLOURS[colour], **style)
+                below.plot(t[here] - own[0], (measured - power)[here] * KILO, color=COLOURS[colour], **style)
+        above.plot(t[here] - own[0], measured[here] * KILO, color=COLOURS["ink"], lw=0.7)
+        above.margins(x=0.01)
+        below.axhline(0.0, color=COLOURS["soft"], lw=0.6)
+        below.set_xlabel("Time (s)")
+        label_panel(above, "ab"[column], text)
+    axes[0, 0].set_ylabel("Winch power (kW)")
+    axes[1, 0].set_ylabel("Residual (kW)")
+    with_causes = [line_entry(CAUSED, "gen", lw=1.3)] if caused is not None else []
+    legend_above(figure, [line_entry(word, lw=0.9), line_entry(GIVEN, "mech", lw=1.0, ls=DASHES), *with_causes])
+    return figure
+
+
+def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
+    """Draw measured over predicted power, by the line alone and with the causes, at samples spread over the judged cycles."""
+    if found.closure is None:
+        return None
+    measured, *sides = found.closure.samples[:, :: max(found.closure.samples.shape[1] // MARKS, 1)] * KILO
+    ends = np.quantile(measured, (0.0005, 0.9995)).tolist()
+    figure, axes = panel_figure(3.1, 1, 2, share="xy")
+    for ax, letter, predicted, colour, title in zip(axes, "ab", sides, ("mech", "gen"), (GIVEN, CAUSED), strict=True):
+        ax.plot(ends, ends, color=COLOURS["soft"], lw=0.7)
+        ax.plot(predicted, measured, ".", ms=2.0, mew=0, color=COLOURS[colour], alpha=0.5)
+        ax.set(xlim=ends, ylim=ends)
+        label_panel(ax, letter, upper(title), x="Predicted winch power (kW)")
+    axes[0].set_ylabel(f"{upper(word)} winch power (kW)")
+    return figure

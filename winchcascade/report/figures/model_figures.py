@@ -1,0 +1,320 @@
+"""Figures of a log against its simulation, for one log and for all loads: log solid, simulation markers (Figs 11 to 17).
+
+Also the loss budget as stacked bars: where the energy of the line goes, load by load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from winchcascade.core.run import Signal
+from winchcascade.diagnosis.compared_curves import HAUL_IN, ComparedCurve
+from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
+from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
+from winchcascade.diagnosis.model_account import Regression, Sweep
+from winchcascade.report.content import number_text
+from winchcascade.report.figures.style import (
+    COLOURS,
+    LOAD_COLOURS,
+    MARK_SIZE,
+    MARKS,
+    Dashes,
+    Entry,
+    LineStyle,
+    dots,
+    label_panel,
+    legend_above,
+    line_entry,
+    load_style,
+    panel_figure,
+    patch_entry,
+    readable,
+    samples_entry,
+    shade_over_speed,
+)
+
+SPEED = "Generator speed (rpm)"
+
+
+class Shown(NamedTuple):
+    """How a quantity is shown: its title, its unit, what a caption states of its panel, and the label of what it is over."""
+
+    title: str
+    unit: str
+    what: str
+    over: str = SPEED
+
+
+SHOWN = {
+    "pressure_kgcm2": Shown(
+        "Gas pressure, gauge", "kg/cm²", "gas pressure over displacement (haul-ins dashed)", "Line displacement (m)"
+    ),
+    "force_n": Shown("Line tension", "N", "line tension over line velocity (haul-ins left of zero)", "Line velocity (m/s)"),
+    "power_gen_w": Shown("Power at the DC link", "W", "power at the DC link over generator speed"),
+    "torque_nm": Shown("Torque of the PTO shaft", "N·m", "torque of the PTO shaft over generator speed"),
+    "vdc_v": Shown("Voltage of the DC link", "V", "voltage of the DC link over generator speed"),
+    "idc_a": Shown("Current of the DC link", "A", "current of the DC link over generator speed"),
+    "resistance_ohm": Shown("Apparent resistance", "Ω", "apparent resistance Vdc / Idc over generator speed"),
+    "loss_w": Shown(
+        "Electrical-side loss", "W",
+        "electrical-side loss P_mech - P_gen (Eq. 11 of Hsu et al. 2026) without stored energy over generator speed",
+    ),
+    "eta_gen": Shown(
+        "Efficiency, electrical side", "1",
+        "efficiency of the electrical stage, mean P_gen over mean P_mech of each bin (Eq. 6) without stored energy over "
+        "generator speed",
+    ),
+}  # fmt: skip
+"""Curves by their name in written files, in the order of the paper's Figs 13 to 17."""
+
+MAX_MARKS = 330
+"""Markers in a row of panels, about at most: of several logs with many bins each has its turn."""
+
+MAX_DRAWN = 2000
+"""Samples of a curve over time, about at most."""
+
+BACK: Dashes = (0, (2.5, 1.2))
+"""Dashes of what is drawn of the haul-ins."""
+
+Clouds = Mapping[str, tuple[Signal, Signal]]
+"""Samples of a log that are drawn behind its curve, x and y, by the curve's name."""
+
+
+class Drawn(NamedTuple):
+    """One log in a figure: its name, its curves, colours of log and simulation, and the simulation's marker."""
+
+    name: str
+    curves: Mapping[str, ComparedCurve]
+    log: str = "ink"
+    simulated: str = "mech"
+    mark: str = "o"
+
+
+def styled_by_load(names: Sequence[str], curves: Sequence[Mapping[str, ComparedCurve]]) -> list[Drawn]:
+    """Give each of several loads a colour and a marker of its own; logs of one load look alike, a single one is in ink."""
+    if len(names) == 1:
+        return [Drawn("", curves[0])]
+    found = {name: load_style(k) for k, name in enumerate(dict.fromkeys(names))}
+    return [Drawn(name, c, found[name][0], *found[name]) for name, c in zip(names, curves, strict=True)]
+
+
+def given_names(drawn: Sequence[Drawn], names: Sequence[str]) -> list[str]:
+    """Those of some names of which any log has a curve, in their order."""
+    return [name for name in names if any(name in d.curves for d in drawn)]
+
+
+def panels(
+    drawn: Sequence[Drawn],
+    names: Sequence[str],
+    *,
+    word: str,
+    rated: float | None,
+    clouds: Clouds | None = None,
+    gear: float | None = None,
+) -> Figure | None:
+    """Draw curves of log and simulation, one panel for each name that any log has; None if no log has any.
+
+    Parameters
+    ----------
+    names : of `SHOWN`
+    word : what the logs are called
+    rated : speed of the generator above which a panel over speed is shaded [rpm]
+    gear : adds an axis above the torque with the speed of the drum, which is slower by this
+    """
+    given = given_names(drawn, names)
+    drawn = [d for d in drawn if any(name in d.curves for name in given)]
+    if not given:
+        return None
+    columns = len(given) if len(given) <= 3 else 2
+    rows = -(-len(given) // columns)
+    figure, grid = panel_figure(0.5 + 2.2 * rows + (0.6 if columns == 1 else 0.0), rows, columns)
+    shaded = False
+    for ax, name, letter in zip(grid, given, "abcdefgh", strict=False):
+        _panel(ax, letter if len(given) > 1 else "", name, drawn, (clouds or {}).get(name), MAX_MARKS // columns)
+        if SHOWN[name].over == SPEED:
+            ax.set_xlim(left=0.0)
+            shaded |= shade_over_speed(ax, rated)
+        if gear is not None and name == "torque_nm":
+            slower = (lambda rpm, gear=gear: np.asarray(rpm) / gear, lambda rpm, gear=gear: np.asarray(rpm) * gear)
+            ax.secondary_xaxis("top", functions=slower).set_xlabel("Drum speed (rpm)")
+    for ax in grid[len(given) :]:
+        ax.set_visible(False)
+    _legend(figure, drawn, word=word, shaded=shaded, sampled=bool(clouds))
+    return figure
+
+
+def _panel(
+    ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], cloud: tuple[Signal, Signal] | None, maximum: int
+) -> None:
+    """Draw one quantity of all logs with a maximum number of markers."""
+    shown, keys = SHOWN[name], (name, HAUL_IN) if name == "pressure_kgcm2" else (name,)
+    curves = [(d, key, d.curves[key]) for d in drawn for key in keys if key in d.curves]
+    short, unit = readable(shown.unit, *(np.array((*c.log, *c.simulated)) for _, _, c in curves))
+    if cloud is not None:
+        dots(ax, cloud[0], cloud[1] * short, COLOURS["soft"])
+    step = max(1, -(-sum(len(c.x) for _, _, c in curves) // maximum))
+    for k, (d, key, c) in enumerate(curves):
+        ax.plot(c.x, np.array(c.log) * short, color=COLOURS[d.log], lw=1.2, ls=BACK if key == HAUL_IN else "-")
+        ax.plot(
+            c.x, np.array(c.simulated) * short, ls="none", mec=COLOURS[d.simulated], markevery=(k % step, step),
+            **_mark(d.mark),
+        )  # fmt: skip
+    ax.set(xlabel=shown.over, ylabel=f"{shown.title} ({unit})")
+    if letter:
+        label_panel(ax, letter, shown.title, unit="Efficiency (1)" if unit == "1" else unit)
+    if name == "resistance_ohm":
+        ax.set_ylim(0.0, 1.12 * max(max(c.log + c.simulated) for _, _, c in curves))
+    elif name == "eta_gen":
+        low, high = ax.get_ylim()
+        ax.set_ylim(max(low, 0.0), max(high, 0.9))
+
+
+def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool, sampled: bool) -> None:
+    """Add the legend of lines, markers and shades above the panels; of several logs name each load once."""
+    one = drawn[0] if len(drawn) == 1 else Drawn("", {}, simulated="ink")
+    entries = [
+        *([samples_entry(f"{word}, samples", "soft")] if sampled else []),
+        line_entry(f"{word}, means" if sampled else word, one.log, lw=1.2),
+        line_entry("simulated, means" if sampled else "simulated", one.simulated, ls="none", **_mark(one.mark)),
+        *([patch_entry("over rated speed", "over")] if shaded else []),
+    ]
+    loads = {d.name: line_entry(d.name, d.log, lw=1.2, **_mark(d.mark)) for d in drawn} if len(drawn) > 1 else {}
+    legend_above(figure, [*entries, *loads.values()])
+
+
+def _mark(mark: str) -> LineStyle:
+    """Style of a marker of the simulation."""
+    return {"marker": mark, "ms": MARK_SIZE, "mew": 0.7, "mfc": COLOURS["paper"]}
+
+
+# --------------------------------------------------------------------------------------------------- an open circuit
+def _draw_dampers(ax: Axes, x: Signal, forces: Sequence[Signal], own: str) -> list[Entry]:
+    """Draw the tension that each damper gives, with 40 markers at most; `own` is what the rig's own damper is called."""
+    entries = []
+    for k, (factor, force) in enumerate(zip(FACTORS, forces, strict=True)):
+        every = (k * x.size // 200, max(x.size // 40, 1))
+        colour = COLOURS[LOAD_COLOURS[k % len(LOAD_COLOURS)]]
+        (line,) = ax.plot(x, force, color=colour, lw=0.5, markevery=every, **_mark(MARKS[k % len(MARKS)]))
+        entries.append((line, {0.0: "no damper", 1.0: own}.get(factor, f"{factor:g} ×")))
+    return entries
+
+
+def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
+    """Draw the line tension in open circuit over generator speed, logged and simulated with several dampers (Fig. 11)."""
+    figure, (ax,) = panel_figure(2.9)
+    entries: list[Entry] = [(ax.plot(sweep.rpm, sweep.log, color=COLOURS["ink"], lw=1.4)[0], word)]
+    entries += _draw_dampers(ax, np.array(sweep.rpm), [np.array(x) for x in sweep.simulated], "as in the rig file")
+    ax.set(xlim=(0.0, None), xlabel=SPEED, ylabel="Line tension (N)")
+    if shade_over_speed(ax, rated):
+        entries.append(patch_entry("over rated speed", "over"))
+    legend_above(figure, entries)
+    return figure
+
+
+def damper_histories(curves: DamperCurves, *, word: str) -> Figure:
+    """Draw line velocity and tension of an open circuit over time, logged and simulated with several dampers (Fig. 11)."""
+    rows = slice(None, None, -(-curves.run.samples // MAX_DRAWN))
+    t = curves.run.t[rows] - curves.onset
+    figure, (top, bottom) = panel_figure(4.2, 2, share="x")
+    label_panel(top, "a", "Line velocity", unit="m/s")
+    label_panel(bottom, "b", "Line tension", x="Time from the onset (s)", unit="N")
+    top.plot(t, curves.run.channels["velocity"][rows], color=COLOURS["ink"], lw=1.4)
+    entries: list[Entry] = [(bottom.plot(t, curves.run.channels["force"][rows], color=COLOURS["ink"], lw=1.4)[0], word)]
+    own = f"calibrated, {number_text(curves.dampers[FACTORS.index(1.0)])} N·m·s/rad"
+    legend_above(figure, entries + _draw_dampers(bottom, t, [force[rows] for force in curves.forces], own))
+    return figure
+
+
+def back_emf_figure(fit: Regression, *, word: str) -> Figure:
+    """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12)."""
+    figure, (left, right) = panel_figure(2.6, 1, 2)
+    ends = np.array([0.0, 1.05 * max(fit.rpm)])
+    rig: LineStyle = {"ls": (0, (5, 2)), "lw": 0.9}
+    known = np.isfinite(fit.reference)
+    if known:
+        right.fill_between(ends, 0.9 * fit.reference * ends, 1.1 * fit.reference * ends, color=COLOURS["payout"], lw=0)
+        right.plot(ends, fit.reference * ends, color=COLOURS["soft"], **rig)
+    right.plot(ends, fit.slope * ends, color=COLOURS["mech"], lw=0.9)
+    titles = ("Voltage of the DC link", "Back-EMF, line to line, rms")
+    for ax, letter, title, volt in zip((left, right), "ab", titles, (fit.v_dc, fit.v_ll), strict=True):
+        dots(ax, np.array(fit.rpm), np.array(volt), COLOURS["ink"])
+        ax.set(xlim=ends, ylim=(0.0, None))
+        label_panel(ax, letter, title, x=SPEED, unit="V")
+    stated = [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")] if known else []
+    legend_above(
+        figure,
+        [samples_entry(f"{word}, samples used", "ink"), line_entry("line through zero", "mech", lw=0.9), *stated],
+    )
+    return figure
+
+
+# ----------------------------------------------------------------------------------------------------- the loss budget
+SEGMENTS = 7
+"""Segments of a bar, at most; the smallest are added up."""
+
+OTHER = "other"
+
+SEGMENT_COLOURS = ("gen", "load5", "load4", "extra", "load1", "line", "soft")
+"""Colours of the segments in the order of `GROUPS`; the others added up have one of their own."""
+
+NUMBERED = 4.0
+"""Narrower parts of a bar have no number in them. [%]"""
+
+POINTS = {"gen": ("D", "DC link"), "mech": ("s", "shaft")}
+"""Marker and name of the shares that reach a stage."""
+
+
+def segments_of(budgets: Sequence[LossBudget]) -> dict[str, list[float]]:
+    """Shares of the line's energy by the groups that are largest in all budgets, and of all others together. [%]"""
+    every = {name: [100.0 * budget.shares[name] for budget in budgets] for name in GROUPS}
+    ranked = sorted(every, key=lambda name: -sum(map(abs, every[name])))
+    own = {*ranked[: SEGMENTS - 1]}
+    found = {GROUPS[name].name: shares for name, shares in every.items() if name in own}
+    rest = [shares for name, shares in every.items() if name not in own]
+    return {**found, OTHER: [sum(each) for each in zip(*rest, strict=True)]}
+
+
+def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: str) -> Figure:
+    """Draw the simulated loss budget of each log in percent of the line's energy, and under it what reaches shaft and DC link.
+
+    Parameters
+    ----------
+    names : what stands left of each bar
+    """
+    figure, (ax,) = panel_figure(0.9 + 0.45 * len(names))
+    segments, rows = segments_of(budgets), np.arange(len(names))[::-1]
+    right, left = np.zeros(len(names)), np.zeros(len(names))
+    entries: list[Entry] = []
+    for (name, shares), colour in zip(segments.items(), SEGMENT_COLOURS, strict=False):
+        share = np.array(shares)
+        begin = np.where(share >= 0.0, right, left + share)
+        fill = "loss" if name == OTHER else colour
+        bars = ax.barh(rows, abs(share), left=begin, height=0.5, fc=COLOURS[fill], ec=COLOURS["paper"], lw=0.5)
+        ax.bar_label(
+            bars, [f"{part:.0f}" if part >= NUMBERED else "" for part in share], label_type="center", fontsize=7,
+            bbox={"boxstyle": "round,pad=0.12", "fc": COLOURS["paper"], "lw": 0},
+        )  # fmt: skip
+        right, left = right + np.maximum(share, 0.0), left + np.minimum(share, 0.0)
+        entries.append(patch_entry(name, fill))
+    for stage, (mark, what) in POINTS.items():
+        simulated = [100.0 * (b.mech if stage == "mech" else b.shares["dc"]) for b in budgets]
+        logged = [
+            100.0 * b.log[stage] / b.log["line"] if stage in b.log and b.log.get("line") else np.nan for b in budgets
+        ]
+        for shares, fill, whose in ((simulated, "ink", "simulated"), (logged, "paper", word)):
+            if np.isfinite(shares).any():
+                style: LineStyle = {"ls": "none", "marker": mark, "ms": 4.0, "mew": 0.9, "mfc": COLOURS[fill]}
+                ax.plot(shares, rows - 0.38, color=COLOURS["ink"], zorder=5, **style)
+                entries.append(line_entry(f"{what}, {whose}", **style))
+    labels = [f"{name}\n{number_text(budget.line)} J" for name, budget in zip(names, budgets, strict=True)]
+    ax.set_yticks(rows, labels)
+    ax.set(ylim=(-0.62, len(names) - 0.52), xlim=(min(0.0, float(left.min())), 100.0))
+    ax.set_xlabel("Share of the line's energy in the window (%)")
+    ax.grid(axis="y", visible=False)
+    legend_above(figure, entries)
+    return figure

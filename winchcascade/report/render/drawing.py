@@ -1,0 +1,33 @@
+"""A figure of a report as a file, without the time at which it was made: the same each time that it is drawn."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+from winchcascade.core.version import __version__
+from winchcascade.report.figures.style import house_style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MARK = f"winchcascade/{__version__}"
+"""What every file of a figure or of a table holds."""
+
+_ABOUT: dict[str, dict[str, str | None]] = {
+    "svg": {"Date": None, "Creator": MARK},
+    "pdf": {"CreationDate": None, "Creator": MARK},
+    "png": {"Software": MARK},
+}
+
+
+@house_style()
+def drawn(figure: Figure, ending: str = "svg") -> bytes:
+    """A figure as SVG, PDF or PNG; its layout is made once, as a second one would differ by rounding."""
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
+    out = io.BytesIO()
+    figure.savefig(out, format=ending, dpi=300, metadata=_ABOUT[ending])
+    return out.getvalue()

@@ -1,0 +1,144 @@
+"""A report in a terminal, or as plain text in a pipe: its title, its points, and section by section what is brief."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from winchcascade.core.plain_text import lines
+from winchcascade.report.content import Note, Report, Table, Tone
+from winchcascade.report.screen import ESCAPE, PIPED, Screen, present_screen
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console, RenderableType
+    from rich.table import Table as Grid
+
+MARGIN = 11
+"""Columns of what a sentence is about. [characters]"""
+
+STYLES: dict[Tone, str] = {"plain": "", "good": "green", "warn": "yellow"}
+"""Colours of the tones."""
+
+SHORT = 20
+"""Texts of a column that are no longer than this are never broken, longer ones get at least as much room. [characters]"""
+
+GAP = 2
+"""Blanks between columns. [characters]"""
+
+UNBROKEN = 10_000
+"""Width of a table in a pipe, which gets all of it. [characters]"""
+
+
+def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
+    """A report as it is printed, with colours in a terminal alone.
+
+    Parameters
+    ----------
+    files : what was written, listed above the verdict
+    """
+    from rich.text import Text
+
+    screen, out = present_screen(), io.StringIO()
+    console, wide = (console_of(screen, out, width) for width in (screen.width or PIPED, screen.width or UNBROKEN))
+    console.print(Text(_safe(report.title), style="bold"))
+    if report.subtitle:
+        console.print(Text(_safe(report.subtitle), style="dim"))
+    for note in report.notes:
+        if note.brief:
+            console.print(_note(note))
+    for section in report.filled:
+        brief = [block for block in section.blocks if isinstance(block, Table | Note) and block.brief]
+        if brief:
+            console.print(Text(f"\n{_safe(section.heading)}", style="bold"))
+        for k, block in enumerate(brief):
+            if isinstance(block, Table):
+                if k:
+                    console.print()
+                for j, grid in enumerate(_grids(block, wide.width)):
+                    if j:
+                        console.print()
+                    wide.print(grid)
+            else:
+                console.print(_note(block))
+    for k, path in enumerate(files):  # a path is never broken
+        head = f"{'' if k else 'files':<{MARGIN}}"
+        console.print(Text.assemble((head, "bold"), _safe(str(path))), soft_wrap=True)
+    if report.verdict is not None:
+        console.print("", _note(report.verdict), sep="\n")
+    return "".join(f"{line.rstrip()}\n" for line in out.getvalue().replace("\x1b", ESCAPE).splitlines())
+
+
+def console_of(screen: Screen, out: io.StringIO, width: int) -> Console:
+    """A console of a width with the colours of a screen."""
+    from rich.console import Console
+
+    return Console(
+        file=out, width=width, color_system="standard" if screen.colour else None,
+        force_terminal=screen.colour, highlight=False, markup=False, emoji=False, legacy_windows=False,
+    )  # fmt: skip
+
+
+def _safe(text: str) -> str:
+    """A text with signs that every terminal shows, without control characters and commands of a runner."""
+    return lines(text.translate(SIGNS).replace("Ω", "ohm"))
+
+
+SIGNS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "·": ".", ESCAPE: ""})
+"""Signs of the field, and what stands for them in a terminal."""
+
+
+def _beside(about: str, text: RenderableType) -> RenderableType:
+    """A text behind what it is about, with a hanging margin."""
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    grid = Grid.grid(padding=0)
+    grid.add_column(width=MARGIN, no_wrap=len(about) < MARGIN)
+    grid.add_column(overflow="fold")
+    grid.add_row(Text(about, style="bold"), text)
+    return grid
+
+
+def _note(note: Note) -> RenderableType:
+    """A sentence in the colour of its tone, behind what it is about."""
+    from rich.text import Text
+
+    text = Text(_safe(note.text), style=STYLES[note.tone])
+    return _beside(_safe(note.about.lower()), text) if note.about else text
+
+
+def _grids(table: Table[Any], width: int) -> list[Grid]:
+    """A table with its brief columns, empty ones left out; columns without room stand below, behind the first one."""
+    table = table.used()
+    brief = [k for k, column in enumerate(table.columns) if column.brief]
+    texts, count = table.texts, len(table.items)
+    rows = [[_safe(cell) for cell in row] for row in (*table.shortened(texts[:count]), *texts[count:])]
+    heads = [(column.name, column.unit) for column in table.columns]
+    longest = [max(map(len, (*heads[k], *(row[k] for row in rows)))) for k in range(len(heads))]
+    left = table.left
+    fixed = [not left[k] or longest[k] <= SHORT for k in range(len(heads))]
+    parts: list[list[int]] = [brief[:1]]
+    for k in brief[1:]:
+        needed = sum((longest[j] if fixed[j] else SHORT) + GAP for j in (*parts[-1], k)) - GAP
+        if needed > width and len(parts[-1]) > 1:
+            parts.append(brief[:1])
+        parts[-1].append(k)
+    return [_grid([(heads[k], left[k], fixed[k], [row[k] for row in rows]) for k in part]) for part in parts]
+
+
+def _grid(columns: Sequence[tuple[tuple[str, str], bool, bool, list[str]]]) -> Grid:
+    """Columns of a table: name and unit, whether they stand to the left, whether they are never broken, and cells."""
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    grid = Grid(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="bold")
+    units = any(unit for (_, unit), *_ in columns)
+    for (name, unit), left, fixed, _ in columns:
+        head = Text(f"{name}\n{unit}" if units else name)
+        grid.add_column(head, justify="left" if left else "right", overflow="fold", no_wrap=fixed)
+    for row in zip(*(cells for *_, cells in columns), strict=True):
+        grid.add_row(*map(Text, row))
+    return grid

@@ -1,0 +1,254 @@
+"""What a campaign states: efficiencies by load, the best load, how well cycles repeat, and what was found in its logs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from msgspec import UNSET
+
+from winchcascade.core.campaign_file import banner, origin_words
+from winchcascade.core.cascade import field_of
+from winchcascade.core.plain_text import one_line
+from winchcascade.reduction.best_load import Best, motion_words, rank_loads
+from winchcascade.reduction.campaign_record import (
+    CampaignRecord,
+    FailedLog,
+    LogSummary,
+    cascade_of,
+    runs_by_load,
+    unlike_motion,
+    window_rules,
+)
+from winchcascade.reduction.run_record import FindingRecord
+from winchcascade.reduction.wave_record import CampaignWaves, waves_from_record
+from winchcascade.report.content import Column, Note, Picture, Report, Section, Tile, section, shown, table
+from winchcascade.report.glossary import metric
+from winchcascade.report.results.campaign_tables import (
+    budget_table,
+    given,
+    interval,
+    logs_table,
+    mean_texts,
+    net_table,
+    repeatability_table,
+    uncertainty_table,
+)
+from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
+from winchcascade.report.wording import load_words
+
+LISTED = 800
+"""Characters of a list of files that is given in full."""
+
+MAX_FAULTS = 10
+"""Logs that could not be used which the first screen names; a table holds all."""
+
+NAMED_LOGS = 3
+"""Logs with findings that a sentence names."""
+
+
+def campaign_report(
+    campaign: CampaignRecord,
+    *,
+    drawn: Mapping[str, Picture | None] | None = None,
+    model: Section | None = None,
+    waves: CampaignWaves | None = None,
+    linked: bool = False,
+    command: str = "",
+) -> Report:
+    """Report of a campaign.
+
+    Parameters
+    ----------
+    drawn : figures by their names, as `drawn_campaign` makes them; a terminal needs none
+    model : the logs beside their simulations
+    waves : of the logs whose cycles are waves; those of the record, of all logs together alone, if not given
+    linked : whether the pages of the single logs stand beside that of the campaign
+    """
+    runs, figure = runs_by_load(campaign.reduced), (drawn or {}).get
+    rigs, verdict = sorted({run.rig for run in runs}), verdict_note(runs)
+    if waves is None and campaign.waves is not UNSET:
+        waves = CampaignWaves(waves_from_record(campaign.waves), (), campaign.waves.left_out)
+    return Report(
+        kind="Campaign",
+        title=campaign.title,
+        subtitle=f"rig {', '.join(rigs)}" if rigs else "",
+        tiles=tiles(runs) if waves is None else wave_tiles(waves.together),
+        lead=figure("loads") if waves is None else None,
+        points=[verdict, *points(campaign, runs), *_between(campaign), *fault_notes(campaign.failed)],
+        sections=[
+            *([] if waves is None else [campaign_waves_section(waves, drawn=drawn is not None)]),
+            section(
+                "results", "Energies and efficiencies",
+                None if waves is None else figure("loads"),
+                budget_table(runs, linked=linked) if runs else None,
+                folded=waves is not None,
+            ),
+            section("whole-cycles", "Whole cycles", net_table(runs), folded=True),
+            section(
+                "uncertainty", "Uncertainty and repeatability",
+                uncertainty_table(runs), repeatability_table(runs), folded=True,
+            ),
+            section("speed", "Over generator speed", figure("speed"), folded=True),
+            *([] if model is None else [model]),
+            section(
+                "findings", "Logs and findings",
+                logs_table(runs),
+                table("between", "Logs that lie apart; their data are kept.", BETWEEN, campaign.between, brief=False),
+                table("faults", "Logs that could not be used.", FAULTS, campaign.failed, brief=False),
+                folded=True,
+            ),
+            _provenance(campaign, runs, command),
+        ],
+        banner=banner([run.origin for run in runs]),
+    )  # fmt: skip
+
+
+BETWEEN: tuple[Column[tuple[str, FindingRecord]], ...] = (
+    Column("log", lambda one: one[0]),
+    Column("finding", lambda one: f"{one[1].kind.replace('_', ' ')}: {one[1].message}"),
+    Column("what to do", lambda one: one[1].action),
+)
+"""A finding that a log has beside the others."""
+
+FAULTS: tuple[Column[FailedLog], ...] = (
+    Column("log", lambda run: run.name),
+    Column("why", lambda run: run.fault),
+)
+"""A log that could not be used."""
+
+
+# ---------------------------------------------------------------------------------------------------- the first screen
+def loaded(runs: Sequence[LogSummary]) -> Sequence[LogSummary]:
+    """The logs with a load; all where none has one."""
+    return [run for run in runs if not run.open_circuit] or runs
+
+
+def called(run: LogSummary) -> str:
+    """What a log is called in a sentence: its load, or its name where that is unknown."""
+    return load_words(run.load, "ohm", unknown=run.name)
+
+
+def tiles(runs: Sequence[LogSummary]) -> list[Tile]:
+    """The best load with its efficiency, and the largest power."""
+    if not runs:
+        return []
+    cascade, best, found = cascade_of(runs), rank_loads(loaded(runs)).best, []
+    eta, power = cascade.overall, f"power_{cascade.names[-1]}"
+    texts = mean_texts(runs, (eta, power))
+    if best is not None:
+        there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
+        ends = f"95 %: {shown(interval(best.run, eta))}"
+        found += [
+            Tile("Best load", "", called(best.run), f"with a probability of {_likely(best)} %"),
+            Tile(eta, there, texts[best.run.name, eta], ends),
+        ]
+    return [*found, *(_largest(runs, name, texts) for name in given(_closed(runs), [eta, power][bool(found) :]))]
+
+
+def _closed(runs: Sequence[LogSummary]) -> list[LogSummary]:
+    return [run for run in runs if not run.open_circuit]
+
+
+def _largest(runs: Sequence[LogSummary], name: str, texts: Mapping[tuple[str, str], str]) -> Tile:
+    """The largest mean of a metric of any log with a load."""
+    known = [run for run in _closed(runs) if run.mean.get(field_of(name)) is not None]
+    run, unit = max(known, key=lambda run: run.mean[field_of(name)] or 0.0), metric(name).unit
+    span = interval(run, name)
+    speed = "" if run.plateau_speed_mps is None else f" and {run.plateau_speed_mps:.2f} m/s"
+    beside = "uncertainty unknown" if span is None else f"95 %: {shown(span)} {unit}".rstrip()
+    return Tile(name, f"largest, at {called(run)}{speed}", f"{texts[run.name, name]} {unit}".rstrip(), beside)
+
+
+def _likely(best: Best) -> str:
+    return shown(100.0 * best.likely, 0) if best.likely < 0.995 else ">99"
+
+
+def verdict_note(runs: Sequence[LogSummary]) -> Note | None:
+    """The best load and the next one, or why none is claimed; None without two loads."""
+    ranking, eta = rank_loads(loaded(runs)), cascade_of(runs).overall
+    if ranking.best is None:
+        several = len({run.load_ohm for run in loaded(runs) if run.load_ohm is not None}) > 1
+        return Note(f"No best load is claimed: {ranking.reason}.", "Verdict", "warn") if several else None
+    best, texts = ranking.best, mean_texts(runs, [eta])
+    values = [f"{called(run)} with {eta} = {texts[run.name, eta]}" for run in (best.run, best.following)]
+    if best.likely > 0.95:
+        return Note(f"Best load: {values[0]}, then {values[1]}.", "Verdict", "good")
+    return Note(f"Best load: {values[0]}, not told apart from {values[1]} by the uncertainties.", "Verdict")
+
+
+def points(campaign: CampaignRecord, runs: Sequence[LogSummary]) -> list[Note | None]:
+    """What a reader must know first of the logs together."""
+    total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
+    counted = f"{len(runs)} of {len(campaign.runs)} logs reduced, {whole} of {total} cycles complete."
+    unlike, reason = unlike_motion(loaded(runs)), rank_loads(loaded(runs)).reason
+    motion = "" if unlike is None else motion_words(*unlike)
+    return [
+        data_note([run.origin for run in runs]) if runs else None,
+        Note(counted, "Logs", "warn" if campaign.failed or whole < total else "plain"),
+        Note(_mixed_windows(runs), "Windows", "warn"),
+        Note(f"{motion}.", "Motion", "warn") if motion and motion != reason else None,
+        findings_note(runs),
+    ]
+
+
+def findings_note(runs: Sequence[LogSummary]) -> Note | None:
+    """In which logs something was found, and what."""
+    found = [run for run in runs if run.findings]
+    if not found:
+        return Note("None in any log.", "Findings", "good") if runs else None
+    kinds = ", ".join(sorted({kind.replace("_", " ") for run in found for kind in run.findings}))
+    more = f" and {len(found) - NAMED_LOGS} more" if len(found) > NAMED_LOGS else ""
+    names = ", ".join(one_line(run.name) for run in found[:NAMED_LOGS]) + more
+    return Note(f"In {len(found)} of {len(runs)} logs: {kinds} ({names}).", "Findings", "warn")
+
+
+def _mixed_windows(runs: Sequence[LogSummary]) -> str:
+    """That logs have windows of several rules; empty if they have one."""
+    rules = sorted(window_rules(runs).items(), key=lambda item: -len(item[1]))
+    named = ", ".join(
+        f"{rule} in {len(found)} ({one_line(found[0].name)}{', ...' * (len(found) > 1)})" for rule, found in rules
+    )
+    text = f"{len(rules)} rules: {named}. Energies, powers and efficiencies of different rules cannot be compared."
+    return text if len(rules) > 1 else ""
+
+
+def _between(campaign: CampaignRecord) -> list[Note]:
+    """Findings of single logs beside the others."""
+    texts = [
+        f"{name}: {found.kind.replace('_', ' ')}: {found.message}; {found.action}" for name, found in campaign.between
+    ]
+    return [Note(one_line(text), "Apart", "warn") for text in _at_most(texts)]
+
+
+def fault_notes(failed: Sequence[FailedLog]) -> list[Note]:
+    """Logs that could not be reduced, and why."""
+    return [Note(text, "Failed", "warn") for text in _at_most([named_fault(run) for run in failed])]
+
+
+def _at_most(texts: Sequence[str]) -> list[str]:
+    more = len(texts) - MAX_FAULTS
+    return [*texts[:MAX_FAULTS], *([f"{more} more, all in campaign.json"] if more > 0 else [])]
+
+
+def named_fault(run: FailedLog) -> str:
+    """Name and fault of a log, the name once."""
+    name, fault = one_line(run.name), one_line(run.fault)
+    return fault if name in fault.split(": ")[0] else f"{name}: {fault}"
+
+
+def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: str) -> Section:
+    """Where every number comes from."""
+    finite = sorted({run.load for run in runs if run.load is not None and math.isfinite(run.load)})
+    results = ", ".join(run.result for run in runs)
+    if len(results) > LISTED:
+        results = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
+    rows = [
+        ("Campaign", campaign.title),
+        ("Data", origin_words([run.origin for run in runs])),
+        ("Logs", f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its result"),
+        ("Results", f"{results}; other files in runs are of other calls" if runs else ""),
+        ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" ohm" if finite else "")),
+    ]
+    return provenance(rows, command)

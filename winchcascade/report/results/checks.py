@@ -1,0 +1,162 @@
+"""What a check against a published table states: every cell with what was found and allowed, those that do not agree first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import partial
+from pathlib import Path
+
+from winchcascade.core.campaign_file import banner
+from winchcascade.core.plain_text import one_line
+from winchcascade.core.published_table import PublishedTable
+from winchcascade.report.content import Column, Measured, Note, Report, Tile, places, section, shown, table
+from winchcascade.report.glossary import short, upper
+from winchcascade.report.results.common import PRINTED, data_note, provenance, table_rows
+from winchcascade.tables.check import CellCheck, Check, RowKey
+from winchcascade.tables.point_table import PointTable
+
+OUTCOMES = {"ok": "agrees", "miss": "differs", "not_measured": "not measured", "no_run": "no run"}
+"""Outcomes of a cell in words."""
+
+PARTS = {"rounding": "rounding", "deviation": "deviation", "uncertainty": "2 u", "means": "means"}
+"""Parts of what is allowed, and how they are headed."""
+
+
+def check_report(check: Check, *, command: str = "") -> Report:
+    """Report of a check."""
+    counts, whole = Counter(cell.outcome for cell in check.cells), f"of {len(check.cells)} cells"
+    lost = counts["not_measured"] + counts["no_run"]
+    findings = [(row, text) for row, found in check.findings.items() for text in found]
+    verdict = Note(check_summary(check), "Outcome", "good" if check.ok else "warn", brief=False)
+    advice = "" if not counts["miss"] else "`winchcascade audit` shows whether the table contradicts itself."
+    if advice and findings:
+        advice = "Correct the logs with findings first."
+    return Report(
+        kind="Check against a published table",
+        title=f"{check.table.name}: {check.table.title}",
+        subtitle=check.table.source,
+        tiles=[
+            Tile("Agree", "cells within what is allowed", f"{counts['ok']}", whole),
+            Tile("Differ", "cells beyond what is allowed", f"{counts['miss']}", whole),
+            Tile("Without a value", "cells not measured, or without a run", f"{lost}", whole),
+        ],
+        points=[
+            verdict,
+            Note(advice, "Next"),
+            data_note(check.origins),
+            Note(f"{upper(recipe(check))}.", "Allowed"),
+            *(Note(text, "Note", "warn") for text in check.notes),
+        ],
+        sections=[
+            section("findings", "Findings in the logs", table("findings", "What is wrong with the logs.", FINDINGS, findings)),
+            section(
+                "cells", "Cells, those that do not agree first",
+                table("cells", "Printed and found values.", _columns(check), sorted(check.cells, key=lambda cell: cell.ok),
+                      note="2 u: twice the standard uncertainty of the mean by the sensors."),
+                None if check.cells else Note("No cell was compared."),
+            ),
+            provenance(
+                [*table_rows(check.table), ("Logs", ", ".join(dict.fromkeys(cell.log for cell in check.cells if cell.log)))],
+                command,
+            ),
+        ],
+        verdict=verdict,
+        banner=banner(check.origins),
+    )  # fmt: skip
+
+
+FINDINGS: tuple[Column[tuple[RowKey, str]], ...] = (
+    Column("row", lambda found: found[0].text),
+    Column("what was found in its log", lambda found: one_line(found[1])),
+)
+
+
+def failed_check(check: Check) -> Report:
+    """The cells that do not agree alone."""
+    return Report("Check", check_summary(check), points=[Note(miss_sentence(cell)) for cell in check.misses])
+
+
+def miss_sentence(cell: CellCheck) -> str:
+    """Say of a cell that does not agree where it stands, what is printed, what was found and by how much it differs."""
+    place = f"{cell.row.text}, {cell.metric}: {cell.column.text(cell.printed)} is printed"
+    log = one_line(cell.log or "the log")
+    if cell.outcome == "no_run":
+        return f"{place}, and no run of this {'row' if cell.load is None else 'load'} was given."
+    if cell.measured is None:
+        return f"{place}, and {log} has no measured value."
+    difference = shown(_finer(cell, cell.difference), signed=True)
+    return (
+        f"{place}, {log} gives {shown(_finer(cell, cell.measured))}; the difference {difference} is beyond "
+        f"{shown(_finer(cell, cell.tolerance))} by {shown(beyond(cell))}."
+    )
+
+
+def check_summary(check: Check) -> str:
+    """How many cells agree, and why others do not."""
+    count, found = len(check.cells), Counter[str](cell.outcome for cell in check.misses)
+    words = {"miss": "differ" + "s" * (found["miss"] == 1), "not_measured": "not measured", "no_run": "without a run"}
+    named = ", ".join(f"{found[outcome]} {word}" for outcome, word in words.items() if found[outcome])
+    return f"All {count} cells agree." if check.ok else f"{count - len(check.misses)} of {count} cells agree; {named}."
+
+
+def _columns(check: Check) -> list[Column[CellCheck]]:
+    """Columns of a cell: printed, found, difference, what is allowed with its parts, outcome."""
+    several = len({(cell.row, cell.log) for cell in check.cells}) > len({cell.row for cell in check.cells})
+    return [
+        Column("row", lambda cell: cell.row.text),
+        Column("cell", lambda cell: short(cell.metric)),
+        Column("unit", lambda cell: "" if cell.column.unit == "1" else cell.column.unit),
+        Column("printed", lambda cell: Measured(cell.printed, PRINTED * cell.column.rounding), own_digits=True),
+        Column("found", lambda cell: _finer(cell, cell.measured), own_digits=True),
+        Column("differs", lambda cell: _finer(cell, cell.difference), own_digits=True, signed=True),
+        Column("allowed", partial(_allowed, "tolerance"), own_digits=True),
+        Column("beyond", beyond, own_digits=True),
+        Column("outcome", lambda cell: OUTCOMES[cell.outcome]),
+        *(Column(PARTS[part], partial(_allowed, part), brief=False, own_digits=True) for part in _parts(check)),
+        Column("log", lambda cell: one_line(Path(cell.log).name) if cell.log else "", brief=several),
+    ]
+
+
+def allowance(check: Check, cell: CellCheck) -> str:
+    """What a cell allows in numbers, part by part."""
+    decimals = max(cell.column.decimals + 2, 0)
+    return " + ".join(f"{PARTS[part]} {getattr(cell, part):.{decimals}f}" for part in _parts(check))
+
+
+def _parts(check: Check) -> list[str]:
+    """Parts of what is allowed that a factor does not leave out."""
+    allowed = [part for part in PARTS if getattr(check.factors, part)]
+    return [part for part in allowed if part != "means" or any(cell.means for cell in check.cells)]
+
+
+def _finer(cell: CellCheck, value: float | None) -> Measured:
+    """A value with one decimal more than is printed."""
+    return Measured(value, 0.1 * PRINTED * cell.column.rounding)
+
+
+def _allowed(part: str, cell: CellCheck) -> Measured | None:
+    """What is allowed, or a part of it; nothing where no value was found."""
+    return None if cell.measured is None else _finer(cell, getattr(cell, part))
+
+
+def beyond(cell: CellCheck) -> Measured | None:
+    """How far a cell that differs is beyond what is allowed, never as 0: a small number with its first two digits."""
+    missed = cell.missed_by
+    if missed is None or cell.ok:
+        return None
+    u = 0.1 * PRINTED * cell.column.rounding
+    return Measured(missed, u if round(missed, places(u)) else missed)
+
+
+def recipe(check: Check) -> str:
+    """What a cell allows, part by part."""
+    factors, checked = check.factors, check.table
+    capped = " (at most that of the table)" if isinstance(checked, PublishedTable) and checked.deviations else ""
+    named = (
+        (factors.rounding, "half a unit of the last decimal"),
+        (factors.deviation, f"largest deviation of the cycles{capped}"),
+        (factors.uncertainty, "2 standard uncertainties of the mean by the sensors"),
+    )
+    texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in named if factor]
+    means = factors.means * checked.tolerance if isinstance(checked, PointTable) else 0.0
+    return " + ".join(texts + ([f"{100.0 * means:g} % that means may differ by"] if means else [])) or "nothing"

@@ -1,0 +1,406 @@
+"""What a diagnosis with a model states: verdict, causes and their costs, what to do next, and the evidence behind them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from winchcascade.core.campaign_file import banner
+from winchcascade.diagnosis.block_series import Sides, most_telling, sides, sides_of_one
+from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk
+from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.load_costs import cost_of, load_costs, ranked_causes, worst_costs
+from winchcascade.diagnosis.nuisances import Nuisance
+from winchcascade.diagnosis.simulated_cycle import largest_gap
+from winchcascade.diagnosis.thresholds import Threshold
+from winchcascade.report.content import (
+    Cell,
+    Column,
+    Measured,
+    Note,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Tile,
+    picture,
+    section,
+    table,
+)
+from winchcascade.report.diagnosis_names import (
+    NAMES,
+    alarm_place,
+    at_words,
+    baseline_words,
+    display_of,
+    files_of,
+    nuisance_words,
+    number_words,
+    origins_of,
+    phase_words,
+    word_of,
+)
+from winchcascade.report.figures import diagnosis_figures as figures
+from winchcascade.report.figures.cause_figures import waterfall_figure
+from winchcascade.report.figures.histories import history_figure, history_json
+from winchcascade.report.figures.style import house_style
+from winchcascade.report.glossary import CHANNELS, upper
+from winchcascade.report.results import diagnosis_words as words
+from winchcascade.report.results.diagnosis_parts import (
+    causes_table,
+    first_points,
+    made_from,
+    minor_table,
+    note_of,
+    numbers,
+    residual,
+    step_tile,
+    verdict_tile,
+)
+from winchcascade.report.results.line_diagnosis import line_report
+from winchcascade.report.wording import load_words
+from winchcascade.rig.effects.effect import Display
+
+
+def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
+    """Report of a diagnosis, with a model or without."""
+    if isinstance(found, LineDiagnosis):
+        return line_report(found, command=command)
+    assert isinstance(found, ModelDiagnosis)  # there are no others
+    return _model_report(found, command=command)
+
+
+@house_style()
+def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
+    both, word = sides(found), word_of(found)
+    leading = leading_metric(found.contributions)
+    return Report(
+        kind="Diagnosis of a campaign",
+        title=f"{found.title}: {words.VERDICTS[found.verdict].lower()}",
+        subtitle=f"{len(found.runs)} logs · rig {found.rig.name} · {len(found.suspects)} effects tried",
+        tiles=_tiles(found),
+        lead=picture(
+            waterfall_figure(found, word), "waterfall",
+            f"{leading} from {baseline_words(found)} to {word}, part by part; black: 95 %.",
+            "Bars from one level to the next; the values are in the table of what each cause costs.",
+        ),
+        points=_points(found),
+        sections=[
+            section("causes", "Causes", causes_table(found)),
+            _own_simulation(found),
+            section("next", "Next run", note_of(words.experiment_words(found))),
+            section(
+                "costs", "What each cause costs" if found.causes else "Efficiencies",
+                _cost_table(found, leading, brief=not found.causes),
+            ),
+            residual(found),
+            _other_costs(found),
+            _where(found, word),
+            _how_far(found, both, word),
+            section("time-histories", "Time histories", _cycle(found, word), folded=True),
+            numbers(found),
+            _speed(found, both, word),
+            _considered(found),
+            _provenance(found, command),
+        ],
+        banner=banner(origins_of(found)),
+    )  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------------ the first screen
+def _tiles(found: ModelDiagnosis) -> list[Tile]:
+    """Verdict, largest cost and next step; without causes the first sign, or the place that deviates most."""
+    shown, costs = [verdict_tile(found)], worst_costs(found)
+    for cause in ranked_causes(found)[:1]:
+        change = cost_of(costs, cause)
+        if costs is not None and change is not None:
+            name = "Largest cost" if change < 0.0 else "Largest change"
+            place = f"of {costs.metric} at {load_words(costs.load, 'ohm')}"
+            shown.append(Tile(name, place, found.suspects[cause.effect].label, f"{change:+.1f} points"))
+    alarms = () if found.remainder is None else found.remainder.alarms
+    worst = max((one for one in found.places if math.isfinite(one.z)), key=lambda one: abs(one.z), default=None)
+    if not found.causes and alarms:
+        place, size = alarm_place(alarms[0], files_of(found)), f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}"
+        if alarms[0].kind == "nuisance":
+            shown.append(
+                Tile("Next step", "the fit moves it most", f"Check the {place}", f"standard uncertainties: {size}")
+            )
+        else:
+            shown.append(Tile("First sign", alarms[0].kind, place, size))
+    elif not found.causes and worst is not None:
+        where = f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load, 'ohm')}"
+        limit = f"standard uncertainties; significant from {STANDS_OUT:g}"
+        shown.append(Tile("Largest deviation", where, f"{worst.z:+.1f}", limit))
+    return [*shown, *step_tile(found)]
+
+
+def _points(found: ModelDiagnosis) -> list[Note | None]:
+    """What a reader must know first."""
+    hidden = ", ".join(found.unnamed)
+    return [
+        *first_points(found),
+        Note(f"The fit used {hidden} too: it may only imitate what acts." if hidden else "", "Not named", "warn"),
+        Note(words.start_words(found), "Start"),
+        Note(words.not_visible_words(found), "Not shown"),
+    ]
+
+
+def _own_simulation(found: ModelDiagnosis) -> Section:
+    """What the own simulation has in another form than the rig's model, the largest difference first."""
+    own, causes = found.own_simulation, {cause.effect for cause in found.causes}
+    forms = () if own is None else own.forms
+    agrees = "Your simulation agrees with the model of the rig file within its uncertainties."
+
+    def size(form: ModelForm) -> Cell:
+        factor = CHANNELS[form.channel].factor
+        return Measured(form.bias * factor, abs(form.bias / form.z) * factor if form.z else None, signed=True)
+
+    def contained(form: ModelForm) -> str:
+        numbers = {} if own is None or form.likely is None else own.numbers.get(form.likely, {})
+        shown = [(display_of(form.likely or "", name, value.unit), value) for name, value in numbers.items()]
+        return "; ".join(f"{how.what} {number_words(how, value)[0]}" for how, value in shown)
+
+    return section(
+        "own-simulation", "Your simulation",
+        note_of(agrees if own is not None and not forms else ""),
+        table(
+            "model-form", "Your simulation minus the model of the rig file, where they differ most.",
+            [
+                Column("likely", lambda form: form.likely or "unknown"),
+                Column("stage", lambda form: form.stage),
+                Column("place", lambda form: f"{NAMES[form.channel]}, {phase_words(form.phase)}{at_words(form.load)}"),
+                Column("difference", size, own_digits=True),
+                Column("unit", lambda form: CHANNELS[form.channel].unit),
+                Column("it contains", contained),
+                Column("also", lambda form: "a cause" if form.likely in causes else ""),
+            ],
+            forms,
+        ),
+    )  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------------------- costs
+class CostRow(NamedTuple):
+    """One row of the split of an efficiency: a level or a part at each load. [%, points]"""
+
+    name: str
+    unit: str
+    values: Sequence[Cell]
+
+
+def _other_costs(found: ModelDiagnosis) -> Section:
+    leading = leading_metric(found.contributions)
+    others = [metric for metric in EFFICIENCIES if metric != leading]
+    tables = (_cost_table(found, metric, brief=False) for metric in others)
+    return section("other-costs", "Other efficiencies", *tables, folded=True)
+
+
+def _cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool) -> Table[CostRow] | None:
+    """Levels and parts of an efficiency (rows) by load (columns), the causes that cost most first."""
+    costs = load_costs(found, metric)
+    if not costs:
+        return None
+    order = {cause.effect: k for k, cause in enumerate(ranked_causes(found))}
+    parts = sorted(enumerate(costs[0].parts), key=lambda one: order.get(one[1].effect or "", len(order)))
+
+    def at(k: int) -> Column[CostRow]:
+        return Column(load_words(costs[k].load, "ohm"), lambda row: row.values[k], decimals=1)
+
+    rows = [
+        CostRow(baseline_words(found), "%", [one.as_given for one in costs]),
+        *(
+            CostRow(part.effect or part.kind.replace("_", " "), "points", [one.parts[k].value for one in costs])
+            for k, part in parts
+        ),
+        CostRow(word_of(found), "%", [one.measured for one in costs]),
+    ]
+    columns: list[Column[CostRow]] = [Column("part", lambda row: row.name), Column("unit", lambda row: row.unit)]
+    columns += [at(k) for k in range(len(costs))]
+    caption = f"{metric} by load, and what each part changes of it."
+    return Table(f"costs-{costs[0].metric.replace('_', '-')}", caption, columns, rows, brief=brief)
+
+
+# ---------------------------------------------------------------------------------------------------------- the evidence
+def _where(found: ModelDiagnosis, word: str) -> Section:
+    minus = f"{upper(word)} minus {baseline_words(found)}"
+    return section(
+        "where", "Where the gap lies",
+        picture(
+            figures.gap_map(found), "map",
+            f"{minus}, as a mean over each phase of each log, in standard uncertainties; coloured beyond {STANDS_OUT:g}.",
+            "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in the table.",
+        ),
+        _places(found.places),
+        picture(
+            figures.stage_map(found), "stage-map",
+            f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, in standard uncertainties.",
+            "Matrix of numbers by stage and phase (rows) and load (columns).",
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+LISTED = 12
+"""Places of a map that are listed."""
+
+
+def _places(places: Sequence[Place]) -> Table[Place] | None:
+    """The places with the largest gap."""
+
+    def bias(place: Place) -> Cell:
+        factor = CHANNELS[place.channel].factor
+        return Measured(place.bias * factor, abs(place.bias / place.z) * factor if place.z else None)
+
+    ranked = sorted(places, key=lambda place: -abs(place.z) if math.isfinite(place.z) else 0.0)
+    return table(
+        "places", "The places with the largest gap, the zero of the log's sensor taken off.",
+        [
+            Column("channel", lambda place: NAMES[place.channel]),
+            Column("phase", lambda place: phase_words(place.phase)),
+            Column("load", lambda place: load_words(place.load, "ohm")),
+            Column("bias", bias, own_digits=True),
+            Column("unit", lambda place: CHANNELS[place.channel].unit),
+            Column("z", lambda place: place.z, "", 1, signed=True),
+        ],
+        ranked[:LISTED],
+        brief=False,
+    )  # fmt: skip
+
+
+def _misfit(of: str) -> Column[tuple[str, Shrunk]]:
+    """Column of a root mean square of a channel, in the unit in which the channel is shown, two digits."""
+
+    def cell(row: tuple[str, Shrunk]) -> Cell:
+        size = getattr(row[1], of) * CHANNELS[row[0]].factor
+        return Measured(size, size)
+
+    return Column(of, cell, own_digits=True)
+
+
+def _how_far(found: ModelDiagnosis, both: Sides, word: str) -> Section:
+    log = most_telling(found)
+    run = found.data.logs[log].run
+    shrunk = () if found.closure is None else found.closure.channels.items()
+    return section(
+        "how-far", "How far the gap closes",
+        table(
+            "closure", f"Misfit of means over blocks {words.judged_words(found)}: root mean squares.",
+            [
+                Column("channel", lambda row: NAMES[row[0]]),
+                *map(_misfit, ("before", "after", "noise")),
+                Column("unit", lambda row: CHANNELS[row[0]].unit),
+                Column("result", lambda row: "worse" if row[1].worse else ""),
+            ],
+            shrunk,
+            brief=False,
+        ),
+        _alone(found, word),
+        picture(
+            figures.error_figure(found, both, word), "errors",
+            "Errors in the payouts of all logs; a mark is a block (the paper's Fig. 18b).",
+            "Clouds of marks before and after about zero.",
+        ),
+        picture(
+            figures.error_history(found, both, log, word), "history",
+            f"{run.name} ({load_words(run.load, 'ohm')}): {word} minus simulated, block by block.",
+            "Lines over time for every channel.",
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+def _alone(found: ModelDiagnosis, word: str) -> Picture | None:
+    """Errors of the current with the only suspect, all else as in the rig file; None where several are suspected."""
+    both = sides_of_one(found)
+    if both is None:
+        return None
+    (effect,) = found.suspects
+    return picture(
+        figures.error_figure(found, both, word, after=f"with {effect} alone", channels=["idc"]), "one-effect",
+        f"Errors of the current over the current in the payouts of all logs, before and after {effect} alone (the paper's "
+        "Fig. 18b); a mark is a block.",
+        "Clouds of marks before and after about zero.",
+    )  # fmt: skip
+
+
+def _cycle(found: ModelDiagnosis, word: str) -> Picture | None:
+    """The cycle with the largest gap over time; None where no run has a payout."""
+    item = largest_gap(found)
+    if item is None:
+        return None
+    run, history = found.data.logs[item.log].run, figures.cycle_history(found, item, word)
+    return picture(
+        history_figure(history), "histories",
+        f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest gap, over the time since its "
+        f"onset; the zeros of the sensors are taken off the {word}. Shaded: payout.",
+        "Line plots of every channel over time; the values are in the log.",
+        history_json(history),
+    )  # fmt: skip
+
+
+def _speed(found: ModelDiagnosis, both: Sides, word: str) -> Section:
+    return section(
+        "speed", "Current, torque and power over speed",
+        picture(
+            figures.over_speed_figure(found, both, word), "speed",
+            "Payouts at a light, a middle and a heavy load (the paper's Figs 18a, 18c, 18d); means in bins of 250 rpm.",
+            "Lines of the logs and marks of the simulations over generator speed.",
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+def _considered(found: ModelDiagnosis) -> Section:
+    files = files_of(found)
+    pulls = sorted(zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True), key=lambda pair: -abs(pair[1]))
+    moved: list[tuple[Nuisance, float]] = [pair for pair in pulls if abs(pair[1]) > 1.0]
+    return section(
+        "considered", "What else was considered",
+        Note(words.not_needed_words(found), brief=False) if found.causes else None,
+        minor_table(found),
+        table(
+            "thresholds",
+            "From which size each effect alone would have been named in nine of ten such campaigns; -: no plausible size.",
+            [
+                Column[Threshold]("effect", lambda one: one.effect),
+                Column("stage", lambda one: found.suspects[one.effect].stage),
+                Column("what it is", lambda one: found.suspects[one.effect].summary),
+                Column("named from", lambda one: _named_from(one, _display(found, one)), own_digits=True),
+                Column("unit", lambda one: _display(found, one).unit),
+            ],
+            found.thresholds,
+            brief=False,
+        ),
+        table(
+            "nuisances", "What the fit moved most within its tolerance, in standard uncertainties.",
+            [
+                Column("number", lambda pair: nuisance_words(pair[0], files)),
+                Column("moved", lambda pair: pair[1], "", 1, signed=True),
+            ],
+            moved[:LISTED],
+            brief=False,
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+def _named_from(one: Threshold, how: Display) -> Cell:
+    """Number from which an effect would have been named, as exact as two digits of its change."""
+    return None if one.value is None else Measured(one.value * how.factor, abs(one.value - one.absent) * how.factor)
+
+
+def _display(found: ModelDiagnosis, one: Threshold) -> Display:
+    """How the number of a threshold is shown."""
+    return display_of(one.effect, found.suspects[one.effect].parameter, one.unit)
+
+
+def _provenance(found: ModelDiagnosis, command: str) -> Section:
+    rows: list[tuple[str, Cell]] = [
+        *((run.name, f"{load_words(run.load, 'ohm')}, {run.sha256 or 'no file'}") for run in found.runs),
+        ("Fits", f"{len(found.sets)} sets of effects; {len(found.data.nuisances)} nuisances beside each"),
+    ]
+    return made_from(found, rows, command)

@@ -1,0 +1,239 @@
+"""Parts of the report of a diagnosis that one with a model and one without have in common: causes, residual, numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from winchcascade.core.store import fingerprint
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, NamedCause, Reported
+from winchcascade.diagnosis.load_costs import cost_of, ranked_causes, worst_costs
+from winchcascade.report.content import (
+    Cell,
+    Column,
+    Measured,
+    Note,
+    Section,
+    Span,
+    Table,
+    Tile,
+    number_text,
+    picture,
+    section,
+    table,
+)
+from winchcascade.report.diagnosis_names import (
+    COVERAGE,
+    NAMES,
+    alarm_place,
+    display_of,
+    files_of,
+    origins_of,
+    phase_words,
+    probability_words,
+    range_words,
+    share_words,
+    shown_as,
+)
+from winchcascade.report.figures.cause_figures import numbers_figure, profile_figure, stability_figure
+from winchcascade.report.glossary import upper
+from winchcascade.report.results import diagnosis_words as words
+from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.wording import load_words
+from winchcascade.rig.effects.effect import Display
+
+
+def note_of(text: str, about: str = "") -> Note | None:
+    """A sentence as a block; None for none."""
+    return Note(text, about) if text else None
+
+
+# ------------------------------------------------------------------------------------------------------------ the causes
+class CauseRow(NamedTuple):
+    """One number of a cause and how it is shown; what concerns the cause itself stands in its `first` row alone."""
+
+    cause: NamedCause
+    how: Display
+    value: Reported
+    first: bool
+
+
+def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
+    """A line for each cause: number, interval, probability, cost, closure without it, look-alikes, and what to do."""
+    costs, model = worst_costs(found), isinstance(found, ModelDiagnosis)
+    rows = [
+        CauseRow(cause, shown_as(found, cause, name), value, first=k == 0)
+        for cause in ranked_causes(found)
+        for k, (name, value) in enumerate(cause.parameters.items())
+    ]
+
+    def closed_without(row: CauseRow) -> str:
+        return share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""
+
+    place = "" if costs is None else f"Cost: change of {costs.metric} at {load_words(costs.load, 'ohm')}. "
+    without = "Without: share of the gap that is closed without the cause. " if model else ""
+    free = "Sensors and entries cost no energy: they change what is read or stated." if model else ""
+    return table(
+        "causes", "Effects that are needed; 95 % intervals include the uncertainty of the rig file.",
+        [
+            Column("effect", lambda row: row.cause.effect if row.first else ""),
+            Column("what changes", lambda row: row.how.what, brief=False),
+            *number_columns(),
+            Column("range", lambda row: range_words(row.value)),
+            Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
+            Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
+            Column("without", closed_without),
+            Column("look-alikes", lambda row: ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""),
+            Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
+        ],
+        rows,
+        note=f"{place}{without}Probability: posterior within the catalogue. {free}".rstrip(),
+    )  # fmt: skip
+
+
+class EffectNumber(NamedTuple):
+    """A number of an effect beside those of the causes, how it is shown, and what it is."""
+
+    effect: str
+    how: Display
+    value: Reported
+    role: str
+
+
+def number_columns() -> list[Column[Any]]:
+    """Number and interval of an effect in the unit in which it is shown, with the digits that the interval allows."""
+
+    def u(row: CauseRow | EffectNumber) -> float:
+        return (row.value.high - row.value.low) / COVERAGE * row.how.factor
+
+    def number(row: CauseRow | EffectNumber) -> Cell:
+        return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)
+
+    def interval(row: CauseRow | EffectNumber) -> Cell:
+        return Span(row.value.low * row.how.factor, row.value.high * row.how.factor, u(row))
+
+    return [
+        Column("found", number, own_digits=True),
+        Column("unit", lambda row: row.how.unit),
+        Column("95 %", interval, own_digits=True),
+    ]
+
+
+# ------------------------------------------------------------------------------------------------------ the first screen
+def verdict_tile(found: DiagnosisResult) -> Tile:
+    """The verdict and how many causes are named."""
+    count = len(found.causes)
+    named = f"{count} cause{'s' * (count > 1)} named" if count else "no cause named"
+    return Tile("Verdict", "", words.VERDICTS[found.verdict], named)
+
+
+def step_tile(found: DiagnosisResult) -> list[Tile]:
+    """What to do about the first cause; none without one."""
+    for cause in ranked_causes(found)[:1]:
+        action, alike = words.action_of(found, cause), ", ".join(one.effect for one in cause.look_alikes)
+        beside = f"look-alike: {alike}" if alike else action.stated
+        return [Tile("Next step", cause.effect, upper(action.what.replace("`", "")), beside)]
+    return []
+
+
+def first_points(found: DiagnosisResult) -> list[Note | None]:
+    """The verdict, the place, every finding and trend, and where the data come from."""
+    good = found.verdict in ("no_gap", "explained")
+    return [
+        Note(words.verdict_words(found), "Verdict", "good" if good else "warn"),
+        Note(words.where_words(found, ranked_causes(found)), "Where"),
+        *(Note(text, "Finding", "warn") for text in words.finding_words(found)),
+        *(Note(text, "Trend", "warn") for text in words.trend_sentences(found)),
+        Note(words.certainty_words(found), "Certainty"),
+        data_note(origins_of(found)),
+    ]
+
+
+# ---------------------------------------------------------------------------------------------------------- the evidence
+def residual(found: DiagnosisResult) -> Section:
+    """Every sign of something that the causes leave, and what its kind means."""
+    files, alarms = files_of(found), () if found.remainder is None else found.remainder.alarms
+
+    def number(size: float, u: float) -> Cell:
+        return Measured(size, u) if u else None
+
+    return section(
+        "residual", "Residual",
+        table(
+            "alarms", "Signs of something that the named causes do not explain.",
+            [
+                Column[Alarm]("where", lambda alarm: alarm_place(alarm, files)),
+                Column("kind", lambda alarm: alarm.kind),
+                Column("size", lambda alarm: number(alarm.size, 0.1 * alarm.size if alarm.limit else 0.0), own_digits=True),
+                Column("limit", lambda alarm: number(alarm.limit, alarm.limit), own_digits=True),
+            ],
+            alarms,
+        ),
+        *(Note(upper(text), upper(kind), brief=False) for kind, text in words.kind_words(alarms).items()),
+    )  # fmt: skip
+
+
+def numbers(found: DiagnosisResult) -> Section:
+    """Numbers of the causes beside what is known of them, jointly and run by run."""
+    model, item = (found, "run") if isinstance(found, ModelDiagnosis) else (None, "cycle")
+    return section(
+        "numbers", "Numbers of the causes",
+        Note(words.stability_words(found), brief=False) if found.causes else None,
+        picture(
+            numbers_figure(model) if model else None, "numbers",
+            "Each number beside the rig file's value, its uncertainty, and what is plausible.",
+            "Points with bars on one axis for each number; the values are in the table of causes.",
+        ),
+        picture(
+            profile_figure(model) if model else None, "rolloff",
+            "Back-EMF constant over the stator current (the paper's Fig. 18e).",
+            "A falling curve with a band; its value at 10 A is in the table of causes.",
+        ),
+        picture(
+            stability_figure(found), "stability",
+            f"Number of each cause from every {item} alone, 95 %; band: the joint number.",
+            f"Points with error bars for every {item}, and a band; the values are in the JSON.",
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
+    """Effects that are significant but too small to matter, and hints, each with its number and what it changes most."""
+    rows = []
+    for one in found.minor:
+        (name, value), largest = next(iter(one.parameters.items())), one.largest
+        changed = largest.name if largest.phase is None else f"{NAMES[largest.name]}, {phase_words(largest.phase)}"
+        kind = "significant" if math.isnan(one.hint) else "hint"
+        role = f"{kind}: changes {changed} by {number_text(100.0 * largest.change, 2, signed=True)} %"
+        rows.append(EffectNumber(one.effect, display_of(one.effect, name, value.unit), value, role))
+    caption = "Effects that are significant but too small to matter; a hint has less evidence than a cause needs."
+    return effects_table("minor", caption, rows)
+
+
+def effects_table(name: str, caption: str, rows: Sequence[EffectNumber]) -> Table[EffectNumber] | None:
+    """Numbers of some effects beside those of the causes."""
+    columns: list[Column[EffectNumber]] = [
+        Column("effect", lambda row: row.effect),
+        *number_columns(),
+        Column("what it is", lambda row: row.role),
+    ]
+    return table(name, caption, columns, rows)
+
+
+def made_from(found: DiagnosisResult, rows: Sequence[tuple[str, Cell]], command: str) -> Section:
+    """Where every number comes from: campaign, logs and what they are judged on, rig, seed."""
+    rig = found.rig
+    common: list[tuple[str, Cell]] = [
+        ("Campaign", found.title),
+        *rows,
+        ("Judged", words.judged_words(found)),
+        ("Causes chosen on", words.chosen_words(found)),
+        ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
+        ("Source of the rig's numbers", rig.source),
+        ("SHA-256 of the rig file", fingerprint(rig.path)),
+        ("Seed of the resampled cycles", str(found.seed)),
+    ]
+    return provenance(common, command)

@@ -1,0 +1,225 @@
+"""Sentences of a diagnosis that its JSON has: where the gap lies, wrong entries, trends, planned runs; as plain texts."""
+
+from __future__ import annotations
+
+import math
+
+from winchcascade.core.quantity import Unit, find_unit
+from winchcascade.diagnosis.causes import BACK, COVERED, HOLD, RAMP
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import (
+    Arises,
+    DiagnosisResult,
+    Experiment,
+    NamedCause,
+    Place,
+    Reported,
+    Spot,
+    StagePlace,
+    Trend,
+    Where,
+)
+from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.line.line_causes import STEP, SWING
+from winchcascade.diagnosis.line.line_data import POWER
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.report.diagnosis_names import (
+    NAMES,
+    at_words,
+    has_own_simulation,
+    items_of,
+    number_words,
+    phase_words,
+    runs_with_number,
+    shown_as,
+    spot_words,
+    word_of,
+)
+from winchcascade.report.glossary import CHANNELS, SENSORS
+from winchcascade.report.wording import load_words
+from winchcascade.rig.effects.effect import WrongEntry
+
+
+def closure_kind(found: DiagnosisResult) -> str:
+    """Whether the data on which the causes are judged took part in their choice: `held_out` if not."""
+    if isinstance(found, LineDiagnosis):
+        return "held_out" if any(part.withheld for part in found.lines.parts) else "leave_one_out"
+    return "held_out" if isinstance(found, ModelDiagnosis) and found.data.withheld else "leave_one_load_out"
+
+
+def place_sentence(found: DiagnosisResult) -> str:
+    """Where the gap lies from end to end, and in which stage it arises, as the JSON has it; empty without a gap."""
+    if found.where is None:
+        return ""
+    own, explained = has_own_simulation(found), found.verdict == "explained"
+    lies = where_sentence(found.where, word_of(found), own_simulation=own, explained=explained)
+    return f"{lies} {arises_sentence(found.where.arises)}".rstrip()
+
+
+def where_sentence(
+    where: Where, word: str = "measured", *, own_simulation: bool = False, explained: bool = True
+) -> str:
+    """Where a gap lies: in which direction, at what currents and speeds, by how much.
+
+    Parameters
+    ----------
+    word : what the power of a winch without a model is called
+    own_simulation : the logs are compared with a simulation of the owner
+    explained : the causes explain the gap, so that a wrong entry among them may be called its origin
+    """
+    worst = where.worst
+    if worst.channel == POWER:
+        return (
+            f"{where.stage}: in {phase_words(worst.phase)} the {word} power of the winch lies {abs(worst.bias) / 1e3:.2g} kW "
+            f"{'above' if worst.bias > 0.0 else 'below'} line tension times speed on average (z = {worst.z:+.0f}), "
+            f"{worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
+        )
+    region = ""
+    if worst.phase == "payout" and math.isfinite(where.rpm[0]):
+        region = f" between {where.rpm[0]:.0f} and {where.rpm[1]:.0f} rpm"
+        if where.i_dc[1] > 0.5:
+            region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
+    entry = "comes from a wrong entry" if explained else "is most like that of a wrong entry"
+    place = {"sensor": "lies in a sensor", "entry": entry}.get(where.stage, f"lies in the {where.stage} stage")
+    gap = "The gap between your simulation and the logs" if own_simulation else "The gap"
+    return f"{gap} {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
+
+
+def arises_sentence(own: Arises | None) -> str:
+    """In which stage a gap arises when each stage has its logged inputs."""
+    if own is None:
+        return ""
+    inputs = "With logged inputs to each stage,"
+    if own.worst is None:
+        return f"{inputs} no stage deviates by more than {STANDS_OUT:g} standard uncertainties."
+    stages = " and ".join([", ".join(own.off[:-1]), own.off[-1]] if len(own.off) > 1 else own.off)
+    if own.sensor is not None:
+        return (
+            f"{inputs} the {stages} stages deviate as they would with a gain error of about {100.0 * own.gain:+.1g} % in the "
+            f"{SENSORS[own.sensor]} alone."
+        )
+    which = (
+        f"the {stages} stages deviate, the {own.off[0]} most"
+        if len(own.off) > 1
+        else f"only the {stages} stage deviates"
+    )
+    size = size_text(own.worst.channel, own.worst.bias)
+    return f"{inputs} {which}: {_deviates(own.worst, own.worst.bias)}by {size} in the mean."
+
+
+def _deviates(worst: Place | StagePlace, bias: float, region: str = "") -> str:
+    """In which direction a channel deviates, by the sign of measured minus simulated, and at which load it does so most."""
+    return (
+        f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during {phase_words(worst.phase)}{region}, "
+        f"most clearly{at_words(worst.load)}, "
+    )
+
+
+def size_text(channel: str, size: float) -> str:
+    """The magnitude of a difference with its unit, from SI units.
+
+    >>> size_text("pressure", -98066.5), size_text("torque", 12.345)
+    ('1 kg/cm2', '12.3 N m')
+    """
+    term = CHANNELS[channel]
+    return f"{abs(size) * term.factor:.3g} {term.unit.replace('.', ' ')}"
+
+
+def stated_text(entry: WrongEntry) -> str:
+    """The stated number of a wrong entry in the unit of the rig file, or of a load; empty for the scale of the motion."""
+    if entry.log >= 0:
+        return f"{entry.stated:#.3g} ohm"
+    scale = find_unit(entry.unit) or Unit("number", 1.0)
+    unit = "" if entry.unit in ("", "1") else f" {entry.unit}"
+    return f"{entry.stated / scale.factor:#.3g}{unit}" if entry.number else ""
+
+
+def entry_sentence(cause: NamedCause, entry: WrongEntry, *, explained: bool = True) -> str:
+    """What is stated and what the logs fit, in the unit of the rig file; loads in ohm. As the JSON has it.
+
+    Unless the gap is `explained`, the entry is not claimed to be wrong.
+
+    >>> from winchcascade.diagnosis.diagnosis_result import NamedCause, Reported
+    >>> from winchcascade.rig.effects.effect import WrongEntry
+    >>> radius = NamedCause("drum_radius", "entry", 0.99, {"r_drum": Reported(0.1378, 0.137, 0.138, "m")}, (), 1.0)
+    >>> entry_sentence(radius, WrongEntry("winch.r_drum", stated=0.13, unit="m"))
+    'The rig file states r_drum = 0.130 m; the logs fit 0.138 m. Check this entry before other causes.'
+    """
+    value, stated = next(iter(cause.parameters.values())).value, stated_text(entry)
+    advice = "Check this entry before other causes."
+    if entry.log >= 0:
+        text = f"The campaign states {stated} for {entry.source}; the log fits {value:#.3g} ohm."
+    elif not entry.number:
+        text = f"The logged line motion is {value:#.4g} times the motion that the other channels fit."
+        advice = "Check the scale of the logged velocity and displacement before other causes."
+    else:
+        ratio = value / entry.stated if entry.as_number else value
+        scale = find_unit(entry.unit) or Unit("number", 1.0)
+        unit = "" if entry.unit in ("", "1") else f" {entry.unit}"
+        times = "" if entry.as_number else f", {ratio:#.3g} times as much"
+        fits = f"{entry.stated / scale.factor * ratio:#.3g}{unit}{times}"
+        text = f"The rig file states {entry.number.rpartition('.')[2]} = {stated}; the logs fit {fits}."
+    if not explained:
+        advice = "The residual exceeds noise: the entry may only imitate an effect that the catalogue lacks."
+    return f"{text} {advice}"
+
+
+_ALONG = {"order": "The order of the runs", "load": "Their loads"}
+"""What a number may change along, as a sentence calls it."""
+
+
+def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> str:
+    """What differs between the numbers of a cause from single runs, as the JSON has it."""
+    how, item = shown_as(found, cause), "cycle" if isinstance(found, LineDiagnosis) else "run"
+    name = f"{found.suspects[cause.effect].label} ({cause.effect}): {how.what}"
+    if trend.along == "scatter":
+        change = float(f"{trend.change * how.factor:.2g}")
+        size = f"{change:g} {how.unit}".rstrip()
+        return f"{name} differs from {item} to {item} by up to {size}, more than its intervals allow."
+    half = COVERED * trend.u
+    reported = Reported(trend.change, trend.change - half, trend.change + half, "")
+    value, interval = number_words(how, reported)
+    sign = "+" if trend.change > 0.0 and not how.signed else ""
+    numbers = runs_with_number(cause)
+    if trend.along == "order":
+        names = items_of(found)
+        ends = f"from {names[numbers[0]]} to {names[numbers[-1]]}, in the order of the {item}s"
+    else:
+        loads = sorted((found.runs[k].load or math.inf for k in numbers), reverse=True)
+        ends = f"from {load_words(loads[0], 'ohm')} to {load_words(loads[-1], 'ohm')}"
+    instead = "" if trend.instead is None else f" {_ALONG[trend.instead]} would explain it as well."
+    return f"{name} changes by {sign}{value} (95 %: {interval}) {ends}, more than its intervals allow.{instead}"
+
+
+def differs_text(spot: Spot | None) -> str:
+    """Where a cause and its alternative differ most, as the JSON has it.
+
+    >>> differs_text(Spot("idc", "payout", 4.5, z=458.52)), differs_text(Spot("power_mech", "hold", bias=12.3))
+    ('idc during payout at 4.5 ohm, where they differ by 458.5 sigma', 'power_mech during hold, by 12 W rms')
+    """
+    if spot is None:
+        return "nothing that these logs measure"
+    if spot.load is None:
+        return f"{spot_words(spot, {})}, by {spot.bias:.0f} W rms"
+    return f"{spot_words(spot, {})} at {load_words(spot.load, 'ohm')}, where they differ by {spot.z:.1f} sigma"
+
+
+def profile_words(plan: Experiment) -> str:
+    """The motion of a planned run.
+
+    >>> from winchcascade.diagnosis.diagnosis_result import Experiment
+    >>> profile_words(Experiment("force_steps", 1.0, ("a", "b"), 3.0, force=2000.0))
+    'reel-out at a constant 1.0 m/s, the line tension in steps from 1.0 kN to 3.0 kN, 10 s each'
+    """
+    v, force = plan.speed, f"{plan.force / 1e3:.1f} kN"
+    return {
+        "cycle": f"one cycle: {RAMP:g} s ramp to {v:.2f} m/s, {plan.length:.1f} m of payout, {HOLD:g} s hold, haul-in at "
+        f"{BACK * v:.2f} m/s",
+        "speed_steps": f"reel-out at a constant line tension of {force}, in steps to a quarter, half, three quarters and all "
+        f"of {v:.1f} m/s, {STEP:g} s each",
+        "force_steps": f"reel-out at a constant {v:.1f} m/s, the line tension in steps from {0.5 * plan.force / 1e3:.1f} kN to "
+        f"{1.5 * plan.force / 1e3:.1f} kN, {STEP:g} s each",
+        "out_and_back": f"reel-out and haul-in by turns at {v:.1f} m/s and a constant line tension of {force}, {STEP:g} s each",
+        "swing": f"reel-out at a constant line tension of {force}, the speed swinging between {0.5 * v:.1f} and {v:.1f} m/s "
+        f"every {SWING:g} s, for {4.0 * STEP:g} s",
+    }[plan.motion]

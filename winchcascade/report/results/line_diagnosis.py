@@ -1,0 +1,212 @@
+"""What the diagnosis of a winch without a model states: causes in units of the line, energies, sets that were tried."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from winchcascade.core.campaign_file import banner
+from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.report.content import (
+    Cell,
+    Column,
+    Measured,
+    Note,
+    Report,
+    Section,
+    Table,
+    picture,
+    section,
+    table,
+)
+from winchcascade.report.diagnosis_names import (
+    LINE_NUMBERS,
+    origins_of,
+    phase_words,
+    probability_words,
+    set_words,
+    word_of,
+)
+from winchcascade.report.figures import line_figures as figures
+from winchcascade.report.figures.style import house_style
+from winchcascade.report.glossary import upper
+from winchcascade.report.results import diagnosis_words as words
+from winchcascade.report.results.diagnosis_parts import (
+    EffectNumber,
+    causes_table,
+    effects_table,
+    first_points,
+    made_from,
+    minor_table,
+    note_of,
+    numbers,
+    residual,
+    step_tile,
+    verdict_tile,
+)
+
+KILO = figures.KILO
+
+LISTED = 12
+"""Sets of suspects that are listed; all are in the JSON."""
+
+
+@house_style()
+def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
+    """Report of a winch of which line tension, speed and shaft power are known."""
+    word, parts = word_of(found), found.lines.parts
+    cycles = sum(len(set(part.cycle.tolist())) for part in parts)
+    rows: list[tuple[str, Cell]] = [
+        *((p.run.name, f"cycles {p.cycle.min()} to {p.cycle.max()}, {p.run.sha256 or 'no file'}") for p in parts),
+        ("Acceleration", f"slope of a local quadratic over {found.lines.span:g} s"),
+    ]
+    return Report(
+        kind="Diagnosis of a campaign",
+        title=f"{found.title}: {words.VERDICTS[found.verdict].lower()}",
+        subtitle=f"{cycles} cycles · rig {found.rig.name}: line tension, speed and winch power, no model",
+        tiles=[verdict_tile(found), *step_tile(found)],
+        points=first_points(found),
+        sections=[
+            section("causes", "Causes", causes_table(found), _others_table(found), minor_table(found)),
+            section("energies", "Energies by phase", _energies_table(found)),
+            section("next", "Next run", note_of(words.experiment_words(found))),
+            residual(found),
+            _where(found, word),
+            _how_far(found, word),
+            numbers(found),
+            _tried(found),
+            made_from(found, rows, command),
+        ],
+        banner=banner(origins_of(found)),
+    )
+
+
+def _others_table(found: LineDiagnosis) -> Table[EffectNumber] | None:
+    """Numbers of the effects that were fitted and are not named, and of the causes from the withheld cycles alone."""
+    rows = [
+        EffectNumber(
+            one.effect,
+            LINE_NUMBERS[one.effect],
+            next(iter(one.parameters.values())),
+            "in the fit, not named" if one.chosen else "not needed, but not ruled out",
+        )
+        for one in found.fitted_effects
+        if not one.named
+    ]
+    for cause in found.causes:
+        if cause.effect in found.again:
+            alone, fitted = found.again[cause.effect], next(iter(cause.parameters.values()))
+            agrees = "deviates" if alone.low > fitted.high or alone.high < fitted.low else "agrees"
+            role = f"from the withheld cycles alone; {agrees}"
+            rows.append(EffectNumber(cause.effect, LINE_NUMBERS[cause.effect], alone, role))
+    return effects_table("others", "Numbers beside those of the causes.", rows)
+
+
+# -------------------------------------------------------------------------------------------------------------- energies
+class PhaseEnergy(NamedTuple):
+    """Energy of all judged cycles in a phase [J], and by which share predictions deviate from it, and in the worst cycle."""
+
+    phase: str
+    measured: float
+    before: float
+    after: float
+    worst: float
+
+
+def _energies_table(found: LineDiagnosis) -> Table[PhaseEnergy] | None:
+    """Energies of the judged cycles by phase: measured, and how far predictions deviate."""
+    rows = []
+    for phase in ("payout", "haul_in"):
+        own = [one for one in found.energies if one.phase == phase and one.measured]
+        if measured := sum(one.measured for one in own):
+            before, after = (sum(getattr(one, of) for one in own) / measured - 1.0 for of in ("before", "after"))
+            worst = max((one.after / one.measured - 1.0 for one in own), key=abs)
+            rows.append(PhaseEnergy(phase, measured, before, after, worst))
+    return table(
+        "energies", "Energy of the winch, and by how much predictions deviate from it.",
+        [
+            Column[PhaseEnergy]("phase", lambda row: phase_words(row.phase)),
+            Column("energy", lambda row: row.measured * KILO, "kJ", 0),
+            Column("before", lambda row: 100.0 * row.before, "%", 1, signed=True),
+            Column("after", lambda row: 100.0 * row.after, "%", 1, signed=True),
+            Column("worst cycle", lambda row: 100.0 * row.worst, "%", 1, signed=True),
+        ],
+        rows,
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------------------------------- the evidence
+def _where(found: LineDiagnosis, word: str) -> Section:
+    def bias(place: Place) -> Cell:
+        return Measured(place.bias * KILO, abs(place.bias / place.z) * KILO if place.z else None)
+
+    return section(
+        "where", "Where the gap lies",
+        picture(
+            figures.power_history(found, word), "history", f"Power of the winch: {word} and predicted; below, the residual.",
+            "Lines over time; root mean squares are in the table.",
+        ),
+        table(
+            "places", f"{upper(word)} power of the winch minus line tension times speed, phase by phase.",
+            [
+                Column("phase", lambda place: phase_words(place.phase)),
+                Column("bias", bias, "kW"),
+                Column("rms", lambda place: place.rms * KILO, "kW", 2),
+                Column("z", lambda place: place.z, "", 1, signed=True),
+                Column("share of the squares", lambda place: 100.0 * place.share, "%", 1),
+            ],
+            found.places,
+            brief=False,
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+def _how_far(found: LineDiagnosis, word: str) -> Section:
+    energies = [one for one in found.energies if one.phase != "hold"] if found.closure is not None else []
+
+    def energy(name: str) -> Column[CycleEnergy]:
+        return Column(name, lambda one: Measured(getattr(one, name) * KILO, one.u * KILO), "kJ")
+
+    return section(
+        "how-far", "How far the gap closes",
+        picture(
+            figures.power_scatter(found, word), "scatter",
+            f"{upper(word)} over predicted power at samples of the judged cycles.",
+            "Clouds of marks about a diagonal, wide before and narrow after.",
+        ),
+        table(
+            "cycle-energies", "Energy of the winch by cycle and phase, with the uncertainty of the prediction.",
+            [
+                Column[CycleEnergy]("run", lambda one: one.run),
+                Column("cycle", lambda one: one.cycle),
+                Column("phase", lambda one: phase_words(one.phase)),
+                *map(energy, ("measured", "before", "after", "u")),
+            ],
+            energies,
+            brief=False,
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+def _tried(found: LineDiagnosis) -> Section:
+    choice, chosen = found.choice, found.choice.evidence[found.chosen]
+    ranked = sorted(choice.errors, key=lambda names: -choice.evidence[names])
+    return section(
+        "tried", "What was tried",
+        Note(words.not_needed_words(found), brief=False) if found.causes else None,
+        table(
+            "sets", "Sets of suspects by their evidence.",
+            [
+                Column("set", set_words),
+                Column("error", lambda names: 100.0 * choice.error(names), "% of the gap", 2),
+                Column("evidence", lambda names: choice.evidence[names] - chosen, "nats", 1, signed=True),
+                Column("probability", lambda names: probability_words(choice.probability[names])),
+                Column("choice", lambda names: "chosen" if names == found.chosen else ""),
+            ],
+            ranked[:LISTED],
+            brief=False,
+        ),
+        folded=True,
+    )  # fmt: skip

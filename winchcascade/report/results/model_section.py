@@ -1,0 +1,227 @@
+"""The section of logs against their simulations, in the report of one log and in that of a campaign."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from winchcascade.diagnosis.compared_curves import samples_of
+from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
+from winchcascade.diagnosis.model_account import COMPARED, Account, ChannelDifference, Modelled
+from winchcascade.report.content import Block, Cell, Column, Note, Picture, Section, Table, picture, section, table
+from winchcascade.report.figures import model_figures as figures
+from winchcascade.report.figures.style import cut_apart
+from winchcascade.report.glossary import CHANNELS, upper
+from winchcascade.report.wording import load_words
+
+PANELS = {
+    "model-tether": ("pressure_kgcm2", "force_n", "power_gen_w"),
+    "model-generator": ("torque_nm", "vdc_v", "idc_a", "resistance_ohm"),
+    "model-losses": ("loss_w", "eta_gen"),
+}
+"""Curves of each figure."""
+
+MAX_NAMES = 3
+"""Logs of a campaign that a reason for not being simulated names."""
+
+
+class Named(NamedTuple):
+    """One log: its name, its load as a text (if that is unknown what the log is called), and what is kept of its comparison."""
+
+    name: str
+    load: str
+    account: Account
+
+
+def run_section(found: Modelled) -> Section:
+    """Lay one log beside its simulation; where there is none, give the reason. Called within the style of the figures."""
+    account, comparison = found.account, found.comparison
+    if comparison is None:
+        return _section(account.word, [Note(upper(account.why), "Left out", brief=False)])
+    run = comparison.run
+    effects = (
+        f", with the effects that it states: {', '.join(comparison.rig.effects)}" if comparison.rig.effects else ""
+    )
+    one = Named(run.name, load_words(run.load), account)
+    return _section(account.word, _blocks([one], account.word, clouds=samples_of(comparison), effects=effects))
+
+
+def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
+    """Lay the logs of a campaign beside their simulations, all loads in a figure; None where nothing was tried.
+
+    Parameters
+    ----------
+    logs : in the order of their loads
+    word : what the logs are called
+    """
+    given, left_out = ([log for log in logs if bool(log.account.why) is without] for without in (False, True))
+    why = [Note(_reasons(left_out), "Left out", brief=False)] if left_out else []
+    return _section(word, [*why, *(_blocks(given, word) if given else [])]) if logs else None
+
+
+def _section(word: str, blocks: Sequence[Block | None]) -> Section:
+    heading = "Measured and simulated" if word == "measured" else "Log and simulation"
+    return section("model", heading, *blocks, folded=True)
+
+
+def _reasons(left_out: Sequence[Named]) -> str:
+    """Why logs are not simulated, each reason with its logs."""
+    found: dict[str, list[str]] = {}
+    for log in left_out:
+        found.setdefault(log.account.why.rstrip("."), []).append(log.name)
+    named = [
+        f"{', '.join(names[:MAX_NAMES])}{f' and {len(names) - MAX_NAMES} more' * (len(names) > MAX_NAMES)}: {why}"
+        for why, names in found.items()
+    ]
+    return f"{'; '.join(named)}."
+
+
+def _blocks(
+    given: Sequence[Named], word: str, *, clouds: figures.Clouds | None = None, effects: str = ""
+) -> list[Block | None]:
+    """All logs in each figure, an open circuit's own figures, and the tables.
+
+    Parameters
+    ----------
+    clouds : samples behind the curves of a single log
+    effects : what the rig file states beyond the numbers of the rig
+    """
+    accounts = [log.account for log in given]
+    changed = ", ".join(dict.fromkeys(account.changed for account in accounts if account.changed))
+    simulated = f" Simulated with {changed}." if changed else ""
+    drawn = figures.styled_by_load([log.load for log in given], [a.curves for a in accounts])
+    rated, gear = (
+        next((x for x in values if x is not None), None)
+        for values in ([a.rated for a in accounts], [a.gear for a in accounts])
+    )
+    lines = "Dots: samples; lines: their means" if clouds else "Lines: log"
+    words = f"{lines}; markers: simulated, means over the same samples.{simulated}"
+    opened = next((a for a in accounts if a.open_circuit), None)
+    return [
+        Note(_aim(accounts, effects), brief=False),
+        *(
+            picture(
+                figures.panels(drawn, names, word=word, rated=rated, clouds=clouds, gear=gear), name,
+                f"{shown_words(figures.given_names(drawn, names))} {words}",
+                "Lines of the log and markers of the simulation; the mean differences are in the table.",
+            )
+            for name, names in PANELS.items()
+        ),
+        *([] if opened is None else _open_circuit(opened, word)),
+        _differences_table(given),
+        *_budget([log for log in given if log.account.budget is not None], word, simulated),
+    ]  # fmt: skip
+
+
+def shown_words(names: Sequence[str]) -> str:
+    """What the panels of a figure show, in their order.
+
+    >>> shown_words(["vdc_v", "torque_nm"])
+    'Voltage of the DC link (a), torque of the PTO shaft (b) over generator speed.'
+    """
+    over = " over generator speed"
+    words = [figures.SHOWN[name].what for name in names]
+    shared = over if all(w.endswith(over) for w in words) else ""
+    letters = [f" ({letter})" if len(names) > 1 else "" for letter in "abcdefgh"[: len(names)]]
+    text = ", ".join(f"{w.removesuffix(shared)}{letter}" for w, letter in zip(words, letters, strict=True))
+    return f"{text[:1].upper()}{text[1:]}{shared}."
+
+
+def _aim(accounts: Sequence[Account], effects: str) -> str:
+    """What is compared: the rig, effects that its file states, and how many cycles."""
+    rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
+    some = any(a.cycles < a.total for a in accounts)
+    first = " Of long logs the first complete cycles are compared." if some else ""
+    return f"The logged motion of the line drives a model of {rigs} as in its rig file{effects}.{first}"
+
+
+def _open_circuit(account: Account, word: str) -> list[Picture | None]:
+    """The damper's sweep and the back-EMF's regression of an open circuit."""
+    sweep, fit = account.sweep, account.regression
+    return [
+        None if sweep is None else picture(
+            figures.damper_sweep(sweep, word=word, rated=account.rated), "model-damper",
+            "Line tension in open circuit: log, and simulations with multiples of the damper of the rig file, "
+            f"{sweep.nominal:.3g} N.m.s/rad.",
+            "Curves of the line tension over generator speed, one for each damper.",
+        ),
+        None if fit is None else picture(
+            figures.back_emf_figure(fit, word=word), "model-emf",
+            f"Voltage of the DC link in open circuit, and the back-EMF that it requires: {fit.slope:.5f} V/rpm, 95 % "
+            f"{fit.low:.5f} to {fit.high:.5f}, R2 = {fit.r2:.4f}; rig file: {fit.reference:.4f} V/rpm.",
+            "Dots of voltages over generator speed with a line through zero; its slope is in the caption.",
+        ),
+    ]  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------------------------------- the tables
+Difference = tuple[Named, str, ChannelDifference]
+"""A log, a channel, and its difference from the simulation."""
+
+
+def _differences_table(given: Sequence[Named]) -> Table[Difference] | None:
+    """Log minus simulation over the payouts, a row for each channel of each log."""
+    several: list[Column[Difference]] = [
+        Column("log", lambda row: row[0].name),
+        Column("load", lambda row: row[0].load),
+    ]
+    return table(
+        "differences", "Log - simulation over the payouts: mean (bias) and root mean square (rms).",
+        [
+            *(several if len(given) > 1 else []),
+            Column("channel", lambda row: CHANNELS[row[1]].label),
+            Column("unit", lambda row: CHANNELS[row[1]].unit),
+            Column("bias", lambda row: row[2].bias, signed=True, own_digits=True),
+            Column("rms", lambda row: row[2].rms, own_digits=True),
+        ],
+        [(log, name, one) for name in COMPARED for log in given if (one := log.account.differences.get(name)) is not None],
+        brief=False,
+    )  # fmt: skip
+
+
+ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "diodes", "dc")
+"""Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
+
+NOTHING = 5e-4
+"""A share of the energy of the line below this is not named. [1]"""
+
+FINE = 2000.0
+"""With less energy of the line than this a budget has a decimal. [J]"""
+
+
+def row_names(logs: Sequence[Named]) -> list[str]:
+    """What each log is called beside a bar: its load, and its name, cut, where others have the same load."""
+    count = Counter(log.load for log in logs)
+    names = cut_apart([log.name for log in logs])
+    return [f"{log.load}, {name}" if count[log.load] > 1 else log.load for log, name in zip(logs, names, strict=True)]
+
+
+def _budget(logs: Sequence[Named], word: str, simulated: str) -> list[Block | None]:
+    """Where the energy of the line goes in the simulation of each log: bars, and a row for each part."""
+    budgets = [log.account.budget for log in logs if log.account.budget is not None]
+    if not budgets:
+        return []
+    names = row_names(logs)
+    shown = [g for g in reversed(GROUPS) if g in ALWAYS or any(abs(b.shares[g]) >= NOTHING for b in budgets)]
+
+    def energy(budget: LossBudget, name: str) -> Column[str]:
+        return Column(name, lambda g: budget.groups[g], "J", 1 if budget.line < FINE else 0)
+
+    columns: list[Column[str]] = [Column("part", lambda g: GROUPS[g].name), *map(energy, budgets, names)]
+    line: list[Cell] = ["from the line", *(budget.line for budget in budgets)]
+    if len(budgets) == 1:
+        columns.append(Column("share of the line", lambda g: 100.0 * budgets[0].shares[g], "%", 2))
+        line.append(100.0 * sum(budgets[0].shares.values()))
+    columns.append(Column("what it is", lambda g: GROUPS[g].about))
+    return [
+        picture(
+            figures.budget_bars(names, budgets, word=word), "model-budget",
+            f"Simulated loss budget in the integration window; marks: what reaches shaft and DC link.{simulated}",
+            "Stacked bars of the parts; the energies are in the table.",
+        ),
+        Table(
+            "loss-budget", "Simulated loss budget in the window, means over the cycles.", columns, shown, [[*line, ""]],
+            brief=False,
+        ),
+    ]  # fmt: skip

@@ -1,0 +1,195 @@
+"""What the reduction of a log states: energies and efficiencies of its cycles, phases, uncertainty, findings."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from winchcascade.core.campaign_file import banner
+from winchcascade.core.store import fingerprint
+from winchcascade.reduction.montecarlo import Uncertainty
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
+from winchcascade.report.content import (
+    Measured,
+    Note,
+    Picture,
+    Report,
+    Section,
+    Span,
+    Tile,
+    number_text,
+    section,
+    shown,
+)
+from winchcascade.report.glossary import metric, upper
+from winchcascade.report.results.common import data_note, provenance, ratio_words
+from winchcascade.report.results.reduction_tables import (
+    bins_table,
+    budget_table,
+    cycles_table,
+    directions_table,
+    findings_table,
+    metric_decimals,
+    net_table,
+    phases_tables,
+    uncertainty_table,
+)
+from winchcascade.report.results.waves import wave_section, wave_tiles
+from winchcascade.report.wording import decisive, load_words, measured_load_words, net_reasons, not_known, window_words
+
+LISTED_REASONS = 3
+"""Reasons for missing net energies that are listed; the JSON holds that of each cycle."""
+
+OPEN_FINDINGS = 4
+"""Findings whose table is open on a page; of more the first screen names the kinds."""
+
+
+def reduction_report(
+    reduction: Reduction,
+    found: Uncertainty,
+    *,
+    waves: WaveEnergies | None = None,
+    drawn: Mapping[str, Picture | None] | None = None,
+    more: Mapping[str, Section] | None = None,
+    command: str = "",
+) -> Report:
+    """Report of a reduction.
+
+    Parameters
+    ----------
+    waves : energies of the waves, where cycles are waves; computed if not given
+    drawn : figures by their names, as `drawn_reduction` makes them; a terminal needs none
+    more : sections by their names: `histories`, `model`, and `loss-map`
+    """
+    run, rig, figure = reduction.run, reduction.rig, (drawn or {}).get
+    waves = waves or waves_of(reduction)
+    further = {name: [more[name]] if more and name in more else [] for name in ("histories", "loss-map", "model")}
+    parts = ", ".join(f"{name} {100.0 * share:.0f} % {sensor}" for name, share, sensor in decisive(found.budget))
+    unsure = upper("; ".join(not_known(found.budget)))
+    about = (
+        ("load unknown" if "vdc" in run.channels else "")
+        if run.load is None
+        else f"{load_words(run.load, 'ohm', before='load ')} ({run.load_source})",
+        measured_load_words(reduction.measured_load, "ohm"),
+        f"rig {rig.name}",
+        f"window {window_words(reduction.window)}",
+        run.about,
+    )
+    return Report(
+        kind="Reduction of a log",
+        title=run.name + ("" if run.table is None else f", table {run.table!r}"),
+        subtitle=" · ".join(filter(None, about)),
+        tiles=_tiles(reduction, found) if waves is None else wave_tiles(waves),
+        points=[
+            data_note([run.origin]),
+            *_outcome(reduction),
+            Note(f"Most of it: {parts}.", "Variance") if parts else None,
+            Note(f"{unsure}.", "Accuracy", "warn" if found.budget.unknown else "plain") if unsure else None,
+            Note(rig.note, "Rig note") if rig.note else None,
+        ],
+        sections=[
+            section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),
+            *([] if waves is None else [wave_section(waves, figure("wave-energies"))]),
+            section(
+                "results", "Energies and efficiencies",
+                figure("flow"), cycles_table(reduction, found), directions_table(reduction), folded=waves is not None,
+            ),
+            section(
+                "whole-cycles", "Whole cycles",
+                net_table(reduction, found), *_net_notes(reduction), folded=True,
+            ),
+            *further["histories"], *further["loss-map"],
+            section("phases", "Phases", *phases_tables(reduction), folded=True),
+            section("cycles", "Cycles beside each other", figure("overlaid"), figure("trend"), folded=True),
+            section("powers", "Power over time and generator speed", figure("streams"), bins_table(reduction), folded=True),
+            *further["model"],
+            section(
+                "uncertainty", "Uncertainty",
+                uncertainty_table(reduction, found), budget_table(reduction, found), folded=True,
+            ),
+            provenance(_sources(reduction, found), command),
+        ],
+        banner=banner([run.origin]),
+    )  # fmt: skip
+
+
+def waves_of(reduction: Reduction) -> WaveEnergies | None:
+    """Energies of waves where cycles are waves by the rig file."""
+    return wave_energies(reduction) if reduction.rig.phases.source == "waves" else None
+
+
+# ---------------------------------------------------------------------------------------------------- the first screen
+def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
+    """The efficiencies with their intervals, and energies where there are fewer than three."""
+    cascade, repeats = reduction.rig.cascade, reduction.rig.phases.repeats
+    etas = (*cascade.neighbours[:2], cascade.overall) if len(cascade.stages) > 2 else tuple(cascade.ratios)
+    given = [m for m in (*etas, *cascade.energies) if reduction.mean[m] is not None][:3]
+    return [
+        Tile(
+            m,
+            ratio_words(m, cascade.between(m)) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
+            f"{stated_text(reduction, found, m)} {metric(m).unit}".strip(),
+            _interval(found, m) if repeats else "all cycles together",
+        )
+        for m in given
+    ]
+
+
+def stated_text(reduction: Reduction, found: Uncertainty, name: str) -> str:
+    """Mean of a metric over the cycles as it is stated, or where these do not repeat, of all together."""
+    of = reduction.mean if reduction.rig.phases.repeats else reduction.total
+    return number_text(of[name], metric_decimals(reduction, found, name))
+
+
+def _interval(found: Uncertainty, name: str) -> str:
+    """The 95 % interval of a mean, or what is known of its uncertainty in its place."""
+    unit, interval, u = metric(name).unit, found.interval_95.get(name), found.standard[name]
+    if interval is not None and u:
+        return f"95 %: {shown(Span(interval.low, interval.high, u))} {unit}".strip()
+    scatter = found.budget.repeatability[name]
+    if not scatter:
+        return "uncertainty unknown"
+    return f"+- {shown(Measured(scatter, scatter))} {unit}".rstrip() + ", by repeatability alone"
+
+
+def _outcome(reduction: Reduction) -> list[Note]:
+    """How many cycles are complete, which are the best and the worst, what is wrong with the log, and what to do next."""
+    n, of = len(reduction.complete), len(reduction.cycles)
+    kinds = Counter(finding.kind.replace("_", " ") for finding in reduction.quality)
+    named = ", ".join(kind + (f" ({times})" if times > 1 else "") for kind, times in kinds.items())
+    bridged = f"; {100.0 * reduction.lost_share:.2g} % of the time bridged" if reduction.lost_share else ""
+    extremes = ""
+    if reduction.extremes is not None:
+        best, worst, name = reduction.extremes
+        extremes = f"; {name} is highest in cycle {best.cycle}, lowest in cycle {worst.cycle}"
+    correct = "Correct what the findings name in the log or in the rig file, and reduce it again."
+    compare = "`winchcascade diagnose` on the campaign finds why log and model differ."
+    return [
+        Note(f"{n} of {of} complete{extremes}.", "Cycles", "plain" if n == of else "warn", brief=n < of),
+        Note(f"{upper(named)}{bridged}.", "Findings", "warn") if kinds else Note("None.", "Findings", "good"),
+        Note(correct if kinds else compare, "Next", brief=False),
+    ]
+
+
+def _net_notes(reduction: Reduction) -> list[Note]:
+    """Why cycles have no net energies."""
+    reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.has_net else []
+    more = [f"{len(reasons) - LISTED_REASONS} more reasons"] if len(reasons) > LISTED_REASONS else []
+    return [Note(f"{reason}.", "No net energy") for reason in (*reasons[:LISTED_REASONS], *more)]
+
+
+def _sources(reduction: Reduction, found: Uncertainty) -> list[tuple[str, str | None]]:
+    """Where every number comes from, so that it can be made again."""
+    run, rig = reduction.run, reduction.rig
+    return [
+        ("Log", run.path or run.name),
+        ("SHA-256 of the log", run.sha256),
+        ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
+        ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
+        ("What the rig is", rig.title),
+        ("Source of the rig's numbers", rig.source),
+        ("SHA-256 of the rig file", fingerprint(rig.path)),
+        ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
+        ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
+    ]

@@ -1,0 +1,317 @@
+"""Tables of the reduction of a log: cycles, phases, bins of generator speed, uncertainty and findings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+
+from msgspec.structs import replace
+
+from winchcascade.core.quantity import si_unit
+from winchcascade.core.run import Finding
+from winchcascade.reduction.bins import STORES, Bin
+from winchcascade.reduction.montecarlo import Uncertainty
+from winchcascade.reduction.reduction_result import CycleResult, Reduction
+from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, budgeted, shares
+from winchcascade.report.content import (
+    Cell,
+    Column,
+    Measured,
+    Span,
+    Table,
+    common_places,
+    number_text,
+    shown,
+    table,
+)
+from winchcascade.report.glossary import metric, short
+from winchcascade.report.wording import clock_zero, label, of_phase, source_name, span_word
+
+LISTED_CYCLES = 14
+"""Cycles that a table lists, with which a page has room on four screens; of more the first and the last half of that."""
+
+LISTED_BINS = 80
+"""Bins of generator speed that a table lists, in the same way."""
+
+CYCLE: Column[CycleResult] = Column("cycle", label)
+
+
+# -------------------------------------------------------------------------------------------------------------- cycles
+def decimals_of(reduction: Reduction, names: Sequence[str]) -> int:
+    """Decimals of metrics of one kind whose uncertainty is unknown: three digits of the largest of all cycles, of large ones
+    four.
+    """
+    if names[0].startswith("eta"):
+        return 3
+    values = [c.metrics[name] for c in reduction.cycles for name in names]
+    largest = max((abs(x) for x in values if x is not None and math.isfinite(x)), default=0.0)
+    digits = math.floor(math.log10(largest)) if largest > 0.0 else 2
+    return min(3 - digits, 0) if digits >= 2 else min(2 - digits, 9)
+
+
+def metric_decimals(reduction: Reduction, found: Uncertainty, name: str) -> int:
+    """Decimals of a metric wherever it stands: as its uncertainties allow, and four digits of its largest at most."""
+    uncertainties = [*(u[name] for u in found.budget.cycles), mean_u(found, name)]
+    allowed = common_places([Measured(None, u) for u in uncertainties])
+    alike = [m for m in reduction.rig.cascade.all_metrics if m.partition("_")[0] == name.partition("_")[0]]
+    if allowed is None:
+        return decimals_of(reduction, alike or [name])
+    largest = max(
+        (abs(x) for c in reduction.cycles if (x := c.metrics[name]) is not None and math.isfinite(x)), default=0.0
+    )
+    return min(allowed, 3 - math.floor(math.log10(largest))) if largest > 0.0 else allowed
+
+
+def mean_u(found: Uncertainty, name: str) -> float | None:
+    """Standard uncertainty of a mean, or its repeatability where no accuracy is known."""
+    return found.standard[name] or found.budget.repeatability[name]
+
+
+def _cycles(
+    name: str, caption: str, reduction: Reduction, found: Uncertainty, names: Sequence[str], *more: Column[CycleResult]
+) -> Table[CycleResult]:
+    """A table with a row for each cycle, some columns, the metrics that any cycle has, and the rows that summarise them."""
+    of = {short(m): m for m in names if any(c.metrics[m] is not None for c in reduction.cycles)}
+    columns = [
+        CYCLE,
+        *more,
+        *(
+            Column(
+                head,
+                partial(_metric, m),
+                metric(m).unit,
+                metric_decimals(reduction, found, m),
+                brief=not m.startswith("power"),
+                own_digits=True,
+            )
+            for head, m in of.items()
+        ),
+    ]
+    n = max((sum(c.metrics[m] is not None for c in reduction.complete) for m in of.values()), default=0)
+    repeats, deviation = reduction.rig.phases.repeats, reduction.max_deviation_percent
+    apart = n > 1 and (not repeats or reduction.window in ("payout", "whole"))  # windows that differ in length
+    rows: list[list[Cell]] = [
+        [head, *("" if (m := of.get(column.name)) is None else cell[m] for column in columns[1:])]
+        for head, wanted, cell in (
+            (f"mean of {n}", n > 0 and repeats, reduction.mean),
+            ("max. deviation, %", n > 1 and repeats, {m: number_text(deviation[m], 2) for m in of.values()}),
+            (
+                "std. uncertainty",
+                n > 0 and repeats,
+                {m: Measured(found.standard[m], found.standard[m]) for m in of.values()},
+            ),
+            ("all together", apart, reduction.total),
+        )
+        if wanted
+    ]
+    below = [row for row in rows if any(shown(cell) not in ("", "-") for cell in row[1:])]
+    return Table(name, caption, columns, reduction.cycles, below, limit=LISTED_CYCLES)
+
+
+def _metric(name: str, cycle: CycleResult) -> float | None:
+    return cycle.metrics[name]
+
+
+def cycles_table(reduction: Reduction, found: Uncertainty) -> Table[CycleResult]:
+    """Energies, efficiencies and mean powers of every cycle over its window, and their means."""
+    cascade = reduction.rig.cascade
+    some = "" if len(reduction.complete) == len(reduction.cycles) else "; in brackets: incomplete, not in the mean"
+    where = [f"{s.name}: {s.where}" for s in cascade.stages if s.where and cascade.configured]
+    made = _cycles(
+        "cycles", f"Cycles over the integration window{some}.", reduction, found,
+        (*cascade.energies, *cascade.ratios, *(name for name in cascade.metrics if name.startswith("power"))),
+        Column("window", lambda c: c.window.cutoff - c.window.onset, "s", 2),
+    )  # fmt: skip
+    return replace(made, note=f"Stages: {'; '.join(where)}." if where else "")
+
+
+def net_table(reduction: Reduction, found: Uncertainty) -> Table[CycleResult] | None:
+    """Energies of every whole cycle, from onset to next onset; None where no cycle has any."""
+    names = reduction.rig.cascade.net_metrics
+    if all(c.metrics[name] is None for c in reduction.cycles for name in names):
+        return None
+    return _cycles(
+        "net", "Whole cycles: line energy of the payout, returned in haul-in, and net from onset to next onset.",
+        reduction, found, names,
+        Column("onset to onset", lambda c: c.net.end - c.net.begin, "s", 2, brief=False),
+    )  # fmt: skip
+
+
+def directions_table(reduction: Reduction) -> Table[tuple[str, tuple[float, float]]] | None:
+    """Stages whose power changes its direction: what flows with the cascade and against it."""
+    decimals = decimals_of(reduction, reduction.rig.cascade.energies)
+    columns: list[Column[tuple[str, tuple[float, float]]]] = [
+        Column("stage", lambda row: row[0]),
+        Column("with the cascade", lambda row: row[1][0], "J", decimals),
+        Column("against it", lambda row: row[1][1], "J", decimals),
+    ]
+    both = [row for row in reduction.both_ways.items() if min(row[1][0], -row[1][1]) >= 0.5 * 10.0**-decimals]
+    return table("directions", "Energies in both directions, all complete cycles together.", columns, both)
+
+
+# -------------------------------------------------------------------------------------------------------------- phases
+def _phase(name: str, phase: str, field: str, unit: str, decimals: int) -> Column[CycleResult]:
+    """Column of one number of the summary of a phase."""
+    return Column(name, partial(of_phase, phase, field), unit, decimals)
+
+
+PHASES = (
+    _phase("hold", "hold", "duration", "s", 2),
+    _phase("haul-in", "haul_in", "duration", "s", 2),
+    _phase("travel", "payout", "travel", "m", 2),
+    _phase("speed", "point", "rpm_shaft", "rpm", 1),
+    _phase("torque", "point", "torque", "N.m", 3),
+    _phase("plateau", "plateau", "speed", "m/s", 3),
+)
+"""Phases of a cycle, after its payout: durations, travel, operating point, and speed of the plateau."""
+
+MEANS = (
+    _phase("v_max", "payout", "speed_max", "m/s", 2),
+    _phase("F", "plateau", "force", "N", 0),
+    _phase("τ", "plateau", "torque", "N.m", 1),
+    *(_phase(f"P_{s} plateau", "plateau", f"power_{s}", "W", 0) for s in ("line", "mech", "gen")),
+    _phase("F_hold", "hold", "force", "N", 0),
+    _phase("τ_hold", "hold", "torque", "N.m", 1),
+    _phase("p_hold", "hold", "pressure", "kg/cm2", 2),
+    _phase("v haul-in", "haul_in", "speed_max", "m/s", 2),
+    _phase("F_mean", "haul_in", "force", "N", 0),
+    _phase("F_min", "haul_in", "force_min", "N", 0),
+    _phase("E haul-in", "haul_in", "energy_line", "J", 0),
+)
+"""Time means over plateau and hold, then numbers of the haul-in."""
+
+
+def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[CycleResult] | None]:
+    """Instants and durations of the phases of every cycle, and time means over them where any is known."""
+    zero, word = clock_zero(reduction.run), span_word(reduction)
+    since = f"; onset since {zero:.2f} s on the log's clock" if zero else ""
+    spans = [
+        CYCLE,
+        Column("onset", lambda c: c.phases.onset - zero, "s", 2),
+        _phase("payout" if word == "payout" else "length", "payout", "duration", "s", 2),
+        *PHASES,
+    ]
+    means = "Time means over plateau (F, τ, P), hold and haul-in, whose energy returns to the line."
+    known = Table("phase-means", means, [CYCLE, *MEANS], reduction.cycles, brief=False, limit=LISTED_CYCLES).used()
+    return (
+        Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES),
+        known if len(known.columns) > 1 else None,
+    )
+
+
+def bins_table(reduction: Reduction) -> Table[Bin] | None:
+    """Mean powers in bins of generator speed, and what is stored while the speed changes; None where it is unknown."""
+    stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
+    stores = [store for store in STORES if any(b.stored.get(store) is not None for b in reduction.bins)]
+    columns: list[Column[Bin]] = [
+        Column("generator speed", lambda b: Span(b.rpm_low, b.rpm_high), "rpm", 0),
+        Column("samples", lambda b: b.count, decimals=0),
+        *(Column(short(f"power_{stage}"), partial(_binned, stage), "W", 0, own_digits=True) for stage in stages),
+        *(Column(f"into {store}", partial(_stored, store), "W", 0) for store in stores),
+    ]
+    given = {"inertia_rotor": "rotor" in stores, "c_dc": "capacitor" in stores}
+    missing = " and ".join(name for name, known in given.items() if not known)
+    stored = "P_mech - P_gen less what goes into rotor, spring and capacitor is lost."
+    if missing:
+        stored = f"Without {missing} in the rig file, or its channel in the log, differences contain stored energy."
+    caption = f"Mean powers of the {span_word(reduction)}s by generator speed +- standard error of independent samples."
+    return (
+        Table("bins", caption, columns, reduction.bins, note=stored, brief=False, limit=LISTED_BINS) if stages else None
+    )
+
+
+def _binned(stage: str, of: Bin) -> Measured:
+    return Measured(of.power.get(stage), of.standard_error.get(stage), both=True)
+
+
+def _stored(store: str, of: Bin) -> float | None:
+    return of.stored.get(store)
+
+
+# --------------------------------------------------------------------------------------------------------- uncertainty
+def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table[str] | None:
+    """What the uncertainty of each mean is made of, and its 95 % intervals; None where neither is known."""
+    known, mean = found.budget, reduction.mean
+    given = [m for m in mean if mean[m] is not None and (known.repeatability[m] or m in found.method)]
+
+    def ends(m: str, *, alone: bool) -> Span | None:
+        interval = (found.interval_95_sensors if alone else found.interval_95).get(m)
+        u = known.sensors[m] if alone else found.standard[m]
+        return None if interval is None or not u else Span(interval.low, interval.high, u)
+
+    columns: list[Column[str]] = [
+        Column("metric", short),
+        Column("unit", lambda m: metric(m).unit),
+        Column("95 % interval", lambda m: ends(m, alone=False), own_digits=True),
+        Column("u, sensors", lambda m: Measured(known.sensors[m], known.sensors[m]), own_digits=True),
+        Column("u, cycles", lambda m: Measured(known.repeatability[m], known.repeatability[m]), own_digits=True),
+        Column("ν", lambda m: math.inf if (known.freedom[m] or 0.0) > 1000.0 else known.freedom[m], decimals=1),
+        Column("these cycles alone", lambda m: ends(m, alone=True), own_digits=True),
+    ]
+    drawn = ", ".join(m for m, way in found.method.items() if way == "monte_carlo")
+    note = (
+        f"Monte Carlo of {found.draws} draws, seed {found.seed}"
+        f"{f', whose u is stated of {drawn}' if drawn else ', which confirms the budget'}. ν: effective degrees of freedom. "
+        "These cycles alone: without their scatter."
+    ) if found.method else ""  # fmt: skip
+    caption = f"Standard uncertainty u of the means of {len(reduction.complete)} complete cycles."
+    return table("uncertainty", caption, columns, given, note=note, brief=False)
+
+
+Share = BudgetRow | None
+"""A row of the budget; None for the repeatability."""
+
+
+def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | None:
+    """Which error contributes which share of the variance of each mean; None where no accuracy is known."""
+    known, rig = found.budget, reduction.rig
+    metrics = [m for m in budgeted(known.mean) if known.mean[m]]
+
+    def share(m: str, row: Share) -> float | None:
+        part = shares(known.repeatability if row is None else row.of, known.mean)[m]
+        return 100.0 * part if part else None
+
+    def stated(attribute: str, row: Share) -> str:
+        value = None if row is None or row.source is None else getattr(row.source, attribute)
+        return "" if value is None else str(value)
+
+    def size(attribute: str, row: Share) -> str | None:
+        source = None if row is None else row.source
+        value = None if source is None else getattr(source, attribute)
+        if source is None or value is None:
+            return None
+        if source.part == "gain" or source.channel == R_DRUM:
+            return f"{shown(100.0 * value)} %"
+        return f"{shown(value)} {si_unit(rig.known_channels[source.channel].dimension)}"
+
+    columns: list[Column[Share]] = [
+        Column("source", lambda row: "repeatability" if row is None else source_name(row.source)),
+        Column("limit", partial(size, "limit")),
+        Column("distribution", lambda row: stated("shape", row).replace("_", " ")),
+        Column("u", partial(size, "u")),
+        Column("known by", lambda row: stated("basis", row).replace("_", " ")),
+        Column("from", partial(stated, "origin")),
+        *(Column(short(m), partial(share, m), "%", 0) for m in metrics),
+    ]
+    caption = (
+        "Uncertainty budget: share of the variance of each mean; errors of a sensor do not average out over cycles."
+    )
+    source = f"Source of the rig file: {rig.source}." if rig.source else ""
+    return table("budget", caption, columns, [*known.rows, None] if metrics else (), note=source, brief=False)
+
+
+# ------------------------------------------------------------------------------------------------------------ findings
+def findings_table(reduction: Reduction) -> Table[Finding] | None:
+    """What was found wrong with the log and what was done; None for a clean log."""
+    samples, zero = reduction.run.samples, clock_zero(reduction.run)
+    columns: list[Column[Finding]] = [
+        Column("finding", lambda f: f.kind),
+        Column("channel", lambda f: f.channel, brief=False),
+        Column("when", lambda f: None if f.start is None else Span(f.start - zero, (f.end or f.start) - zero), "s", 2),
+        Column("data lost", lambda f: 100.0 * share if (share := f.lost_share(samples)) else None, "%", 2, brief=False),
+        Column("what was found", lambda f: f.message),
+        Column("what was done", lambda f: f.action),
+    ]
+    since = f"Times count from {zero:.2f} s on the log's clock." if zero else ""
+    return table("findings", "What is wrong with the log, and what was done.", columns, reduction.quality, note=since)
