@@ -113,7 +113,7 @@ _SIGNS: tuple[tuple[str, str], ...] = (
     (r"\b(N|m)\.(?=m\b|s/rad|s/m\b)", r"\1·"),
     (r"kg/cm2\b", "kg/cm²"),
     (r"\bR2\b", "R²"),
-    (r" \+- ", " ± "),
+    (r"(^| )\+- ", r"\1± "),
     (r"(?<![\w.)\]-])-(?=\d)", "\u2212"),
     (r"(?<=\d) %", "\u00a0%"),
     (r"`([^`]*)`", r"\1"),
@@ -128,6 +128,8 @@ def typeset(text: str) -> str:
     'run 9 ohm.csv'
     >>> typeset("36 ohm: eta_pto drops by -0.01 +- 0.02 N.m, see energy_line.csv"), typeset("-"), typeset("2.5e-13")
     ('36\\xa0Ω: η_pto drops by −0.01 ± 0.02 N·m, see energy_line.csv', '–', '2.5×10⁻¹³')
+    >>> typeset("+- 2 J")
+    '± 2 J'
     """
     if text == "-":
         return "–"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from string import ascii_lowercase
@@ -198,7 +199,8 @@ def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
         eta = ratios.get((f"energy_{following}", f"energy_{stage}"), "")
         goes_on = "" if mean.get(eta) is None else f"{tex(eta)} = {said.get(eta) or number_text(mean[eta], 3)}"
         lost, height = energies[k] - energies[k + 1], energies[k + 1] / energies[0]
-        share = f"{number_text(lost)} J, {100 * lost / energies[0]:.1f} % of {tex(f'energy_{stages[0]}')}"
+        decimals = 2 - math.floor(math.log10(abs(lost) or 1.0))
+        share = f"{number_text(lost, decimals)} J, {100 * lost / energies[0]:.1f} % of {tex(f'energy_{stages[0]}')}"
         ends = places[k] + _WIDE, places[k + 1]
         _branch(ax, look_of(stage).colour, ends, (energies[k] / energies[0], height))
         ax.text(0.5 * sum(ends), 1.0 - 0.5 * height, goes_on, ha="center", va="center", fontsize=9)

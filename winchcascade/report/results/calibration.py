@@ -47,7 +47,7 @@ NUMBERS: tuple[Column[Number], ...] = (
     Column("u", lambda n: Measured(n.u, n.u), own_digits=True, brief=False),
     Column("95 % interval", lambda n: Span(n.low, n.high, n.u), own_digits=True),
     Column("unit", lambda n: "" if n.unit == "1" else n.unit),
-    Column("change", lambda n: 100.0 * (n.value / n.before - 1.0) if n.before else None, "%", 2, signed=True),
+    Column("change", lambda n: _change(n), "%", signed=True, own_digits=True),
     Column("found from", lambda n: n.how, brief=False),
 )
 
@@ -115,6 +115,13 @@ def drawn_calibration(calibration: Calibration, *, command: str = "") -> Report:
 
     with house_style():
         return calibration_report(calibration, fit_blocks(calibration, damper_curves(calibration)), command=command)
+
+
+def _change(number: Number) -> Measured | None:
+    """By how much a number differs from that of the rig file, with the digits that its uncertainty allows. [%]"""
+    if not number.before:
+        return None
+    return Measured(100.0 * (number.value / number.before - 1.0), 100.0 * number.u / abs(number.before))
 
 
 def _found(calibration: Calibration) -> list[Number]:

@@ -145,7 +145,8 @@ def _residual_words(found: DiagnosisResult) -> str:
 def where_words(found: DiagnosisResult, ranked: Sequence[NamedCause]) -> str:
     """The stages of the causes, those that cost most first; without causes the place, or the strongest sign, of the gap."""
     if ranked:
-        stages = list(dict.fromkeys(cause.stage for cause in ranked))
+        names = {"entry": "entry of rig file or campaign"}
+        stages = [names.get(stage, stage) for stage in dict.fromkeys(cause.stage for cause in ranked)]
         others = f", then {', '.join(stages[1:])}" if len(stages) > 1 else ""
         return f"{upper(stages[0])}{others}."
     if found.where is None:
