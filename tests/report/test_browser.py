@@ -29,7 +29,13 @@ SCREENS: dict[str, dict[str, Any]] = {
 }
 """Screens, and the width of an A4 page without its margins. A page is opened anew on a phone alone."""
 
-AXE: dict[str, dict[str, Any]] = {"desktop": {}, "dark": {"runOnly": ["color-contrast"]}, "phone": {}}
+ONLY_FAULTS = {"resultTypes": ["violations"]}
+AXE: dict[str, dict[str, Any]] = {
+    "desktop": ONLY_FAULTS,
+    "dark": ONLY_FAULTS | {"runOnly": ["color-contrast"]},
+    "phone": ONLY_FAULTS
+    | {"runOnly": ["target-size", "scrollable-region-focusable", "meta-viewport", "color-contrast"]},
+}
 """Screens on which rules of accessibility are tried, with those that are."""
 
 MOST_SCREENS = 4
@@ -47,9 +53,6 @@ COVERED = """() => [...document.querySelectorAll("svg")].flatMap((svg) => {
   ).map(([other]) => `${svg.closest("figure")?.id}: ${text} / ${other}`));
 })"""
 """Labels of figures that lie over one another by more than the space about their letters. [pixels]"""
-
-READ: dict[str, Any] = {"exclude": [["svg g"]]}
-"""What rules of accessibility leave out: the strokes of a drawing, which is one picture for a reader."""
 
 OPEN_ALL = 'document.querySelectorAll("details").forEach((one) => { one.open = true; })'
 
@@ -96,7 +99,7 @@ def opened(browser: Any, page: Path, screen: str) -> tuple[Any, list[str], list[
 def faults(tab: Any, screen: str) -> dict[str, Any]:
     """What is wrong with an open page on its screen."""
     tab.wait_for_timeout(100)
-    axe = Axe().run(tab, options=AXE[screen], context=READ).response["violations"] if screen in AXE else []
+    axe = Axe().run(tab, options=AXE[screen]).response["violations"] if screen in AXE else []
     wide = tab.evaluate("document.documentElement.scrollWidth - window.innerWidth")
     return {
         "axe": [(one["id"], [node["html"][:200] for node in one["nodes"]][:3]) for one in axe],
