@@ -29,7 +29,13 @@ SCREENS: dict[str, dict[str, Any]] = {
 }
 """Screens, and the width of an A4 page without its margins. A page is opened anew on a phone alone."""
 
-AXE: dict[str, dict[str, Any]] = {"desktop": {}, "dark": {"runOnly": ["color-contrast"]}, "phone": {}}
+ONLY_FAULTS = {"resultTypes": ["violations"]}
+AXE: dict[str, dict[str, Any]] = {
+    "desktop": ONLY_FAULTS,
+    "dark": ONLY_FAULTS | {"runOnly": ["color-contrast"]},
+    "phone": ONLY_FAULTS
+    | {"runOnly": ["target-size", "scrollable-region-focusable", "meta-viewport", "color-contrast"]},
+}
 """Screens on which rules of accessibility are tried, with those that are."""
 
 MOST_SCREENS = 4

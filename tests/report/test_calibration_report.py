@@ -11,7 +11,6 @@ from openlog import made_log, steady_payouts
 from winchcascade import Calibration, calibrate
 from winchcascade.core.files import json_bytes
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.calibrate import Strain
 from winchcascade.diagnosis.damper_curves import FACTORS, damper_curves
 from winchcascade.diagnosis.model_comparison import LEAD
 from winchcascade.report.content import Cell, Measured, Report, Table
@@ -60,17 +59,6 @@ def test_a_lag_is_a_finding_where_it_is_beyond_doubt(lag: float, u_lag: float, p
     found = findings(msgspec.structs.replace(calibration(), regression=late))
     assert len(found) == bool(part)
     assert part in "".join(found)
-
-
-def test_a_fit_that_does_not_follow_the_log_is_a_finding_with_every_prior_that_it_exceeds() -> None:
-    strained = (Strain("volume_gas", -12.3), Strain("area_piston", 20.0))
-    found = msgspec.structs.replace(calibration(), misfit=9.0, strained=strained)
-    first, second = findings(found)
-    assert "3.0 times" in first
-    assert second.index("area_piston by 20") < second.index("volume_gas by 12")
-    assert [tuple(row.values()) for row in table(calibration_report(found), "strained")] == list(
-        map(msgspec.structs.astuple, strained)
-    )
 
 
 def test_without_convergence_only_the_regression_is_a_result() -> None:

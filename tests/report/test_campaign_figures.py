@@ -5,16 +5,11 @@ import itertools
 import pytest
 from layout import misplaced
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from summaries import run
 
-from winchcascade.diagnosis.compared_curves import ComparedCurve
 from winchcascade.reduction.campaign_record import LogSummary
-from winchcascade.report.figures.campaign_figures import load_names, look_alike, over_load, repeated, runs_over_speed
-from winchcascade.report.figures.model_figures import panels, styled_by_load
+from winchcascade.report.figures.campaign_figures import over_load, repeated, runs_over_speed
 from winchcascade.report.figures.style import SHORT, cut_apart, house_style
-
-CURVE = ComparedCurve((0.0, 1.0, 2.0), (0.0, 1.0, 2.0), (0.0, 1.1, 2.1))
 
 LOADS: dict[str, list[float | None]] = {
     "twice": [30.0, 30.0, 15.0, 15.0, 8.0],
@@ -31,21 +26,10 @@ def logs(kind: str) -> list[LogSummary]:
     return [run(name, load, 0.7, 0.01) for name, load in zip(names, LOADS[kind], strict=False)]
 
 
-def legend_texts(figure: Figure) -> list[Text]:
-    return [text for legend in figure.legends for text in legend.get_texts()]
-
-
 def speed_figure(runs: list[LogSummary]) -> Figure:
     row = {"torque_nm": 1.0, "power_mech_w": 2.0, "power_gen_w": 1.5}
     bins = [{"rpm_low": 100.0 * k, "rpm_high": 100.0 * (k + 1), **row} for k in range(8)]
     figure = runs_over_speed(runs, {r.name: bins for r in runs})
-    assert figure is not None
-    return figure
-
-
-def model_figure(runs: list[LogSummary], gear: float | None = None) -> Figure:
-    curves = [{"torque_nm": CURVE}] * len(runs)
-    figure = panels(styled_by_load(load_names(runs), curves), ["torque_nm"], word="log", rated=None, gear=gear)
     assert figure is not None
     return figure
 
@@ -57,18 +41,6 @@ def test_no_text_lies_over_another(kind: str) -> None:
         for figure in (over_load(runs), speed_figure(runs)):
             assert figure is not None
             assert misplaced(figure) == []
-
-
-def test_a_load_of_several_logs_stands_once_in_a_legend() -> None:
-    runs = logs("twice")
-    with house_style():
-        speed, model = speed_figure(runs), model_figure(runs)
-    assert [text.get_text() for text in legend_texts(speed)] == ["30 Ω", "15 Ω", "8 Ω"]
-    assert [text.get_text() for text in legend_texts(model)] == ["log", "simulated", "30 Ω", "15 Ω", "8 Ω"]
-    styles = [(line.get_color(), line.get_marker()) for line in speed.axes[0].lines]
-    assert styles[0] == styles[1] != styles[2] == styles[3] != styles[4]
-    assert look_alike(runs)
-    assert not look_alike(logs("twenty"))
 
 
 def test_the_line_over_the_loads_goes_through_the_mean_of_each() -> None:

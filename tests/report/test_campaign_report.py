@@ -146,15 +146,6 @@ def test_an_open_circuit_leaves_the_digits_of_the_others_as_they_are() -> None:
     assert "0.000" in texts[0]
 
 
-def test_of_very_many_logs_a_page_lists_the_first_and_the_last() -> None:
-    runs = [run(f"{k}.csv", 1.0 + k, 0.7, 0.01) for k in range(200)]
-    found = table(campaign_report(summary(*runs)), "budget")
-    rows = found.shortened(found.texts)
-    assert (rows[0][0], rows[-1][0]) == ("199.csv", "0.csv")
-    assert len(rows) < 100
-    assert len(found.frame()) == 200
-
-
 # ------------------------------------------------------------------------------------------------ logs that are of no use
 def test_a_log_that_failed_is_named_with_its_sentence(made: Made) -> None:
     (note,) = (note for note in made.report.notes if note.about == "Failed")

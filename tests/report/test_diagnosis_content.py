@@ -1,6 +1,5 @@
 """What the report of a diagnosis shows: every cause, alarm and look-alike, with the numbers that were computed."""
 
-import math
 from functools import cache
 from typing import Any
 
@@ -9,10 +8,8 @@ import pytest
 from diagnosed import SUSPECTS, diagnosed
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alternative, Spot
 from winchcascade.report.content import Cell, Measured, Note, Picture, Report, Span, Table
 from winchcascade.report.glossary import CHANNELS
-from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
 
@@ -68,17 +65,6 @@ def test_every_cause_stands_in_the_table_with_its_number_and_interval(name: str)
     assert interval[:2] == pytest.approx((number.low * factor, number.high * factor))
     assert report(name).tiles[0].value == "Explained"
     assert [suspect for suspect in SUSPECTS if suspect not in said(report(name))] == []  # cause, or not needed
-
-
-def test_look_alikes_stand_in_the_table_in_the_terminal_and_in_what_to_do() -> None:
-    found = changed(
-        probability=0.7, look_alikes=(Alternative("line_drag", 0.3, Spot("torque", "payout", math.inf, z=1.9)),)
-    )
-    made = diagnosis_report(found)
-    assert rows(tables(made)["causes"])[0]["look-alikes"] == "line_drag"
-    assert "measure" in str(rows(tables(made)["causes"])[0]["what to do"])
-    assert made.tiles[-1].beside == "look-alike: line_drag"
-    assert "line_drag" in terminal_text(made)
 
 
 def test_a_number_at_the_end_of_its_range_is_marked() -> None:
@@ -139,12 +125,6 @@ def test_the_closure_holds_the_root_mean_squares() -> None:
     for row, (name, x) in zip(rows(tables(report("copper"))["closure"]), found.closure.channels.items(), strict=True):
         shown = [value(row[of]) for of in ("before", "after", "noise")]
         assert shown == pytest.approx([rms * CHANNELS[name].factor for rms in (x.before, x.after, x.noise)])
-
-
-def test_places_are_listed_worst_first() -> None:
-    z = [abs(value(row["z"])) for row in rows(tables(report("outsider"))["places"])]
-    assert z == sorted(z, reverse=True)
-    assert z[0] == max(abs(place.z) for place in diagnosed("outsider").places)
 
 
 # ------------------------------------------------------------------------------------------------------- page and terminal

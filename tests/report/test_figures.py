@@ -45,12 +45,6 @@ def clean(results: dict[str, Result]) -> Result:
     return results["clean"]
 
 
-def many(reduction: Reduction, count: int) -> Reduction:
-    """A reduction of many cycles, those of one that has three."""
-    cycles = [msgspec.structs.replace(reduction.cycles[k % 3], cycle=k + 1) for k in range(count)]
-    return msgspec.structs.replace(reduction, cycles=tuple(cycles))
-
-
 def time_histories(reduction: Reduction) -> Figure:
     return history_figure(log_history(reduction))
 
@@ -131,17 +125,6 @@ def test_repaired_stretches_are_marked_in_the_panels_of_their_channels_alone(cle
 )
 def test_energies_that_do_not_fall_have_no_flow_diagram(clean: Result, mean: Metrics) -> None:
     assert figures.window_flow(msgspec.structs.replace(clean[0], mean=mean)) is None
-
-
-def test_a_drift_is_drawn_over_the_cycles_where_there_are_many(clean: Result) -> None:
-    reduction = many(clean[0], 9)
-    figure = figures.trend(reduction)
-    assert figure is not None
-    assert figures.trend(clean[0]) is None
-    named = {str(line.get_label()): line for ax in figure.axes for line in ax.lines}
-    trans = named[r"$\eta_\mathrm{trans}$"]
-    assert np.asarray(trans.get_xdata()).tolist() == list(range(1, 10))
-    assert np.asarray(trans.get_ydata()).tolist() == [c.metrics.eta_trans for c in reduction.cycles]
 
 
 def test_means_of_powers_and_of_the_current_are_drawn_over_the_speed(clean: Result) -> None:

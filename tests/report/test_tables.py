@@ -1,7 +1,6 @@
 """Tables state what the reduction found, with the digits that its uncertainty allows."""
 
 import re
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,11 +13,10 @@ from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import Finding
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics
-from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.content import Cell, Measured, Note, Span, Table
+from winchcascade.report.content import Cell, Measured, Span, Table
 from winchcascade.report.glossary import short
 from winchcascade.report.results import reduction_tables as tables
 from winchcascade.report.results.reduction import reduction_report
@@ -124,21 +122,6 @@ def test_the_uncertainty_table_states_scatter_sensors_and_both_intervals(clean: 
             assert ends[:2] == (interval.low, interval.high)
 
 
-def test_the_table_of_whole_cycles_states_net_energies_and_why_they_are_missing(clean: Result) -> None:
-    reduction, found = clean
-    table = tables.net_table(reduction, found)
-    assert table is not None
-    for metric in reduction.rig.cascade.net_metrics:
-        assert [value(c) for c in columns(table)[short(metric)]] == [c.metrics[metric] for c in reduction.cycles]
-    last = msgspec.structs.replace(
-        reduction.cycles[-1], metrics=Metrics(), net=NetSpan(0.0, 1.0, 0.0, "no haul-in follows")
-    )
-    less = msgspec.structs.replace(reduction, cycles=(*reduction.cycles[:-1], last))
-    notes = [block.text for block in reduction_report(less, found).blocks if isinstance(block, Note)]
-    assert [text for text in notes if "no haul-in follows" in text and f"cycle {last.cycle}" in text]
-    assert tables.net_table(msgspec.structs.replace(reduction, cycles=(last,)), found) is None
-
-
 def test_without_accuracies_only_the_repeatability_is_stated() -> None:
     rig = parse_rig(BARE, "bare.toml")
     reduction = reduce(read_run(FIXTURES / "campaign" / "r36ohm.csv", rig=rig), rig=rig, window=5.48)
@@ -166,16 +149,6 @@ def test_bins_state_their_means_and_all_their_samples(clean: Result) -> None:
         assert cells[f"P_{stage}"] == [Measured(b.power[stage], b.standard_error[stage], True) for b in reduction.bins]
     for store in ("rotor", "spring", "capacitor"):
         assert cells[f"into {store}"] == [b.stored.get(store) for b in reduction.bins]
-
-
-@pytest.mark.parametrize("log", LOGS)
-def test_every_finding_is_listed_with_what_was_done(results: dict[str, Result], log: str) -> None:
-    reduction, _ = results[log]
-    table = tables.findings_table(reduction)
-    named = {} if table is None else columns(table)
-    kept = [named[name] for name in ("finding", "channel", "what was found", "what was done") if named]
-    listed = list(zip(*kept, strict=True))
-    assert Counter(listed) == Counter((f.kind, f.channel, f.message, f.action) for f in reduction.quality)
 
 
 def test_times_are_counted_from_the_first_stamp_of_an_epoch(clean: Result) -> None:

@@ -39,13 +39,5 @@ def test_a_pipe_gets_a_wide_table_whole_and_a_path_unbroken() -> None:
     assert f"files      {path}" in printed.splitlines()
 
 
-def test_many_rows_are_shown_by_their_first_and_last() -> None:
-    columns = [Column[int]("number", lambda k: k)]
-    text = terminal_text(report(Table("long", "A long table.", columns, range(1, 101), limit=12)))  # type: ignore[arg-type]
-    shown = re.findall(r"(?m)^ *(\d+)$", text)
-    assert shown == ["1", "2", "3", "4", "5", "6", "95", "96", "97", "98", "99", "100"]
-    assert "... 88 more" in text
-
-
 def test_an_option_keeps_its_name_where_units_have_signs() -> None:
     assert typeset("open circuit (--load-ohm), 9 ohm, in ohm") == "open circuit (--load-ohm), 9\u00a0Ω, in Ω"
