@@ -184,7 +184,7 @@ def waterfall(_: Source) -> str:
         figure = waterfall_figure(_FOUND["waterfall"], "log")
         assert figure is not None
         out = io.StringIO()
-        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     svg = out.getvalue()[out.getvalue().index("<svg") :]
     begin = svg.index(">") + 1
     return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}\n'
