@@ -411,7 +411,7 @@ def _words(text: str) -> set[str]:
 
 
 def _batch(folder: Path, name: str, log: Log | None) -> tuple[set[str], str]:
-    """Call `batch` on the campaign with one log replaced: the words of the output, and the row of that log.
+    """Call `batch` on the campaign with one log replaced: words of the output, and the row of that log with its findings.
 
     The results of all other logs are kept from the call before.
     """
@@ -423,7 +423,9 @@ def _batch(folder: Path, name: str, log: Log | None) -> tuple[set[str], str]:
     finally:
         shutil.copy(CAMPAIGN / f"{name}.csv", place / f"{name}.csv")
     row = next((line for line in called.out.splitlines() if line.lstrip().startswith(f"{name}.csv")), "")
-    return _words(called.out + called.err), re.sub(r"\d", "0", row)
+    findings = re.search(r"^findings .*?(?=^\S|^$)", called.out, re.MULTILINE | re.DOTALL)
+    named = f"{name}.csv" in (findings[0] if findings else "")
+    return _words(called.out + called.err), re.sub(r"\d", "0", row) + (" with findings" if named else "")
 
 
 def _clean_words(folder: Path, command: str) -> set[str]:
@@ -542,7 +544,7 @@ def widened(log: Log, rng: Rng) -> Damage:
 
 
 def unmarked(log: Log, rng: Rng) -> Damage:
-    """The table of `batch` for a log with a finding: its row has to differ in more than its numbers."""
+    """The output of `batch` for a log with a finding: it has to name the log among those with findings."""
     log = base(log.name, 25)
     a, b = spot(rng, log, log_uniform(rng, 0.08, 0.6))
     name = GAINS[rng.integers(4)]
