@@ -1,4 +1,4 @@
-"""What a reduction tells of its cycles together: the best and the worst, and the share of the time that was lost."""
+"""Properties of a reduction over all cycles: best and worst cycle, share of the time that was lost."""
 
 from pathlib import Path
 

@@ -44,7 +44,7 @@ _DIGEST = re.compile(r"\b[0-9a-f]{64}\b")
 class Workplace:
     """A folder that holds copies of the logs under relative names; the present folder while it is open.
 
-    `shared` tells whether the data beside the project are there.
+    `shared` is whether the data beside the project exist.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -167,12 +167,12 @@ def test_time_histories_get_the_width_of_the_page_and_read_out(
         tab.wait_for_timeout(200)
         plots = tab.locator(".uplot")
         widths = [plots.nth(k).bounding_box()["width"] for k in range(plots.count())]
-        room = tab.locator(".histories").first.bounding_box()["width"]
+        width = tab.locator(".histories").first.bounding_box()["width"]
         tab.locator(".u-over").first.hover()
         read = [value for value in tab.locator(".u-value").all_text_contents() if value not in ("", "--")]
         tab.context.close()
         assert said == [], kind
-        assert widths == pytest.approx([room] * len(widths), abs=1.0)
+        assert widths == pytest.approx([width] * len(widths), abs=1.0)
         assert len(widths) >= 4
         assert len(read) >= len(widths)
 

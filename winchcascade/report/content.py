@@ -183,7 +183,7 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
         return [[column.link(item) if column.link else "" for column in self.columns] for item in self.items]
 
     def shortened(self, rows: Sequence[Sequence[str]], *, counted: bool = True) -> list[list[str]]:
-        """Texts of rows up to the limit, with one row in place of what is left out, which counts it if `counted`."""
+        """Texts of rows up to the limit, with one row in place of those left out; it states their number if `counted`."""
         count, half = len(self.items), self.limit // 2
         if count <= self.limit + 1:
             return [list(row) for row in rows]

@@ -140,10 +140,10 @@ def _label_loads(ax: Axes, loads: Sequence[float]) -> None:
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(FixedLocator(loads))
     ax.xaxis.set_minor_locator(NullLocator())
-    room = CHARACTER * (1 + max(len(f"{load:g}") for load in loads)) * math.log(loads[-1] / loads[0])
+    width = CHARACTER * (1 + max(len(f"{load:g}") for load in loads)) * math.log(loads[-1] / loads[0])
     named: list[float] = []
     for load in loads:
-        if not named or math.log(load / named[-1]) > room:
+        if not named or math.log(load / named[-1]) > width:
             named.append(load)
     ax.set_xticklabels([f"{load:g}" if load in named else "" for load in loads])
 

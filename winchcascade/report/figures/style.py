@@ -222,7 +222,7 @@ def evenly(items: Sequence[T], maximum: int) -> list[T]:
 
 # ------------------------------------------------------------------------------------------------------------------- names
 SHORT = 18
-"""Characters of a log's name where there is little room."""
+"""Characters of a log's name where it must be short."""
 
 
 def broken(text: str, characters: int) -> str:
@@ -295,7 +295,7 @@ def patch_entry(text: str, colour: str, **style: Any) -> Entry:
 
 
 def legend_above(figure: Figure, entries: Sequence[Entry]) -> None:
-    """Set a legend above the panels, as many entries in a line as there is room for."""
+    """Set a legend above the panels, as many entries in a line as fit."""
     handles, texts = zip(*entries, strict=True)
     figure.legend(handles, texts, loc="outside upper left", ncols=columns_of(texts))
 

@@ -23,7 +23,7 @@ STYLES: dict[Tone, str] = {"plain": "", "good": "green", "warn": "yellow"}
 """Colours of the tones."""
 
 SHORT = 20
-"""Texts of a column that are no longer than this are never broken, longer ones get at least as much room. [characters]"""
+"""Texts of a column that are no longer than this are never broken, longer ones are at least as wide. [characters]"""
 
 GAP = 2
 """Blanks between columns. [characters]"""
@@ -111,7 +111,7 @@ def _note(note: Note) -> RenderableType:
 
 
 def _grids(table: Table[Any], width: int) -> list[Grid]:
-    """A table with its brief columns, empty ones left out; columns without room stand below, behind the first one."""
+    """A table with its brief columns, empty ones left out; columns that do not fit are printed below, with the first one repeated."""
     table = table.used()
     brief = [k for k, column in enumerate(table.columns) if column.brief]
     texts, count = table.texts, len(table.items)
