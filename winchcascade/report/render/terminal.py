@@ -111,7 +111,7 @@ def _note(note: Note) -> RenderableType:
 
 
 def _grids(table: Table[Any], width: int) -> list[Grid]:
-    """A table with its brief columns, empty ones left out; columns that do not fit are printed below, with the first one repeated."""
+    """A table with its brief columns, empty ones left out; columns that do not fit are printed below, after the first one."""
     table = table.used()
     brief = [k for k, column in enumerate(table.columns) if column.brief]
     texts, count = table.texts, len(table.items)
