@@ -17,6 +17,7 @@ from winchcascade.report.diagnosis_names import LAWS, display_of, nuisance_words
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.report.results.diagnosis_words import (
     action_of,
+    certainty_words,
 )
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
@@ -77,6 +78,14 @@ def test_causes_are_ranked_by_what_they_cost() -> None:
         "copper_heating",
         "force_zero",
     ]
+
+
+def test_the_first_screen_names_the_effects_that_the_logs_do_not_distinguish_from_a_cause() -> None:
+    found = diagnosed("copper")
+    (cause,) = found.causes
+    alike = msgspec.structs.replace(cause, look_alikes=(Alternative("line_drag", 0.3, None),))
+    named = ["line_drag" in certainty_words(changed(found, causes=(one,))) for one in (cause, alike)]
+    assert named == [False, True]
 
 
 def test_what_to_do_follows_from_kind_look_alikes_next_run_and_verdict() -> None:

@@ -199,11 +199,14 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
 
 # ------------------------------------------------------------------------------------------------ what else a reader needs
 def certainty_words(found: DiagnosisResult) -> str:
-    """What no effect of the catalogue is and looks like a cause; without causes how probable it is that none acts."""
+    """Which causes have look-alikes, in the catalogue and beyond it; without causes how probable it is that none acts."""
     if found.causes:
+        rivals = {cause.effect: [rival.effect for rival in cause.look_alikes] for cause in found.causes}
+        pairs = [f"{cause} from {' or '.join(names)}" for cause, names in rivals.items() if names]
         effects = [found.suspects[cause.effect] for cause in found.causes]
-        unlisted = [f"{effect.unlisted} would look like {effect.name}" for effect in effects if effect.unlisted]
-        return upper(f"{'; '.join(unlisted)}.") if unlisted else ""
+        apart = [f"these logs do not distinguish {', nor '.join(pairs)}"] if pairs else []
+        apart += [f"{effect.unlisted} would look like {effect.name}" for effect in effects if effect.unlisted]
+        return upper(f"{'; '.join(apart)}.") if apart else ""
     if found.verdict == "unexplained" or _shared_words(found):
         return ""
     likely = probability_words(found.sets.get((), 0.0))
