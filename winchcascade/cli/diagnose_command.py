@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from winchcascade.cli.options import EVALUATION, REPORT, option, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present
+from winchcascade.cli.options import EVALUATION, option, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked
