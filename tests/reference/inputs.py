@@ -89,9 +89,14 @@ def _write_worn() -> None:
     """Copy the campaign with another current."""
     shutil.copytree(CAMPAIGN, "worn")
     for log in sorted(Path("worn").glob("*.csv")):
-        head, *rows = log.read_text(encoding="utf-8").splitlines()
-        column = head.split(",").index("Idc (A)")
-        cells = [row.split(",") for row in rows]
-        for row in cells:
-            row[column] = f"{WORN * float(row[column]):.4f}"
-        log.write_text("\n".join([head, *map(",".join, cells)]) + "\n", encoding="utf-8")
+        log.write_text(worn(log.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def worn(log: str) -> str:
+    """Give the text of a log with the current of the worn campaign."""
+    head, *rows = log.splitlines()
+    column = head.split(",").index("Idc (A)")
+    cells = [row.split(",") for row in rows]
+    for row in cells:
+        row[column] = f"{WORN * float(row[column]):.4f}"
+    return "\n".join([head, *map(",".join, cells)]) + "\n"

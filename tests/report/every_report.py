@@ -13,6 +13,7 @@ from unittest import mock
 from bench_logs import write_bench_logs
 from calls import call
 from diagnosed import PLANTED, SUSPECTS, write_campaign
+from inputs import worn
 
 from winchcascade.report.render import page as page_module
 
@@ -125,13 +126,8 @@ def _write_campaign(folder: Path, odd: str, title: str) -> None:
     """Write a campaign of two loads and an open circuit; the current of `other` is smaller."""
     folder.mkdir()
     for name in LOADS:
-        head, *rows = (CAMPAIGN / f"{name}.csv").read_text(encoding="utf-8").splitlines()
-        column = head.split(",").index("Idc (A)")
-        cells = [row.split(",") for row in rows]
-        for row in cells if folder.name == "other" else []:
-            row[column] = f"{0.98 * float(row[column]):.4f}"
-        text = "\n".join([head, *map(",".join, cells)]) + "\n"
-        (folder / f"{odd}{name}.csv").write_text(text, encoding="utf-8")
+        text = (CAMPAIGN / f"{name}.csv").read_text(encoding="utf-8")
+        (folder / f"{odd}{name}.csv").write_text(worn(text) if folder.name == "other" else text, encoding="utf-8")
     runs = [f"file = '{odd}{name}.csv'\nload_ohm = {load}\nwindow_s = 5.48" for name, load in LOADS.items()]
     _write_list(folder, title, *runs)
 

@@ -10,12 +10,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.plain_text import cell_text
 from winchcascade.core.version import __version__, made_at
-from winchcascade.reduction.run_record import FindingRecord, RunRecord
+from winchcascade.reduction.run_record import RunRecord
 from winchcascade.report.frames import RUN_ENDS, Row, table_rows, table_schema
 
 TABLES = ("runs", "cycles", "bins", "findings")
@@ -145,17 +143,12 @@ def _chart(book: Any, sheet: Any, columns: Sequence[int], *, loaded: int, rows: 
 
 
 def write_dataset(
-    results: Iterable[Path],
-    folder: Path,
-    *,
-    between: Sequence[tuple[str, FindingRecord]] = (),
-    cascades: Collection[Cascade] = (),
+    records: Iterable[tuple[str, RunRecord]], folder: Path, *, cascades: Collection[Cascade] = ()
 ) -> None:
-    """Write the tables of all results, JSON files of one log each, into a folder, which is made.
+    """Write the tables of all results, one after the other with the names of their logs, into a folder, which is made.
 
     Parameters
     ----------
-    between : findings that one log has beside the others, each with the name of its log
     cascades : those of the rigs of the logs
     """
     import pyarrow as pa
@@ -175,11 +168,8 @@ def write_dataset(
             for table in TABLES
         }
         held: dict[str, list[Row]] = {table: [] for table in TABLES}
-        for result in results:
-            record = msgspec.json.decode(result.read_bytes(), type=RunRecord)
-            more = tuple(finding for name, finding in between if name == result.stem)
-            record = msgspec.structs.replace(record, quality=record.quality + more)
-            for table, rows in table_rows(result.stem, record).items():
+        for name, record in records:
+            for table, rows in table_rows(name, record).items():
                 held[table] += rows
                 if len(held[table]) >= _ROWS:
                     flush(writers[table], table, held[table])

@@ -11,6 +11,7 @@ from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content, write_set
 from winchcascade.core.jobs import set_threads
+from winchcascade.core.results_folder import CAMPAIGN_PAGE, DIAGNOSIS_FILES, DIAGNOSIS_RECORD, INDEX
 from winchcascade.core.store import Output, digest_of, fingerprint, inside, locked, make_one, with_digest
 from winchcascade.core.version import __version__
 
@@ -19,8 +20,8 @@ _PACKAGE = Path(__file__).parent.parent
 
 def packaged_campaign() -> Path:
     """Folder of the packaged campaign: inside the package once installed, beside it in a checkout."""
-    inside = _PACKAGE / "demo"
-    return inside if inside.is_dir() else _PACKAGE.parent / "fixtures" / "campaign"
+    installed = _PACKAGE / "demo"
+    return installed if installed.is_dir() else _PACKAGE.parent / "fixtures" / "campaign"
 
 
 def copy_campaign(folder: Path, *, force: bool = False) -> Path:
@@ -41,17 +42,10 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
     return folder / "campaign.toml"
 
 
-KINDS = ("html", "pdf", "json")
-"""Endings of the files of a diagnosis; the record, which states how they were made, is written last."""
-
-DIAGNOSIS_FILES = tuple(f"diagnosis.{kind}" for kind in KINDS)
-"""Files of a diagnosis, by their names in the results folder."""
-
-
 def diagnosis_output(campaign: Path) -> Output:
     """The diagnosis of a campaign in a folder of results, by a key of this version and the content of the logs."""
     files = {path.name: fingerprint(path) for path in sorted(campaign.parent.iterdir())}
-    return Output("diagnosis.json", "store", digest_of(repr((__version__, files)).encode()), DIAGNOSIS_FILES[:-1])
+    return Output(DIAGNOSIS_RECORD, "store", digest_of(repr((__version__, files)).encode()), DIAGNOSIS_FILES[:-1])
 
 
 def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:
@@ -65,7 +59,7 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     from winchcascade.core.campaign_file import load_campaign
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
-    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.campaign_index import links_to
     from winchcascade.report.results.diagnosis import diagnosis_report
     from winchcascade.report.results.diagnosis_record import as_json
     from winchcascade.rig.effects.catalogue import EFFECTS
@@ -74,8 +68,8 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     output = diagnosis_output(campaign)
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
     report = diagnosis_report(found, command=command)
-    report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
-    files = {"diagnosis.html": page_text(report).encode(), "diagnosis.pdf": pdf_bytes(report)}
+    report = msgspec.structs.replace(report, links=links_to([CAMPAIGN_PAGE, INDEX]))
+    files = dict(zip(output.files, (page_text(report).encode(), pdf_bytes(report)), strict=True))
     digests = {name: digest_of(content) for name, content in files.items()}
     made_by = {"key": output.key, "files": digests}
     return files | {

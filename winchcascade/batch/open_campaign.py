@@ -14,6 +14,7 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, check_type
 from winchcascade.core.jobs import Workers
 from winchcascade.core.late_module import LateModule
+from winchcascade.core.results_folder import CAMPAIGN_PAGE, CAMPAIGN_RECORD, INDEX
 from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.reduce import window_rule
 
@@ -170,9 +171,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         batch = run_batch(self.plan, path, Products(REPORTS["html"]), workers=Workers(jobs), force=force)
         runs = [path / "runs" / f"{name}.{ending}" for name in batch.results for ending in ("html", "json")]
         return [
-            path / "campaign.html",
-            path / "index.html",
-            path / "campaign.json",
+            *(path / name for name in (CAMPAIGN_PAGE, INDEX, CAMPAIGN_RECORD)),
             *runs,
             *(path / name for name in DATASET),
         ]

@@ -16,6 +16,7 @@ from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.named_rig import first_named
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.results_folder import CAMPAIGN_RECORD
 from winchcascade.core.store import digest_of
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS
@@ -32,7 +33,6 @@ _NAME = 180
 
 _LONG_CYCLES = 12
 """Characters of first and last cycle that stand in a name as they are."""
-
 
 _LONG_SHEET = 40
 """Characters of the name of a sheet that stand in a name."""
@@ -115,7 +115,7 @@ def _is_log(file: str) -> bool:
 def _is_result(file: str) -> bool:
     """Whether a file lies in the folder of a batch: results are no logs."""
     folder = Path(file).parent
-    return folder.name in ("dataset", "runs") and (folder.parent / "campaign.json").is_file()
+    return folder.name in ("dataset", "runs") and (folder.parent / CAMPAIGN_RECORD).is_file()
 
 
 def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None) -> list[Work]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -14,6 +14,7 @@ from winchcascade.batch.campaign_findings import findings_between, log_efficienc
 from winchcascade.batch.plan import Plan, Work, result_key
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.results_folder import CAMPAIGN_PAGE, INDEX
 from winchcascade.core.store import digest_of, with_digest
 from winchcascade.ingest.read import read_by
 from winchcascade.reduction.campaign_record import CampaignRecord, FailedLog, log_summary
@@ -21,7 +22,7 @@ from winchcascade.reduction.campaign_reduction import CampaignReduction
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.run_record import RunRecord
+from winchcascade.reduction.run_record import FindingRecord, RunRecord
 from winchcascade.report.records import reduction_record
 
 ENTRY = "batch"
@@ -72,12 +73,12 @@ def _reports(
     from winchcascade.diagnosis.model_account import modelled
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
-    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.campaign_index import links_to
     from winchcascade.report.results.drawn_reduction import drawn_report
 
     model = modelled(reduction)
     report = drawn_report(reduction, found, model=model, command=command)
-    report = replace(report, links=links_to(["campaign.html", INDEX], above=True))
+    report = replace(report, links=links_to([CAMPAIGN_PAGE, INDEX], above=True))
     files = {"html": page_text(report).encode()} if "html" in endings else {}
     return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {}), model.account
 
@@ -99,7 +100,8 @@ def reduce_campaign(plan: Plan, workers: Workers) -> CampaignReduction:
     found = {work.name: found[work.name] for work in plan.work if work.name in found}
     summary = campaign_record(plan, found.items(), faults)
     cascades = tuple(work.settings.rig.cascade for work in plan.work)
-    return CampaignReduction(summary, with_findings_between(found, summary.between), cascades)
+    records = dict(with_findings_between(found.items(), summary.between))
+    return CampaignReduction(summary, records, cascades)
 
 
 def campaign_record(
@@ -140,10 +142,11 @@ def campaign_record(
 
 
 def with_findings_between(
-    records: Mapping[str, RunRecord], between: Iterable[tuple[str, object]]
-) -> dict[str, RunRecord]:
-    """Records of a campaign, each with the findings that its log has beside the others."""
-    more: dict[str, tuple[object, ...]] = {}
+    records: Iterable[tuple[str, RunRecord]], between: Iterable[tuple[str, FindingRecord]]
+) -> Iterator[tuple[str, RunRecord]]:
+    """Names and records of the logs of a campaign, each with the findings that its log has beside the others."""
+    more: dict[str, tuple[FindingRecord, ...]] = {}
     for name, finding in between:
         more[name] = (*more.get(name, ()), finding)
-    return {name: replace(one, quality=(*one.quality, *more.get(name, ()))) for name, one in records.items()}
+    for name, record in records:
+        yield name, replace(record, quality=(*record.quality, *more.get(name, ())))

@@ -14,14 +14,13 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import Workers
 from winchcascade.core.published_table import PublishedTable
+from winchcascade.core.results_folder import CAMPAIGN_RECORD
 from winchcascade.core.store import Kept, State, altered, digest_in, inside
 from winchcascade.reduction.campaign_json import CAMPAIGN_SCHEMA
 from winchcascade.reduction.run_record import RunRecord, run_record
 from winchcascade.tables.check import Check, Factors, check, measured_from_record
 from winchcascade.tables.point_check import check_points
 from winchcascade.tables.point_table import PointTable, open_table
-
-RECORD = "campaign.json"
 
 _EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
@@ -61,7 +60,7 @@ def input_files(target: Path) -> list[str]:
     folder = target if target.is_dir() else target.parent
     files = [target, folder / CAMPAIGN_FILE]
     if not _is_campaign(target):
-        return [str(path) for path in (*files, folder / RECORD, *folder.glob("runs/*"))]
+        return [str(path) for path in (*files, folder / CAMPAIGN_RECORD, *folder.glob("runs/*"))]
     work = make_plan([str(target)]).work
     return [*map(str, files), *(one.path for one in work), *(one.settings.rig.path for one in work)]
 
@@ -69,7 +68,7 @@ def input_files(target: Path) -> list[str]:
 def _is_campaign(target: Path) -> bool:
     """Whether a target is a campaign to reduce: its file, or a folder without the results of a batch."""
     if target.is_dir():
-        return not (target / RECORD).is_file() or (target / CAMPAIGN_FILE).is_file()
+        return not (target / CAMPAIGN_RECORD).is_file() or (target / CAMPAIGN_FILE).is_file()
     return target.suffix == ".toml"
 
 
@@ -84,11 +83,11 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
     """
     if _is_campaign(target):
         return campaign_results(make_plan([str(target)]), jobs)
-    path = target / RECORD if target.is_dir() else target
+    path = target / CAMPAIGN_RECORD if target.is_dir() else target
     content, stored, digest = _read(path)
     if stored.schema == CAMPAIGN_SCHEMA and stored.runs is not None:
         return _of_batch(path.parent, stored.runs, stored.store.files if digest == "kept" else None)
-    if path.name == RECORD:
+    if path.name == CAMPAIGN_RECORD:
         raise OptionError(
             f"{path}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}. Run the batch again."
         )
@@ -129,8 +128,8 @@ def _of_batch(folder: Path, runs: list[_Run], digests: Mapping[str, str] | None)
     for name in () if digests is None else altered(folder, {run.result: digests.get(run.result, "") for run in runs}):
         raise _altered(folder / name)
     between = findings_between([log_efficiency(name, record) for name, record in records.items()])
-    together = with_findings_between(records, between)
-    return Results(tuple(together.items()), whole=True, verified=digests is not None)
+    together = tuple(with_findings_between(records.items(), between))
+    return Results(together, whole=True, verified=digests is not None)
 
 
 def campaign_results(plan: Plan, jobs: int) -> Results:

@@ -7,8 +7,9 @@ from pathlib import Path
 import msgspec
 
 from winchcascade.core.files import is_marked
+from winchcascade.core.results_folder import CAMPAIGN_RECORD, DIAGNOSIS_RECORD, INDEX
 from winchcascade.core.store import Kept, inside, kept
-from winchcascade.reduction.campaign_record import campaign_from
+from winchcascade.reduction.campaign_record import read_campaign
 
 
 def write_index(folder: Path) -> Path | None:
@@ -19,13 +20,13 @@ def write_index(folder: Path) -> Path | None:
     OutputError : a page is there that this tool did not write, or a link
     """
     from winchcascade.report.render.publish import publish
-    from winchcascade.report.results.campaign_index import INDEX, MEANINGS, results_index
+    from winchcascade.report.results.campaign_index import MEANINGS, results_index
 
-    record = inside(folder, "campaign.json")
+    record = inside(folder, CAMPAIGN_RECORD)
     if not isinstance(kept(record, "store"), Kept):
         return None
     try:
-        campaign = campaign_from(msgspec.json.decode(record.read_bytes(), type=dict[str, object]))
+        campaign = read_campaign(record)
     except msgspec.ValidationError:  # of another version
         return None
     files = [name for name in MEANINGS if (path := inside(folder, name)).is_file() and is_marked(path)]
@@ -34,7 +35,7 @@ def write_index(folder: Path) -> Path | None:
         e for e in ("html", "pdf", "json") if all((runs / f"{run.name}.{e}").is_file() for run in campaign.reduced)
     ]
     diagnosis = None
-    if "diagnosis.json" in files:
-        diagnosis = msgspec.json.decode((folder / "diagnosis.json").read_bytes(), type=dict[str, object])
+    if DIAGNOSIS_RECORD in files:
+        diagnosis = msgspec.json.decode((folder / DIAGNOSIS_RECORD).read_bytes(), type=dict[str, object])
     publish(results_index(campaign, files, endings, diagnosis), html=folder / INDEX)
     return folder / INDEX

@@ -12,11 +12,12 @@ from msgspec.structs import replace
 
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.plan import Plan, Work, result_key
-from winchcascade.batch.reductions import ENTRY, Made, campaign_record, reduce_log
+from winchcascade.batch.reductions import ENTRY, Made, campaign_record, reduce_log, with_findings_between
 from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, put_in_place, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
+from winchcascade.core.results_folder import CAMPAIGN_FILES, CAMPAIGN_PAGE, CAMPAIGN_RECORD, CAMPAIGN_WORKBOOK, INDEX
 from winchcascade.core.scratch import clear, scratch_folder
 from winchcascade.core.store import (
     Output,
@@ -31,7 +32,7 @@ from winchcascade.core.store import (
 )
 from winchcascade.core.version import __version__
 from winchcascade.reduction.campaign_json import campaign_json
-from winchcascade.reduction.campaign_record import CampaignRecord, campaign_from
+from winchcascade.reduction.campaign_record import CampaignRecord, read_campaign
 from winchcascade.report.records import read_results
 
 ENDINGS = ("html", "pdf", "json")
@@ -39,12 +40,6 @@ ENDINGS = ("html", "pdf", "json")
 
 REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
 """Reports that are written, by the choice of `--reports`."""
-
-RECORD, PAGE, WORKBOOK, INDEX = "campaign.json", "campaign.html", "campaign.xlsx", "index.html"
-"""Files of a campaign, and the page that lists all."""
-
-CAMPAIGN_FILES = (RECORD, PAGE, "campaign.pdf", WORKBOOK)
-"""Files of a whole campaign, beside its dataset."""
 
 DATASET = tuple(f"dataset/{table}.parquet" for table in TABLES)
 """Files of the dataset, by their names in the folder of a batch."""
@@ -165,18 +160,21 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
     results = {f"runs/{path.name}": fingerprint(path) for path in batch.results.values()}
     logs = [(work.name, work.key, batch.faults.get(work.name)) for work in plan.work]
     key = digest_of(repr((plan.title, __version__, logs, sorted(results.items()))).encode())
-    wanted = (*DATASET, *(f"campaign.{ending}" for ending in reports), *([WORKBOOK] if products.workbook else []))
-    there = state_of(out, Output(RECORD, "store", key, wanted))
+    wanted = (
+        *DATASET,
+        *(f"campaign.{ending}" for ending in reports),
+        *([CAMPAIGN_WORKBOOK] if products.workbook else []),
+    )
+    there = state_of(out, Output(CAMPAIGN_RECORD, "store", key, wanted))
     batch = replace(batch, altered=(*batch.altered, *there.altered))
     try:
         if there.kept:
-            written = msgspec.json.decode((out / RECORD).read_bytes(), type=dict[str, object])
-            batch = replace(batch, summary=campaign_from(written))
+            batch = replace(batch, summary=read_campaign(out / CAMPAIGN_RECORD))
         else:
             batch = replace(batch, summary=campaign_record(plan, read_results(batch.results), batch.faults, key))
             others = {name: there.files[name] for name in CAMPAIGN_FILES if name in there.files and name not in wanted}
             _write_campaign(plan, batch, products, wanted, results | others)
-        if (out / PAGE).is_file() and not (there.kept and (out / INDEX).is_file()):
+        if (out / CAMPAIGN_PAGE).is_file() and not (there.kept and (out / INDEX).is_file()):
             write_index(out)
     except (OSError, OutputError) as fault:
         why = getattr(fault, "strerror", None) or fault
@@ -200,18 +198,20 @@ def _write_campaign(
     out, campaign = batch.folder, batch.summary
     (out / "dataset").mkdir(exist_ok=True)
     with scratch_folder(out) as made:
-        cascades = [work.settings.rig.cascade for work in plan.work]
-        write_dataset(batch.results.values(), made / "dataset", between=campaign.between, cascades=cascades)
+        records = with_findings_between(read_results(batch.results), campaign.between)
+        write_dataset(records, made / "dataset", cascades=[work.settings.rig.cascade for work in plan.work])
         if products.workbook:
-            write_workbook(made / "dataset", made / WORKBOOK)
+            write_workbook(made / "dataset", made / CAMPAIGN_WORKBOOK)
         if products.reports:
             _write_reports(campaign, made, out, products)
         digests = digests | {name: fingerprint(made / name) for name in wanted}
         made_by = {"key": campaign.state, "files": digests}
-        (made / RECORD).write_bytes(with_digest(campaign_json(campaign), "store", made_by))
+        (made / CAMPAIGN_RECORD).write_bytes(with_digest(campaign_json(campaign), "store", made_by))
         outdated = [name for name in CAMPAIGN_FILES[1:] if name not in digests]
-        outdated += [] if PAGE in digests else [INDEX]
-        put_in_place({made / name: out / name for name in (*wanted, RECORD)}, without=[out / name for name in outdated])
+        outdated += [] if CAMPAIGN_PAGE in digests else [INDEX]
+        put_in_place(
+            {made / name: out / name for name in (*wanted, CAMPAIGN_RECORD)}, without=[out / name for name in outdated]
+        )
 
 
 def _write_reports(campaign: CampaignRecord, made: Path, out: Path, products: Products) -> None:

@@ -14,6 +14,14 @@ from winchcascade.cli.options import OUTPUTS, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
+from winchcascade.core.results_folder import (
+    CAMPAIGN_FILES,
+    CAMPAIGN_PAGE,
+    CAMPAIGN_RECORD,
+    DIAGNOSIS_FILES,
+    DIAGNOSIS_RECORD,
+    INDEX,
+)
 from winchcascade.core.store import state_of
 
 if TYPE_CHECKING:
@@ -70,7 +78,7 @@ def _present_loss_map(
     from winchcascade.batch.campaign_loss_map import campaign_loss_map
     from winchcascade.batch.results_pages import write_index
     from winchcascade.report.loss_map_file import write_loss_map
-    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.campaign_index import links_to
     from winchcascade.report.results.loss_surface import campaign_loss_map_report, loss_map_pictures
 
     found, left_out = campaign_loss_map(plan, batch.results, workers)
@@ -83,7 +91,7 @@ def _present_loss_map(
         from winchcascade.report.figures.style import house_style
 
         with house_style():
-            return stated(loss_map_pictures(found), links_to(["campaign.html", INDEX]))
+            return stated(loss_map_pictures(found), links_to([CAMPAIGN_PAGE, INDEX]))
 
     show("\n")
     present(stated, Outputs({"loss_map": path} | pages, force), name="loss map", drawn=drawn)
@@ -120,7 +128,7 @@ def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS) -> None:
 
 def _files_in(folder: Path) -> list[Path]:
     """What the folder of a batch holds for a reader."""
-    names = ("index.html", "campaign.html", "campaign.pdf", "campaign.xlsx", "campaign.json", "dataset", "runs")
+    names = (INDEX, *CAMPAIGN_FILES[1:], CAMPAIGN_RECORD, "dataset", "runs")
     return [folder / name for name in names if (folder / name).exists()]
 
 
@@ -130,7 +138,7 @@ def _files_in(folder: Path) -> list[Path]:
 def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None, force: bool = False) -> None:
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()
-    from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
+    from winchcascade.batch.demo import copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.content import Report
@@ -149,7 +157,7 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
         with status_line(f"diagnosing {plan.title}") as on_progress:
             if not kept:
                 write_diagnosis(results, diagnosed(), force=force, on_progress=on_progress)
-    found = msgspec.json.decode((results / "diagnosis.json").read_bytes(), type=dict[str, object])
+    found = msgspec.json.decode((results / DIAGNOSIS_RECORD).read_bytes(), type=dict[str, object])
     stated = Report("Diagnosis", "Diagnosis", points=[diagnosis_note(found)])
     present(lambda: stated, NO_OUTPUTS, notes=[results / name for name in DIAGNOSIS_FILES])
     raise typer.Exit(1 if batch.faults else 0)

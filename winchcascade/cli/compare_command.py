@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from winchcascade.cli.options import REPORT, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present
+from winchcascade.cli.options import with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 
 if TYPE_CHECKING:
     from winchcascade.comparison.gate import Gate

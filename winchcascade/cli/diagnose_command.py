@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from winchcascade.cli.options import EVALUATION, REPORT, option, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present
+from winchcascade.cli.options import EVALUATION, option, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
+from winchcascade.core.results_folder import CAMPAIGN_PAGE, DIAGNOSIS_FILES, INDEX
 from winchcascade.core.store import locked, make_one
 
 if TYPE_CHECKING:
@@ -102,21 +103,20 @@ def _write_files(found: ModelDiagnosis | LineDiagnosis, outputs: Outputs) -> dic
 
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
     """The report, with links to the pages of a batch beside it."""
-    from winchcascade.report.results.campaign_index import INDEX, links_to
+    from winchcascade.report.results.campaign_index import links_to
     from winchcascade.report.results.diagnosis import diagnosis_report
 
     folder = Path() if html is None else html.parent
-    pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
+    pages = [name for name in (CAMPAIGN_PAGE, INDEX) if (folder / name).is_file() and is_marked(folder / name)]
     return replace(diagnosis_report(found, command=given_command()), links=links_to(pages))
 
 
 def _list_in_results(outputs: Outputs) -> None:
     """List a diagnosis on the pages of the folders of results into which it was written."""
-    from winchcascade.batch.demo import DIAGNOSIS_FILES
     from winchcascade.batch.results_pages import write_index
 
     for folder in {path.parent for path in outputs.files if path.name in DIAGNOSIS_FILES}:
-        page = folder / "index.html"
+        page = folder / INDEX
         if page.is_file() and is_marked(page):
             with locked(folder, lambda _: None):
                 write_index(folder)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from winchcascade.batch.log_settings import settings_of
 from winchcascade.cli.options import (
     OUTPUTS,
-    REPORT,
     RIGS,
     argument,
     check_load,
@@ -20,7 +19,7 @@ from winchcascade.cli.options import (
     option,
     with_options,
 )
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import write_content
 from winchcascade.core.jobs import one_thread_each

@@ -175,9 +175,6 @@ OPTIONS: dict[str, Any] = {
 }  # fmt: skip
 """What the parameters of all commands are on the command line, by their names."""
 
-REPORT = ("html", "pdf", "figures", "tables")
-"""Options of the files of a report."""
-
 
 def with_options(*outputs: str, **own: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give the parameters of a command their options and arguments from `OPTIONS`, by their names.

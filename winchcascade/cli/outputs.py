@@ -19,6 +19,9 @@ from winchcascade.report.screen import QUIET, painted, status_line
 if TYPE_CHECKING:
     from winchcascade.report.content import Report
 
+REPORT = ("html", "pdf", "figures", "tables")
+"""Options of the files of a report."""
+
 STDOUT = Path("-")
 """Standard output, as the file of `--json`."""
 
@@ -126,7 +129,7 @@ def present(
 
 def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) -> Report | None:
     """Write the page, the PDF, the figures and the tables of a report as far as they are wanted, and give the report."""
-    if not outputs.paths.keys() & {"html", "pdf", "figures", "tables"}:
+    if outputs.paths.keys().isdisjoint(REPORT):
         return None
     from winchcascade.report.render.folders import write_figures, write_tables
     from winchcascade.report.render.publish import publish

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from winchcascade.batch.log_settings import settings_of
-from winchcascade.cli.options import LOG, REPORT, check_load, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present
+from winchcascade.cli.options import LOG, check_load, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Repairs
 

@@ -30,7 +30,8 @@ def comparison_notes(
     unlike : sensors whose gains the rig files of both sides state differently
     """
     whole = MatchedRuns("", None, a.runs, b.runs)
-    notes = [ComparisonNote("stages", text) for text in [_STAGES(whole)] if isinstance(text, str) and text]
+    stages = _STAGES(whole)
+    notes = [ComparisonNote("stages", stages)] if stages else []
     for kind, note_text in (*NOTES, *([_NOT_SPLIT] if same_sensors else [])):
         notes += _grouped(kind, note_text, matched)
     if same_sensors and unlike:
@@ -54,7 +55,7 @@ def _grouped(kind: NoteKind, note_text: NoteText, matched: Sequence[MatchedRuns]
 
 
 # ------------------------------------------------------------------------------------------------- what differs in A and B
-def _unlike(of: Callable[[ComparedRun], str], sentence: str) -> NoteText:
+def _unlike(of: Callable[[ComparedRun], str], sentence: str) -> Callable[[MatchedRuns], str]:
     """A note on a text of the logs that differs between A and B; the sentence has a place {} for either."""
 
     def note_text(runs: MatchedRuns) -> str:
@@ -119,7 +120,7 @@ def _same_log(runs: MatchedRuns) -> str:
 
 def _data(runs: MatchedRuns) -> str:
     """Kinds of data that differ, and simulated logs."""
-    found = str(_KINDS(runs))
+    found = _KINDS(runs)
     if any(run.simulated for run in (*runs.a, *runs.b)):
         model = "a simulated log has no errors of sensors; the errors of its model are in no interval"
         return f"{found}; {model}" if found else model

@@ -84,13 +84,9 @@ def banner(origins: Sequence[Origin]) -> str:
     ('Not measured.', '1 of 2 logs are not measured.')
     """
     made = sum(origin.measured is False for origin in origins)
-    return (
-        ""
-        if not made
-        else "Not measured."
-        if made == len(origins)
-        else f"{made} of {len(origins)} logs are not measured."
-    )
+    if not made:
+        return ""
+    return "Not measured." if made == len(origins) else f"{made} of {len(origins)} logs are not measured."
 
 
 CAMPAIGN_FILE = "campaign.toml"

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -37,6 +35,7 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import CLOCK, Finding, Repairs, Run, Signal
+from winchcascade.core.store import fingerprint
 from winchcascade.core.toml_text import Expected
 from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
 from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
@@ -227,7 +226,7 @@ def _read(path: Path, settings: LogSettings, *, simulated: bool) -> Run:
     # Hashing leaves the interpreter free for other work.
     run, digest = side_by_side(
         lambda: _run_of(loaded, settings, where=path.name, simulated=simulated),
-        lambda: _sha256(path),
+        lambda: fingerprint(path),
         samples=len(next(iter(loaded.table.values.values()))),
     )
     if not digest:
@@ -430,7 +429,7 @@ class _Seen:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._before = self._stamps()
-        self._sha256 = _sha256(path) if self._is_fresh() else ""
+        self._sha256 = fingerprint(path) if self._is_fresh() else ""
 
     def _stamps(self) -> tuple[int, ...] | None:
         try:
@@ -449,13 +448,6 @@ class _Seen:
     def is_same(self, sha256: str = "") -> bool:
         """Whether the file is still the same, and of this digest where it is given."""
         return self._stamps() == self._before and (not (self._sha256 and sha256) or self._sha256 == sha256)
-
-
-def _sha256(path: Path) -> str:
-    """Digest of a file in hexadecimal, nothing for one that cannot be read."""
-    with suppress(OSError), path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-    return ""
 
 
 def _clock(

@@ -13,6 +13,7 @@ SEED = 20260
 """Seed of the draws from which the probability follows that a load is the best."""
 
 DRAWS = 20_000
+"""Number of draws: the probability is known within a standard error of 0.0035, 0.5 over the root of this, or better."""
 
 
 class Best(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -90,7 +91,7 @@ def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
 
     Parameters
     ----------
-    log : path or address of the log
+    log : path of the log
     """
     return LogSummary(
         name=name,
@@ -134,6 +135,11 @@ def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
     between = tuple((one["run"], msgspec.convert(one, FindingRecord)) for one in record["between_logs"])
     waves = msgspec.convert(record["waves"], CampaignWavesRecord) if "waves" in record else UNSET
     return CampaignRecord(record["title"], record["state"], runs, between, waves)
+
+
+def read_campaign(path: Path) -> CampaignRecord:
+    """Read the record of a campaign that this version wrote, from its file; msgspec.ValidationError for another one."""
+    return campaign_from(msgspec.json.decode(path.read_bytes(), type=dict[str, object]))
 
 
 def runs_by_load(runs: Sequence[LogSummary]) -> list[LogSummary]:

@@ -85,16 +85,9 @@ def reduce(
     """
     check_type("reduce", run, Run, "read_run(log)")
     check_arguments("reduce", ("cycles", cycles, CYCLES))
-    rig = _as_read(given_rig("reduce", rig, run.rig), run)
-    _check_channels(run, rig)
-    _check_derived(run, rig)
-    window, cycles = run.window if window is None else window, run.cycles if cycles is None else cycles
-    if window is not None and not rig.phases.by_motion:
-        raise OptionError(
-            f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '
-            "windows are whole; leave the window out."
-        )
-    phased = find_phases(run, rig, window_rule(rig.thresholds.window if window is None else window), cycles)
+    rig = _fitting_rig(run, rig)
+    cycles = run.cycles if cycles is None else cycles
+    phased = find_phases(run, rig, _rule(run, rig, window), cycles)
     windows, nets = find_windows(phased), find_net_spans(phased)
     findings = [*_not_given(run, rig), *_too_few(cycles, phased), *check_lengths(phased, windows)]
     summaries, (energy, bins) = side_by_side(
@@ -108,6 +101,7 @@ def reduce(
     results = _results(phased, summaries, energy, findings)
     findings += changes_within(results, rig, energy.bridged, run) if by_motion else []
     complete = [r.metrics for r in results if r.complete]
+    deviation = largest_deviation(complete, rig.cascade) if rig.phases.repeats else Metrics((), rig.cascade.all_metrics)
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
     return Reduction(
         run=run,
@@ -115,9 +109,7 @@ def reduce(
         window=phased.rule if by_motion else "whole",
         cycles=tuple(results),
         mean=ensemble_mean(complete, rig.cascade),
-        max_deviation_percent=largest_deviation(complete, rig.cascade)
-        if rig.phases.repeats
-        else Metrics((), rig.cascade.all_metrics),
+        max_deviation_percent=deviation,
         total=total(complete, whole, open_circuit=run.open_circuit, cascade=rig.cascade),
         bins=bins,
         quality=(*_assumed(rig), *other_source(phased, results), *run.findings, *findings),
@@ -125,6 +117,25 @@ def reduce(
         sampled=sampling.changes,
         measured_load=measured_load(phased, points),
     )
+
+
+def _fitting_rig(run: Run, given: Rig | None) -> Rig:
+    """The rig of a call or of a run, with the signs that the run was read with; OptionError for one that does not fit it."""
+    rig = _as_read(given_rig("reduce", given, run.rig), run)
+    _check_channels(run, rig)
+    _check_derived(run, rig)
+    return rig
+
+
+def _rule(run: Run, rig: Rig, given: str | float | None) -> WindowRule:
+    """The window rule of a call, of the campaign of the run, or of the rig; OptionError for one where windows are whole."""
+    window = run.window if given is None else given
+    if window is not None and not rig.phases.by_motion:
+        raise OptionError(
+            f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '
+            "windows are whole; leave the window out."
+        )
+    return window_rule(rig.thresholds.window if window is None else window)
 
 
 def _as_read(rig: Rig, run: Run) -> Rig:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import msgspec
@@ -10,12 +11,7 @@ from msgspec import UNSET
 from msgspec.structs import asdict
 
 from winchcascade.core.cascade import field_of
-from winchcascade.reduction.run_record import (
-    CampaignWavesRecord,
-    Numbers,
-    RunRecord,
-    WavesRecord,
-)
+from winchcascade.reduction.run_record import CampaignWavesRecord, Numbers, RunRecord, WavesRecord
 from winchcascade.reduction.wave_bootstrap import DRAWS, SEED
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies, joined_waves
 
@@ -116,7 +112,7 @@ def campaign_waves(records: Iterable[tuple[str, RunRecord]]) -> CampaignWaves | 
     logs = [
         LogWaves(name, record.log.load, waves_from_record(record.waves)) for name, record in records if record.waves
     ]
-    loaded = [log for log in logs if log.load != float("inf")] or list(logs)
+    loaded = [log for log in logs if log.load != math.inf] or logs
     if not loaded:
         return None
     alike = [log for log in loaded if _kind(log) == _kind(loaded[0])]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.results_folder import INDEX
 from winchcascade.reduction.campaign_record import CampaignRecord, LogSummary, cascade_of, runs_by_load
 from winchcascade.report.content import Column, Link, Report, Table, section, table
 from winchcascade.report.results.campaign import fault_notes, findings_note, tiles, verdict_note
@@ -20,9 +21,6 @@ from winchcascade.report.results.campaign_tables import (
 )
 from winchcascade.report.results.common import data_note
 from winchcascade.report.results.diagnosis_words import diagnosis_note
-
-INDEX = "index.html"
-"""Name of the page in a results folder."""
 
 MEANINGS = {
     "campaign.html": "Report of the campaign: all logs together",
