@@ -79,15 +79,14 @@ def _text(text: str) -> Markup:
 def _rows(table: Table[Any]) -> dict[str, Any]:
     """Columns and rows of a table as a page shows them: those that hold something, up to the limit."""
     used = table.used()
-    texts, count = used.texts, len(used.items)
-    left = used.left
+    (body, below), left = used.listed(), used.left
     return {
         "columns": list(zip(used.columns, left, strict=True)),
-        "body": used.shortened(texts[:count]),
+        "body": body,
         "addresses": used.shortened(used.addresses, counted=False),
-        "below": texts[count:],
+        "below": below,
         "left": left,
-        "fixed": all(len(row[0]) <= LONG for row in texts),
+        "fixed": all(len(row[0]) <= LONG for row in (*body, *below)),
     }
 
 

@@ -68,8 +68,7 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
         return {"type": "picture", "caption": _text(block.caption), "alt": _text(block.alt), "svg": svg, "share": share}
     if isinstance(block, Table):
         used = block.used()
-        texts, count = used.texts, len(used.items)
-        rows = [*used.shortened(texts[:count]), *texts[count:]]
+        body, below = used.listed()
         return {
             "type": "table",
             "caption": _text(block.caption),
@@ -77,7 +76,7 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
             "head": [_text(column.name) for column in used.columns],
             "units": [_text(column.unit) for column in used.columns],
             "text_columns": [k for k, left in enumerate(used.left) if left],
-            "rows": [[_text(cell) for cell in row] for row in rows],
-            "summary": len(texts) - count,
+            "rows": [[_text(cell) for cell in row] for row in (*body, *below)],
+            "summary": len(below),
         }
     return {"type": "note", "about": _text(block.about), "text": _text(block.text)}
