@@ -12,7 +12,7 @@ from winchcascade.core.errors import OutputError
 from winchcascade.core.files import write_set
 from winchcascade.core.store import inside, make_one
 from winchcascade.report.content import Picture, Report, Table
-from winchcascade.report.glossary import SUBSCRIPT, typeset
+from winchcascade.report.glossary import RAISED, SUBSCRIPT, typeset
 from winchcascade.report.render.drawing import MARK, drawn
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ _SPECIAL = {
     "\u2212": "$-$", "–": "--", "·": r"$\cdot$", "×": r"$\times$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$",
     "→": r"$\rightarrow$", "°": r"$^{\circ}$", "µ": r"$\mu$", "η": r"$\eta$", "τ": r"$\tau$", "Ω": r"$\Omega$",
     "ω": r"$\omega$", "Δ": r"$\Delta$", "σ": r"$\sigma$", "ρ": r"$\rho$",
-} | {raised: f"$^{{{digit}}}$" for raised, digit in zip("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789", strict=True)}  # fmt: skip
+} | {chr(raised): f"$^{{{chr(plain)}}}$" for plain, raised in RAISED.items()}  # fmt: skip
 """What LaTeX writes for a character that means something else to it, or that its usual fonts do not hold."""
 
 

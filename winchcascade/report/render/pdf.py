@@ -10,7 +10,7 @@ import msgspec
 from winchcascade.core.version import made_at
 from winchcascade.report.content import Block, Picture, Report, Table
 from winchcascade.report.figures.style import WIDTH
-from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
+from winchcascade.report.glossary import SUBSCRIPTS, clean, typeset
 from winchcascade.report.render import drawing
 from winchcascade.report.render.fonts import fonts_for, fonts_in, lacking_letters, template_folder
 
@@ -47,7 +47,7 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
         "subtitle": _text(report.subtitle),
         "generator": report.generator,
         "banner": _text(report.banner),
-        "subscripts": SUBSCRIPT.pattern.partition(")_(")[2].partition(")")[0].split("|"),
+        "subscripts": SUBSCRIPTS,
         "tiles": [
             {"symbol": _text(t.name), "name": _text(t.about), "value": _text(t.value), "interval": _text(t.beside)}
             for t in report.tiles
