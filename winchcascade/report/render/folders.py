@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import write_set
+from winchcascade.core.plain_text import cell_text
 from winchcascade.core.store import inside, make_one
 from winchcascade.report.content import Picture, Report, Table
 from winchcascade.report.glossary import RAISED, SUBSCRIPT, typeset
@@ -86,12 +87,11 @@ def csv_text(frame: pd.DataFrame) -> str:
     >>> csv_text(pd.DataFrame({"a": ["=1+1", "b"], "n": [-1.5, 2.0]}))
     "a,n\\n'=1+1,-1.5\\nb,2.0\\n"
     """
-    return str(frame.map(neutral).rename(columns=neutral).to_csv(index=False, lineterminator="\n"))
+    return str(frame.map(_spreadsheet_cell).rename(columns=cell_text).to_csv(index=False, lineterminator="\n"))
 
 
-def neutral(cell: object) -> object:
-    """A text that no spreadsheet takes for a formula."""
-    return f"'{cell}" if isinstance(cell, str) and cell[:1] in tuple("=+-@\t\r") and len(cell) > 1 else cell
+def _spreadsheet_cell(cell: object) -> object:
+    return cell_text(cell) if isinstance(cell, str) else cell
 
 
 def _shown_frame(table: Table[Any]) -> pd.DataFrame:

@@ -38,8 +38,8 @@ from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
 from winchcascade.report.wording import load_words
 
-LISTED = 800
-"""Characters of a list of files that is given in full."""
+MAX_RESULTS_TEXT = 800
+"""A list of result files up to this length is given in full. [characters]"""
 
 MAX_FAULTS = 10
 """Logs that could not be used which the first screen names; a table holds all."""
@@ -242,7 +242,7 @@ def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: s
     """Where every number comes from."""
     finite = sorted({run.load for run in runs if run.load is not None and math.isfinite(run.load)})
     results = ", ".join(run.result for run in runs)
-    if len(results) > LISTED:
+    if len(results) > MAX_RESULTS_TEXT:
         results = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
     rows = [
         ("Campaign", campaign.title),

@@ -244,8 +244,11 @@ def _where(found: ModelDiagnosis, word: str) -> Section:
     )  # fmt: skip
 
 
-LISTED = 12
+LISTED_PLACES = 12
 """Places of a map that are listed."""
+
+LISTED_NUISANCES = 12
+"""Nuisances that are listed, those that the fit moved most."""
 
 
 def _places(places: Sequence[Place]) -> Table[Place] | None:
@@ -266,7 +269,7 @@ def _places(places: Sequence[Place]) -> Table[Place] | None:
             Column("unit", lambda place: CHANNELS[place.channel].unit),
             Column("z", lambda place: place.z, "", 1, signed=True),
         ],
-        ranked[:LISTED],
+        ranked[:LISTED_PLACES],
         brief=False,
     )  # fmt: skip
 
@@ -381,7 +384,7 @@ def _considered(found: ModelDiagnosis) -> Section:
                 Column("number", lambda pair: nuisance_words(pair[0], files)),
                 Column("moved", lambda pair: pair[1], "", 1, signed=True),
             ],
-            moved[:LISTED],
+            moved[:LISTED_NUISANCES],
             brief=False,
         ),
         folded=True,

@@ -25,7 +25,7 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import (
-    COVERAGE,
+    INTERVAL_WIDTH,
     NAMES,
     alarm_place,
     display_of,
@@ -106,7 +106,7 @@ def number_columns() -> list[Column[Any]]:
     """Number and interval of an effect in the unit in which it is shown, with the digits that the interval allows."""
 
     def u(row: CauseRow | EffectNumber) -> float:
-        return (row.value.high - row.value.low) / COVERAGE * row.how.factor
+        return (row.value.high - row.value.low) / INTERVAL_WIDTH * row.how.factor
 
     def number(row: CauseRow | EffectNumber) -> Cell:
         return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)

@@ -47,7 +47,7 @@ from winchcascade.report.results.diagnosis_parts import (
 
 KILO = figures.KILO
 
-LISTED = 12
+LISTED_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""
 
 
@@ -205,7 +205,7 @@ def _tried(found: LineDiagnosis) -> Section:
                 Column("probability", lambda names: probability_words(choice.probability[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],
-            ranked[:LISTED],
+            ranked[:LISTED_SETS],
             brief=False,
         ),
         folded=True,
