@@ -253,9 +253,7 @@ def samples_frame(reduction: Reduction, units: Units) -> pd.DataFrame:
     cycle, phase = np.zeros(run.t.size, dtype=np.int64), np.full(run.t.size, "", dtype=object)
     inside = np.zeros(run.t.size, dtype=bool)
     for one in reduction.cycles:
-        phases = one.phases
-        spans = {"payout": (phases.onset, phases.payout_end), "hold": phases.hold, "haul_in": phases.haul_in}
-        for name, span in spans.items():
+        for name, span in one.phases.spans.items():
             if span is not None:
                 here = slice(*np.searchsorted(run.t, span, side="left").tolist())
                 cycle[here], phase[here] = one.cycle, name

@@ -9,7 +9,7 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.core.store import fingerprint
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
+from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 from winchcascade.report.content import (
     Measured,
     Note,
@@ -85,11 +85,6 @@ def reduction_report(
         ],
         banner=banner([run.origin]),
     )  # fmt: skip
-
-
-def waves_of(reduction: Reduction) -> WaveEnergies | None:
-    """Energies of waves where cycles are waves by the rig file."""
-    return wave_energies(reduction) if reduction.rig.phases.source == "waves" else None
 
 
 # ---------------------------------------------------------------------------------------------------- the first screen
