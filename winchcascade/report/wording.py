@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
+from winchcascade.core.plain_text import first_of
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
 from winchcascade.report.glossary import CHANNELS, SENSORS
@@ -99,8 +100,7 @@ def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
 
 def _named_cycles(numbers: Sequence[int], of: int) -> str:
     """Some of `of` cycles, by their numbers."""
-    more = f" and {len(numbers) - NAMED_CYCLES} more" if len(numbers) > NAMED_CYCLES else ""
-    named = f"cycle{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers[:NAMED_CYCLES]))}{more}"
+    named = f"cycle{'s' * (len(numbers) > 1)} {first_of([*map(str, numbers)], NAMED_CYCLES)}"
     return "all cycles" if 1 < len(numbers) == of else named
 
 

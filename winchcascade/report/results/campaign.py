@@ -9,7 +9,7 @@ from msgspec import UNSET
 
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.cascade import field_of
-from winchcascade.core.plain_text import one_line
+from winchcascade.core.plain_text import first_of, one_line
 from winchcascade.reduction.best_load import Best, motion_words, rank_loads
 from winchcascade.reduction.campaign_record import (
     CampaignRecord,
@@ -199,8 +199,7 @@ def findings_note(runs: Sequence[LogSummary]) -> Note | None:
     if not found:
         return Note("None in any log.", "Findings", "good") if runs else None
     kinds = ", ".join(sorted({kind.replace("_", " ") for run in found for kind in run.findings}))
-    more = f" and {len(found) - NAMED_LOGS} more" if len(found) > NAMED_LOGS else ""
-    names = ", ".join(one_line(run.name) for run in found[:NAMED_LOGS]) + more
+    names = first_of([one_line(run.name) for run in found], NAMED_LOGS)
     return Note(f"In {len(found)} of {len(runs)} logs: {kinds} ({names}).", "Findings", "warn")
 
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from winchcascade.core.plain_text import first_of
 from winchcascade.diagnosis.compared_curves import samples_of
 from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
 from winchcascade.diagnosis.model_account import COMPARED, Account, ChannelDifference, Modelled
@@ -70,10 +71,7 @@ def _reasons(left_out: Sequence[Named]) -> str:
     found: dict[str, list[str]] = {}
     for log in left_out:
         found.setdefault(log.account.why.rstrip("."), []).append(log.name)
-    named = [
-        f"{', '.join(names[:MAX_NAMES])}{f' and {len(names) - MAX_NAMES} more' * (len(names) > MAX_NAMES)}: {why}"
-        for why, names in found.items()
-    ]
+    named = [f"{first_of(names, MAX_NAMES)}: {why}" for why, names in found.items()]
     return f"{'; '.join(named)}."
 
 
