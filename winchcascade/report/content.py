@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeGuard, 
 
 import msgspec
 
-from winchcascade.core.version import __version__
-
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
@@ -312,7 +310,6 @@ class Report(msgspec.Struct, frozen=True):
     banner: str = ""
     lead: Picture | None = None
     links: Sequence[Link] = ()
-    generator: str = f"winchcascade/{__version__}"
 
     @property
     def notes(self) -> list[Note]:

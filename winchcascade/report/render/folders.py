@@ -12,9 +12,10 @@ from winchcascade.core.errors import OutputError
 from winchcascade.core.files import write_set
 from winchcascade.core.plain_text import cell_text
 from winchcascade.core.store import inside, make_one
+from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import Picture, Report, Table
 from winchcascade.report.glossary import RAISED, SUBSCRIPT, typeset
-from winchcascade.report.render.drawing import MARK, drawn
+from winchcascade.report.render.drawing import drawn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,7 +110,7 @@ def latex_text(table: Table[Any]) -> str:
     text = frame.to_latex(
         index=False, escape=False, column_format=kinds, caption=latex(typeset(table.caption)), label=f"tab:{table.id}"
     )
-    return f"% {MARK}; requires the package booktabs\n{text}"
+    return f"% {GENERATOR}; requires the package booktabs\n{text}"
 
 
 _SPECIAL = {
@@ -148,7 +149,8 @@ def markdown_text(table: Table[Any]) -> str:
         *(_line(row) for row in (escaped[0], rules, *escaped[1:])),
     ]
     return (
-        "\n".join([*lines, *(["", _escaped(typeset(table.note))] if table.note else []), "", f"<!-- {MARK} -->"]) + "\n"
+        "\n".join([*lines, *(["", _escaped(typeset(table.note))] if table.note else []), "", f"<!-- {GENERATOR} -->"])
+        + "\n"
     )
 
 

@@ -6,6 +6,7 @@ import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import Picture, Report, Section, Table
 from winchcascade.report.figures.style import COLOURS, WIDTH
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
@@ -33,6 +34,7 @@ def page_text(report: Report) -> str:
         .get_template("page.html.j2")
         .render(
             report=report,
+            generator=GENERATOR,
             style=Markup("".join((folder / name).read_text(encoding="utf-8") for name in styles)),
             scripts=[Markup((folder / name).read_text(encoding="utf-8")) for name in scripts],
             numbers=_numbered(report.filled, report.lead),

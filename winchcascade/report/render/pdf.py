@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from winchcascade.core.version import made_at
+from winchcascade.core.version import GENERATOR, made_at
 from winchcascade.report.content import Block, Picture, Report, Table
 from winchcascade.report.figures.style import WIDTH
 from winchcascade.report.glossary import SUBSCRIPTS, clean, typeset
@@ -45,7 +45,7 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
         "kind": report.kind,
         "title": _text(report.title),
         "subtitle": _text(report.subtitle),
-        "generator": report.generator,
+        "generator": GENERATOR,
         "banner": _text(report.banner),
         "subscripts": SUBSCRIPTS,
         "tiles": [
