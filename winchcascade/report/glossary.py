@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from winchcascade.core.quantity import KGF
+from winchcascade.core.quantity import KGCM2
 
 
 class Term(NamedTuple):
@@ -24,7 +24,7 @@ STAGE_PLACES = {"line": "line", "mech": "shaft", "gen": "DC link", "hyd": "hydra
 CHANNELS = {
     "displacement": Term("x", "displacement", "m", decimals=3),
     "velocity": Term("v", "velocity", "m/s", decimals=3),
-    "pressure": Term("p", "pressure", "kg/cm2", 1.0 / (KGF * 1e4), 3),
+    "pressure": Term("p", "pressure", "kg/cm2", 1.0 / KGCM2, 3),
     "force": Term("F", "line tension", "N", decimals=1),
     "torque": Term("τ", "torque", "N.m", decimals=2),
     "vdc": Term("Vdc", "Vdc", "V", decimals=2),
