@@ -145,10 +145,10 @@ def _symbol(name: str) -> str:
 
 
 SUBSCRIPTS = ("gen, cycle", *_PLACES, "max", "min", "mean", "hold")
-"""Second parts of symbols."""
+"""Subscripts of symbols."""
 
 SUBSCRIPT = re.compile(rf"(?<![\w/.-])([EPFvpητ])_({'|'.join(SUBSCRIPTS)})\b(?![\w/]|\.\w)")
-"""A symbol whose second part stands low."""
+"""A symbol with a subscript."""
 
 _UNSHOWN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
 """Control characters, marks of writing direction, and bytes of a name that are no text."""

@@ -33,7 +33,8 @@ LAG_MIN = 5e-3
 """Lag up to which none is reported: a logger reads its channels one after the other. [s]"""
 
 MISFIT_MAX = 1.5
-"""What noise explains has a mean square of 1, which scatters by less than 0.15 over the hundred blocks of a short log. [1]"""
+"""Mean square of the misfit over its noise up to which the fit follows the log. That of noise alone is 1, and scatters by less
+than 0.15 over the hundred blocks of a short log. [1]"""
 
 WHAT = {"k_e": "back-EMF constant", "mu_screw": "friction of the screw", "b_rotor": "damper of the fast shaft"}
 """Numbers that a calibration can find."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, NamedCause, Reported
+from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, ModelForm, NamedCause, Place, Reported
 from winchcascade.diagnosis.load_costs import cost_of, ranked_causes, worst_costs
 from winchcascade.report.content import (
     Cell,
@@ -91,6 +91,17 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
         rows,
         note=f"{place}{without}Probability: posterior within the catalogue. {free}".rstrip(),
     )  # fmt: skip
+
+
+def bias_cell(place: Place | ModelForm, factor: float, *, signed: bool = False) -> Measured:
+    """Mean difference at a place, with the digits that its standard uncertainty, its size over z, allows.
+
+    Parameters
+    ----------
+    factor : from SI units to the unit in which it is shown
+    """
+    u = abs(place.bias / place.z) * factor if place.z else None
+    return Measured(place.bias * factor, u, signed=signed)
 
 
 class EffectNumber(NamedTuple):
