@@ -10,6 +10,7 @@ from winchcascade.comparison.comparability import comparison_notes
 from winchcascade.comparison.compared_run import ComparedRun, CompareError
 from winchcascade.comparison.comparison_result import ComparedSide, Comparison, MatchedBy, MatchedRuns
 from winchcascade.comparison.differences import difference, shared_gains
+from winchcascade.core.plain_text import first_of
 from winchcascade.core.published_table import load_text, same_load
 
 LISTED = 8
@@ -116,5 +117,4 @@ def _is(run: ComparedRun, load: float | None, name: str) -> bool:
 
 def _listed(runs: Sequence[ComparedRun]) -> str:
     texts = [f"{name} (no load)" if load is None else load_text(load) for load, name in _keys(runs)]
-    more = f" and {len(texts) - LISTED} more" if len(texts) > LISTED else ""
-    return (", ".join(texts[:LISTED]) + more) or "no run"
+    return first_of(texts, LISTED) or "no run"

@@ -1,8 +1,9 @@
-"""Make texts from files safe to print: names may contain control characters, which a terminal obeys."""
+"""Make texts from files safe to print: names may contain control characters, which a terminal obeys; list some of many."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 
 def one_line(text: str) -> str:
@@ -14,6 +15,16 @@ def one_line(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
+
+
+def first_of(texts: Sequence[str], limit: int, between: str = ", ") -> str:
+    """List of texts for a sentence: up to a limit of them, and how many there are beyond it.
+
+    >>> first_of(["a", "b"], 2), first_of(["a", "b", "c"], 2)
+    ('a, b', 'a, b and 1 more')
+    """
+    more = f" and {len(texts) - limit} more" if len(texts) > limit else ""
+    return between.join(texts[:limit]) + more
 
 
 def printable(text: str) -> str:

@@ -12,6 +12,9 @@ import msgspec
 KGF = 9.80665
 """Standard gravity: newtons in one kilogram-force (ISO 80000-4)."""
 
+KGCM2 = KGF * 1e4
+"""One kilogram-force per square centimetre. [Pa]"""
+
 ATMOSPHERE = 101325.0
 """Standard atmosphere: what an absolute pressure has over a gauge pressure. [Pa]"""
 
@@ -53,7 +56,7 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("pressure", 1e6): "MPa Mpa MPA N/mm2",
     ("pressure", 1e5): "bar barg bar(g) bar_g bargauge",
     ("pressure", 6894.757293168): "psi psig psi(g) lbf/in2",
-    ("pressure", KGF * 1e4): "kg/cm2 kgf/cm2 kg/cm2g kgf/cm2g kg/cm2(g) kgcm2 kgfcm2 kg_cm2 kgf.cm-2 kg.cm-2"
+    ("pressure", KGCM2): "kg/cm2 kgf/cm2 kg/cm2g kgf/cm2g kg/cm2(g) kgcm2 kgfcm2 kg_cm2 kgf.cm-2 kg.cm-2"
     " kg/sq.cm kgf/sq.cm at 公斤/平方公分 кгс/см2",
     ("force", 1.0): "N newton newtons 牛頓 牛 Н",
     ("force", 10.0): "daN",
@@ -134,7 +137,7 @@ _ABSOLUTE: dict[float, str] = {
     1e6: "MPa(a) MPaa MPaabs",
     1e5: "bar(a) bara barabs bar_a",
     6894.757293168: "psia psi(a)",
-    KGF * 1e4: "kgf/cm2a kg/cm2a kgf/cm2(a) kg/cm2(a) ata",
+    KGCM2: "kgf/cm2a kg/cm2a kgf/cm2(a) kg/cm2(a) ata",
 }
 """By factor, how loggers write an absolute pressure."""
 

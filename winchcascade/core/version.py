@@ -7,6 +7,9 @@ from datetime import UTC, datetime
 
 __version__ = "0.1.0"
 
+GENERATOR = f"winchcascade/{__version__}"
+"""What a written file names as the program that made it."""
+
 
 def made_at() -> datetime:
     """Give the time of making, or SOURCE_DATE_EPOCH where a build must be repeatable; UTC, whole seconds."""

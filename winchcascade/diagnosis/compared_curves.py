@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winchcascade.core.cascade import BUILT_IN
-from winchcascade.core.quantity import KGF
+from winchcascade.core.quantity import KGCM2
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.model_comparison import ModelComparison
 from winchcascade.reduction.bins import stored_by
@@ -25,9 +25,6 @@ MAX_BINS = 40
 
 MAX_SPEED_BINS = 200
 """Maximum number of bins of generator speed: where those of the rig file are more, they are made wider."""
-
-KGCM2 = KGF * 1e4
-"""One kg/cm2. [Pa]"""
 
 HAUL_IN = "pressure_haul_in_kgcm2"
 """Curve of the pressure while the line is hauled in, beside that of the payouts."""

@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.quantity import KGCM2
 from winchcascade.diagnosis.calibrate import back_emf_of
 from winchcascade.diagnosis.compared_curves import (
-    KGCM2,
     ComparedCurve,
     curves_of,
     kept,

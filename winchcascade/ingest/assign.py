@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 import msgspec
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.plain_text import first_of
 from winchcascade.core.quantity import Unit, find_unit, read_as, si_unit
 from winchcascade.core.rig_file import Rig, Side
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Finding
@@ -242,8 +243,7 @@ def _names_with_units(headers: Sequence[Header]) -> list[str]:
 
 def listed(names: Sequence[str], maximum: int = 12) -> str:
     """Names of columns for a sentence: a limited number of them, none of them long, and none of them empty."""
-    shown = ", ".join((n if len(n) <= 40 else n[:37] + "...") or "(no name)" for n in names[:maximum])
-    return shown + (f" and {len(names) - maximum} more" if len(names) > maximum else "") if names else "no columns"
+    return first_of([(n if len(n) <= 40 else n[:37] + "...") or "(no name)" for n in names], maximum) or "no columns"
 
 
 def _matches(

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.plain_text import first_of
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.cells import is_stamp
 from winchcascade.ingest.dialects import Header, recognise
@@ -137,8 +138,7 @@ def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str)
     ------
     LogError : there is no such table, or there are several candidates and none is wanted
     """
-    more = f" and {len(candidates) - MAX_NAMED} more" if len(candidates) > MAX_NAMED else ""
-    listed = ", ".join(map(repr, candidates[:MAX_NAMED])) + more
+    listed = first_of([*map(repr, candidates)], MAX_NAMED)
     if wanted is None and len(candidates) > 1:
         raise LogError(
             f"{where}: {len(candidates)} {kind}s could be the log: {listed}; expected one; name it with "

@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN, Stream
 from winchcascade.core.integrate import extremes, integrals, means_of
-from winchcascade.core.quantity import KGF
+from winchcascade.core.quantity import KGCM2
 from winchcascade.core.run import Signal
 from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.phases import Cycle
@@ -113,7 +113,7 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     holds, hauls = _windows(cycles, [c.hold for c in cycles]), _windows(cycles, [c.haul_in for c in cycles])
     means = _means(phased, (*_MEANS, "pressure"), np.concatenate((flat, holds, hauls)))
     on_plateau, held, hauled_in = (means[k * len(cycles) : (k + 1) * len(cycles)] for k in range(3))
-    held = [[f, torque, None if pa is None else pa / (KGF * 1e4)] for _, f, torque, *_, pa in held]
+    held = [[f, torque, None if pa is None else pa / KGCM2] for _, f, torque, *_, pa in held]
     known = "velocity" in run.channels
     plateaus = [
         None if p is None else PlateauSummary(begin, braking, p.speed if speed is None and known else speed, *rest)

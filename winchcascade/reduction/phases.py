@@ -49,6 +49,11 @@ class Cycle(msgspec.Struct, frozen=True):
     begins_inside: bool
     ends_inside: bool
 
+    @property
+    def spans(self) -> dict[str, tuple[float, float] | None]:
+        """Begin and end of each phase by its name, None for one that the cycle lacks. [s]"""
+        return {"payout": (self.onset, self.payout_end), "hold": self.hold, "haul_in": self.haul_in}
+
 
 class Plateau(msgspec.Struct, frozen=True):
     """The quasi-steady part of a payout: speed [m/s], its beginning and the start of braking [s]."""

@@ -124,6 +124,11 @@ def wave_energies(reduction: Reduction) -> WaveEnergies:
     )
 
 
+def waves_of(reduction: Reduction) -> WaveEnergies | None:
+    """Energies of the waves of a log where cycles are waves by the rig file; None where they are not."""
+    return wave_energies(reduction) if reduction.rig.phases.source == "waves" else None
+
+
 def joined_waves(logs: Sequence[WaveEnergies]) -> WaveEnergies:
     """Energies of the waves of several logs together, of the same stages and with a payout in the same unit.
 

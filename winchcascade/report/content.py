@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeGuard, TypeVar
 
 import msgspec
-
-from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,9 +56,9 @@ def places(u: float) -> int:
     return 1 - math.floor(math.log10(float(f"{u:.1e}")))
 
 
-def known(u: float | None) -> bool:
+def known(u: float | None) -> TypeGuard[float]:
     """Whether an uncertainty decides digits."""
-    return bool(u) and u is not None and math.isfinite(u)
+    return u is not None and u != 0.0 and math.isfinite(u)
 
 
 def number_text(value: float | None, decimals: int | None = None, *, signed: bool = False) -> str:
@@ -89,15 +87,14 @@ def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> s
     >>> shown(Measured(0.90337, 0.0048, both=True))
     '0.9034 +- 0.0048'
     """
+    if not isinstance(cell, Measured | Span):
+        return cell if isinstance(cell, str) else number_text(cell, decimals, signed=signed)
+    own = places(cell.u) if known(cell.u) else decimals
     if isinstance(cell, Measured):
-        own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
         text = number_text(cell.value, own, signed=signed or cell.signed)
         return f"{text} +- {number_text(cell.u, own)}" if cell.both and known(cell.u) else text
-    if isinstance(cell, Span):
-        own = places(cell.u) if cell.u is not None and known(cell.u) else decimals
-        ends = [number_text(end, own, signed=signed) for end in (cell.low, cell.high)]
-        return " to ".join(ends) if ends != ["-", "-"] else "-"
-    return cell if isinstance(cell, str) else number_text(cell, decimals, signed=signed)
+    ends = [number_text(end, own, signed=signed) for end in (cell.low, cell.high)]
+    return " to ".join(ends) if ends != ["-", "-"] else "-"
 
 
 def common_places(cells: Iterable[Cell]) -> int | None:
@@ -107,7 +104,7 @@ def common_places(cells: Iterable[Cell]) -> int | None:
     0
     """
     weighed = [cell for cell in cells if isinstance(cell, Span) or (isinstance(cell, Measured) and not cell.alone)]
-    allowed = sorted(places(cell.u) for cell in weighed if cell.u is not None and known(cell.u))
+    allowed = sorted(places(cell.u) for cell in weighed if known(cell.u))
     return allowed[len(allowed) // 2] if allowed else None
 
 
@@ -189,6 +186,11 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
             return [list(row) for row in rows]
         more = [f"... {count - 2 * half} more" if counted else "", *[""] * (len(self.columns) - 1)]
         return [*map(list, rows[:half]), more, *map(list, rows[count - half :])]
+
+    def listed(self) -> tuple[list[list[str]], list[list[str]]]:
+        """Texts of the items up to the limit, and of the rows below them."""
+        texts, count = self.texts, len(self.items)
+        return self.shortened(texts[:count]), texts[count:]
 
     def used(self) -> Table[T]:
         """The table without the columns that hold nothing; the first one stays."""
@@ -308,7 +310,6 @@ class Report(msgspec.Struct, frozen=True):
     banner: str = ""
     lead: Picture | None = None
     links: Sequence[Link] = ()
-    generator: str = f"winchcascade/{__version__}"
 
     @property
     def notes(self) -> list[Note]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from winchcascade.core.campaign_file import Origin, joint_origin
+from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
@@ -29,7 +30,7 @@ from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
 
-COVERAGE = 3.92
+INTERVAL_WIDTH = 2.0 * COVERED
 """Width of an interval of 95 % over its standard uncertainty. [1]"""
 
 NAMES = {name: term.label for name, term in CHANNELS.items()} | {POWER: "winch power"}
@@ -68,7 +69,7 @@ def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str
     >>> number_words(Display("stator resistance", 100.0, "%"), Reported(0.3996, 0.372, 0.427, "relative"))
     ('+40.0 %', '37.2 to 42.7 %')
     """
-    u = (found.high - found.low) / COVERAGE * how.factor
+    u = (found.high - found.low) / INTERVAL_WIDTH * how.factor
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
     value = number_text(found.value * how.factor, decimals, signed=how.signed)

@@ -13,7 +13,7 @@ import numpy as np
 from winchcascade.core.cascade import Cascade, field_of
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.files import check_replaceable, write_whole
-from winchcascade.core.quantity import KGF, si_unit
+from winchcascade.core.quantity import KGCM2, si_unit
 from winchcascade.core.run import Run
 from winchcascade.core.store import make_one
 from winchcascade.core.viewed import Units
@@ -205,7 +205,7 @@ def _frame(rows: list[Row], schema: pa.Schema) -> pd.DataFrame:
 
 
 _DISPLAY = {
-    "Pa": ("kg/cm2", 1.0 / (KGF * 1e4)),
+    "Pa": ("kg/cm2", 1.0 / KGCM2),
     "rad/s": ("rpm", 30.0 / math.pi),
     "m3/s": ("L/min", 6e4),
 }
@@ -253,9 +253,7 @@ def samples_frame(reduction: Reduction, units: Units) -> pd.DataFrame:
     cycle, phase = np.zeros(run.t.size, dtype=np.int64), np.full(run.t.size, "", dtype=object)
     inside = np.zeros(run.t.size, dtype=bool)
     for one in reduction.cycles:
-        phases = one.phases
-        spans = {"payout": (phases.onset, phases.payout_end), "hold": phases.hold, "haul_in": phases.haul_in}
-        for name, span in spans.items():
+        for name, span in one.phases.spans.items():
             if span is not None:
                 here = slice(*np.searchsorted(run.t, span, side="left").tolist())
                 cycle[here], phase[here] = one.cycle, name

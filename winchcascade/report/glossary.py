@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from winchcascade.core.quantity import KGF
+from winchcascade.core.quantity import KGCM2
 
 
 class Term(NamedTuple):
@@ -24,7 +24,7 @@ STAGE_PLACES = {"line": "line", "mech": "shaft", "gen": "DC link", "hyd": "hydra
 CHANNELS = {
     "displacement": Term("x", "displacement", "m", decimals=3),
     "velocity": Term("v", "velocity", "m/s", decimals=3),
-    "pressure": Term("p", "pressure", "kg/cm2", 1.0 / (KGF * 1e4), 3),
+    "pressure": Term("p", "pressure", "kg/cm2", 1.0 / KGCM2, 3),
     "force": Term("F", "line tension", "N", decimals=1),
     "torque": Term("τ", "torque", "N.m", decimals=2),
     "vdc": Term("Vdc", "Vdc", "V", decimals=2),
@@ -104,9 +104,10 @@ def upper(text: str) -> str:
 # --------------------------------------------------------------------------------------------- how a page sets plain texts
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-_METRIC = re.compile(
-    r"(?<![\w/.-])(?:(?:energy|power|eta|E|P)_(?:line|mech|gen_cycle|gen|trans|pto|net|payout|returned|hyd|ac))(?![\w/]|\.\w)"
-)
+_PLACES = ("line", "mech", "gen", "trans", "pto", "net", "payout", "returned", "hyd", "ac")
+"""What the name of a metric ends with: its stage, its stages, or its part of a whole cycle."""
+
+_METRIC = re.compile(rf"(?<![\w/.-])(?:(?:energy|power|eta|E|P)_(?:gen_cycle|{'|'.join(_PLACES)}))(?![\w/]|\.\w)")
 _SIGNS: tuple[tuple[str, str], ...] = (
     (r"(?<=\d) ohm\b(?!\.\w)", "\u00a0Ω"),
     (r"(?<!--load-)(?<!\w-)\bohm\b(?!\.\w)", "Ω"),
@@ -143,11 +144,11 @@ def _symbol(name: str) -> str:
     return name.replace("gen_cycle", "gen, cycle") if name[0] in "EP" else metric(name).symbol
 
 
-SUBSCRIPT = re.compile(
-    r"(?<![\w/.-])([EPFvpητ])_(gen, cycle|line|mech|gen|trans|pto|net|payout|returned|hyd|ac|max|min|mean|hold)\b"
-    r"(?![\w/]|\.\w)"
-)
-"""A symbol whose second part stands low."""
+SUBSCRIPTS = ("gen, cycle", *_PLACES, "max", "min", "mean", "hold")
+"""Subscripts of symbols."""
+
+SUBSCRIPT = re.compile(rf"(?<![\w/.-])([EPFvpητ])_({'|'.join(SUBSCRIPTS)})\b(?![\w/]|\.\w)")
+"""A symbol with a subscript."""
 
 _UNSHOWN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
 """Control characters, marks of writing direction, and bytes of a name that are no text."""

@@ -17,7 +17,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.matlab_file import matlab_bytes
-from winchcascade.core.version import __version__
+from winchcascade.core.version import GENERATOR
 from winchcascade.reduction.loss_map import LossMap
 
 SCHEMA = "winchcascade/loss_map/1"
@@ -47,7 +47,7 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
     surface, points = found.surface, found.points
     record = {
         "schema": SCHEMA,
-        "written_by": f"winchcascade/{__version__}",
+        "written_by": GENERATOR,
         "source": source,
         "stage_in": points.stages[0],
         "stage_out": points.stages[1],
@@ -95,7 +95,7 @@ def _csv(record: dict[str, Any]) -> bytes:
         for name, c in record["surface"].items()
     )
     lines = [
-        f"# Loss map by winchcascade/{__version__} from {' '.join(str(record['source']).replace(',', ';').split())}",
+        f"# Loss map by {GENERATOR} from {' '.join(str(record['source']).replace(',', ';').split())}",
         f"# loss in W from {record['stage_in']} to {record['stage_out']}",
         "# rows: torque of the shaft in N m, columns: speed of the shaft in rad/s",
         "# NaN: outside of the hull of the operating points",

@@ -112,12 +112,11 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
 
 def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
     """Energies of the waves where cycles are waves by the rig file."""
-    if reduction.rig.phases.source != "waves":
-        return UNSET
-    from winchcascade.reduction.wave_energies import wave_energies
+    from winchcascade.reduction.wave_energies import waves_of
     from winchcascade.reduction.wave_record import wave_record
 
-    return wave_record(wave_energies(reduction))
+    waves = waves_of(reduction)
+    return UNSET if waves is None else wave_record(waves)
 
 
 def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetType:
@@ -176,12 +175,12 @@ def _finding(finding: Finding, samples: int) -> FindingRecord:
 
 def _cycle(cycle: CycleResult, cascade: Cascade, u: Metrics, by_limits: Metrics | None) -> CycleRecord:
     """One cycle with the standard uncertainties of its metrics, and those by replaced accuracies of its sensors."""
-    phases, window = cycle.phases, cycle.window
+    window = cycle.window
     names = tuple(dict.fromkeys((*ALL_METRICS, *cascade.metrics)))
     return CycleRecord(
         cycle=cycle.cycle,
         complete=cycle.complete,
-        phases={"payout": (phases.onset, phases.payout_end), "hold": phases.hold, "haul_in": phases.haul_in},
+        phases=cycle.phases.spans,
         phase_summary=cycle.summary,
         window={
             "onset_s": window.onset,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from msgspec.structs import asdict
-
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
+from winchcascade.core.plain_text import first_of
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
 from winchcascade.report.glossary import CHANNELS, SENSORS
@@ -86,20 +85,7 @@ def label(cycle: CycleResult) -> str:
     return f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})"
 
 
-def of_phase(phase: str, field: str, cycle: CycleResult) -> float | None:
-    """A number of the summary of a phase of a cycle, pressure in kg/cm²; None where the log does not give it."""
-    summary = cycle.summary
-    parts = {
-        "payout": summary.payout,
-        "plateau": summary.payout.plateau,
-        "hold": summary.hold,
-        "haul_in": summary.haul_in,
-        "point": summary.point or None,
-    }
-    return (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
-
-
-LISTED_CYCLES = 6
+NAMED_CYCLES = 6
 """Numbers of cycles that a sentence lists."""
 
 
@@ -114,8 +100,7 @@ def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
 
 def _named_cycles(numbers: Sequence[int], of: int) -> str:
     """Some of `of` cycles, by their numbers."""
-    more = f" and {len(numbers) - LISTED_CYCLES} more" if len(numbers) > LISTED_CYCLES else ""
-    named = f"cycle{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers[:LISTED_CYCLES]))}{more}"
+    named = f"cycle{'s' * (len(numbers) > 1)} {first_of([*map(str, numbers)], NAMED_CYCLES)}"
     return "all cycles" if 1 < len(numbers) == of else named
 
 

@@ -14,6 +14,7 @@ from pathlib import PurePath
 from msgspec.structs import replace
 
 from winchcascade.core.cascade import field_of
+from winchcascade.core.plain_text import first_of
 from winchcascade.core.published_table import PrintedColumn, TableError, same_load
 from winchcascade.core.quantity import si_unit
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
@@ -221,10 +222,7 @@ def _assigned(results: Sequence[Measured], table: PointTable, notes: list[str]) 
             f"first row is {table.row_name(0)}; correct the key, its units or key_percent."
         )
     _check_numbers(found, table)
-    shown = (
-        f"{', '.join(without[:MAX_NAMED])}{f' and {len(without) - MAX_NAMED} more' if len(without) > MAX_NAMED else ''}"
-    )
-    notes += [f"without a row, left out: {shown}."] if without else []
+    notes += [f"without a row, left out: {first_of(without, MAX_NAMED)}."] if without else []
     return found
 
 

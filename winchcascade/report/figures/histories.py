@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from winchcascade.core.channels import Channel
-from winchcascade.core.quantity import KGF, find_unit, si_unit
+from winchcascade.core.quantity import KGCM2, find_unit, si_unit
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.gap_error import all_gaps
@@ -53,7 +53,7 @@ NEAR = 1.0 / 2000.0
 PANELS = (
     ("displacement", "Line displacement", "m", 1.0),
     ("velocity", "Line velocity", "m/s", 1.0),
-    ("pressure", "Accumulator pressure, gauge", "kg/cm²", 1.0 / (KGF * 1e4)),
+    ("pressure", "Accumulator pressure, gauge", "kg/cm²", 1.0 / KGCM2),
     ("force", "Line tension", "N", 1.0),
     ("torque", "Torque of the PTO shaft", "N·m", 1.0),
     ("vdc", "Voltage of the DC link", "V", 1.0),

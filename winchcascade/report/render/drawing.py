@@ -5,19 +5,16 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING
 
-from winchcascade.core.version import __version__
+from winchcascade.core.version import GENERATOR
 from winchcascade.report.figures.style import house_style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MARK = f"winchcascade/{__version__}"
-"""What every file of a figure or of a table holds."""
-
 _ABOUT: dict[str, dict[str, str | None]] = {
-    "svg": {"Date": None, "Creator": MARK},
-    "pdf": {"CreationDate": None, "Creator": MARK},
-    "png": {"Software": MARK},
+    "svg": {"Date": None, "Creator": GENERATOR},
+    "pdf": {"CreationDate": None, "Creator": GENERATOR},
+    "png": {"Software": GENERATOR},
 }
 
 

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import write_set
+from winchcascade.core.plain_text import cell_text
 from winchcascade.core.store import inside, make_one
+from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import Picture, Report, Table
-from winchcascade.report.glossary import SUBSCRIPT, typeset
-from winchcascade.report.render.drawing import MARK, drawn
+from winchcascade.report.glossary import RAISED, SUBSCRIPT, typeset
+from winchcascade.report.render.drawing import drawn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,12 +88,11 @@ def csv_text(frame: pd.DataFrame) -> str:
     >>> csv_text(pd.DataFrame({"a": ["=1+1", "b"], "n": [-1.5, 2.0]}))
     "a,n\\n'=1+1,-1.5\\nb,2.0\\n"
     """
-    return str(frame.map(neutral).rename(columns=neutral).to_csv(index=False, lineterminator="\n"))
+    return str(frame.map(_spreadsheet_cell).rename(columns=cell_text).to_csv(index=False, lineterminator="\n"))
 
 
-def neutral(cell: object) -> object:
-    """A text that no spreadsheet takes for a formula."""
-    return f"'{cell}" if isinstance(cell, str) and cell[:1] in tuple("=+-@\t\r") and len(cell) > 1 else cell
+def _spreadsheet_cell(cell: object) -> object:
+    return cell_text(cell) if isinstance(cell, str) else cell
 
 
 def _shown_frame(table: Table[Any]) -> pd.DataFrame:
@@ -109,7 +110,7 @@ def latex_text(table: Table[Any]) -> str:
     text = frame.to_latex(
         index=False, escape=False, column_format=kinds, caption=latex(typeset(table.caption)), label=f"tab:{table.id}"
     )
-    return f"% {MARK}; requires the package booktabs\n{text}"
+    return f"% {GENERATOR}; requires the package booktabs\n{text}"
 
 
 _SPECIAL = {
@@ -118,7 +119,7 @@ _SPECIAL = {
     "\u2212": "$-$", "–": "--", "·": r"$\cdot$", "×": r"$\times$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$",
     "→": r"$\rightarrow$", "°": r"$^{\circ}$", "µ": r"$\mu$", "η": r"$\eta$", "τ": r"$\tau$", "Ω": r"$\Omega$",
     "ω": r"$\omega$", "Δ": r"$\Delta$", "σ": r"$\sigma$", "ρ": r"$\rho$",
-} | {raised: f"$^{{{digit}}}$" for raised, digit in zip("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789", strict=True)}  # fmt: skip
+} | {chr(raised): f"$^{{{chr(plain)}}}$" for plain, raised in RAISED.items()}  # fmt: skip
 """What LaTeX writes for a character that means something else to it, or that its usual fonts do not hold."""
 
 
@@ -148,7 +149,8 @@ def markdown_text(table: Table[Any]) -> str:
         *(_line(row) for row in (escaped[0], rules, *escaped[1:])),
     ]
     return (
-        "\n".join([*lines, *(["", _escaped(typeset(table.note))] if table.note else []), "", f"<!-- {MARK} -->"]) + "\n"
+        "\n".join([*lines, *(["", _escaped(typeset(table.note))] if table.note else []), "", f"<!-- {GENERATOR} -->"])
+        + "\n"
     )
 
 

@@ -6,6 +6,7 @@ import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import Picture, Report, Section, Table
 from winchcascade.report.figures.style import COLOURS, WIDTH
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
@@ -33,6 +34,7 @@ def page_text(report: Report) -> str:
         .get_template("page.html.j2")
         .render(
             report=report,
+            generator=GENERATOR,
             style=Markup("".join((folder / name).read_text(encoding="utf-8") for name in styles)),
             scripts=[Markup((folder / name).read_text(encoding="utf-8")) for name in scripts],
             numbers=_numbered(report.filled, report.lead),
@@ -79,15 +81,14 @@ def _text(text: str) -> Markup:
 def _rows(table: Table[Any]) -> dict[str, Any]:
     """Columns and rows of a table as a page shows them: those that hold something, up to the limit."""
     used = table.used()
-    texts, count = used.texts, len(used.items)
-    left = used.left
+    (body, below), left = used.listed(), used.left
     return {
         "columns": list(zip(used.columns, left, strict=True)),
-        "body": used.shortened(texts[:count]),
+        "body": body,
         "addresses": used.shortened(used.addresses, counted=False),
-        "below": texts[count:],
+        "below": below,
         "left": left,
-        "fixed": all(len(row[0]) <= LONG for row in texts),
+        "fixed": all(len(row[0]) <= LONG for row in (*body, *below)),
     }
 
 

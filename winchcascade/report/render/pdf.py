@@ -7,10 +7,10 @@ from typing import Any
 
 import msgspec
 
-from winchcascade.core.version import made_at
+from winchcascade.core.version import GENERATOR, made_at
 from winchcascade.report.content import Block, Picture, Report, Table
 from winchcascade.report.figures.style import WIDTH
-from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
+from winchcascade.report.glossary import SUBSCRIPTS, clean, typeset
 from winchcascade.report.render import drawing
 from winchcascade.report.render.fonts import fonts_for, fonts_in, lacking_letters, template_folder
 
@@ -45,9 +45,9 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
         "kind": report.kind,
         "title": _text(report.title),
         "subtitle": _text(report.subtitle),
-        "generator": report.generator,
+        "generator": GENERATOR,
         "banner": _text(report.banner),
-        "subscripts": SUBSCRIPT.pattern.partition(")_(")[2].partition(")")[0].split("|"),
+        "subscripts": SUBSCRIPTS,
         "tiles": [
             {"symbol": _text(t.name), "name": _text(t.about), "value": _text(t.value), "interval": _text(t.beside)}
             for t in report.tiles
@@ -68,8 +68,7 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
         return {"type": "picture", "caption": _text(block.caption), "alt": _text(block.alt), "svg": svg, "share": share}
     if isinstance(block, Table):
         used = block.used()
-        texts, count = used.texts, len(used.items)
-        rows = [*used.shortened(texts[:count]), *texts[count:]]
+        body, below = used.listed()
         return {
             "type": "table",
             "caption": _text(block.caption),
@@ -77,7 +76,7 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
             "head": [_text(column.name) for column in used.columns],
             "units": [_text(column.unit) for column in used.columns],
             "text_columns": [k for k, left in enumerate(used.left) if left],
-            "rows": [[_text(cell) for cell in row] for row in rows],
-            "summary": len(texts) - count,
+            "rows": [[_text(cell) for cell in row] for row in (*body, *below)],
+            "summary": len(below),
         }
     return {"type": "note", "about": _text(block.about), "text": _text(block.text)}

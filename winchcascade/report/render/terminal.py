@@ -114,8 +114,8 @@ def _grids(table: Table[Any], width: int) -> list[Grid]:
     """A table with its brief columns, empty ones left out; columns that do not fit are printed below, after the first one."""
     table = table.used()
     brief = [k for k, column in enumerate(table.columns) if column.brief]
-    texts, count = table.texts, len(table.items)
-    rows = [[_safe(cell) for cell in row] for row in (*table.shortened(texts[:count]), *texts[count:])]
+    body, below = table.listed()
+    rows = [[_safe(cell) for cell in row] for row in (*body, *below)]
     heads = [(column.name, column.unit) for column in table.columns]
     longest = [max(map(len, (*heads[k], *(row[k] for row in rows)))) for k in range(len(heads))]
     left = table.left

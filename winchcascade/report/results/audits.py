@@ -27,7 +27,7 @@ MAX_MISSING = 2
 MAX_UNREAD = 12
 """Cells without a number that a sentence names; of more the first ones."""
 
-NOTHING = 0.005
+CLOSED_MIN = 0.005
 """An effect that removes less than this share of the excess over the attainable range does nothing. [1]"""
 
 
@@ -293,7 +293,7 @@ def _effects(ranges: AttainableRanges) -> Section:
         Suspected(suspect, alone, _needed(ranges, alone))
         for metric in wanted
         for suspect in suspects
-        if (alone := suspect.ability(metric)).closed >= NOTHING
+        if (alone := suspect.ability(metric)).closed >= CLOSED_MIN
     ]
     found.sort(key=lambda s: (wanted.index(s.alone.metric), s.alone.verdict != "explains", -s.alone.closed))
     helping = {one.effect.effect for one in found}

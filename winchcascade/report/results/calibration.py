@@ -9,6 +9,7 @@ from winchcascade.core.campaign_file import banner, origin_record
 from winchcascade.core.store import fingerprint
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number, Strain
+from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.report.content import (
     Block,
@@ -25,17 +26,15 @@ from winchcascade.report.content import (
 )
 from winchcascade.report.results.common import data_note, provenance
 
-SURE = 3.0
+LAG_SIGNIFICANT = 3.0
 """Number of standard uncertainties from which a lag is reported."""
 
-LATE = 5e-3
-"""And only if it is longer than this: a logger reads its channels one after the other. [s]"""
+LAG_MIN = 5e-3
+"""Lag up to which none is reported: a logger reads its channels one after the other. [s]"""
 
-BEYOND = 1.96
-"""A number differs from that of the rig file if it is further away than this factor times the standard uncertainty of both."""
-
-MISFIT = 1.5
-"""What noise explains has a mean square of 1, which scatters by less than 0.15 over the hundred blocks of a short log. [1]"""
+MISFIT_MAX = 1.5
+"""Mean square of the misfit over its noise up to which the fit follows the log. That of noise alone is 1, and scatters by less
+than 0.15 over the hundred blocks of a short log. [1]"""
 
 WHAT = {"k_e": "back-EMF constant", "mu_screw": "friction of the screw", "b_rotor": "damper of the fast shaft"}
 """Numbers that a calibration can find."""
@@ -150,19 +149,19 @@ def _outcome(calibration: Calibration) -> str:
 
 
 def _agrees(n: Number) -> bool:
-    """Whether a number is that of the rig file within both uncertainties."""
+    """Whether a number is that of the rig file within the 95 % interval of their difference."""
     u_before = n.u_before if math.isfinite(n.u_before) else 0.0
-    return abs(n.value - n.before) <= BEYOND * math.hypot(n.u, u_before)
+    return abs(n.value - n.before) <= COVERED * math.hypot(n.u, u_before)
 
 
 def _against(calibration: Calibration) -> list[Note]:
     """What speaks against the numbers: a lag of Vdc, a fit that does not follow the log, or does not come to rest."""
     r, strained = calibration.regression, sorted(calibration.strained, key=lambda strain: -abs(strain.by))
     found = []
-    if abs(r.lag) > max(SURE * r.u_lag, LATE):
-        when, within = "late" if r.lag > 0 else "early", 1e3 * BEYOND * r.u_lag
+    if abs(r.lag) > max(LAG_SIGNIFICANT * r.u_lag, LAG_MIN):
+        when, within = "late" if r.lag > 0 else "early", 1e3 * COVERED * r.u_lag
         found.append(f"Vdc is recorded {1e3 * abs(r.lag):.0f} ms {when}, 95 % within {within:.0f} ms.")
-    if calibration.misfit > MISFIT:
+    if calibration.misfit > MISFIT_MAX:
         found.append(
             f"The log differs from the calibrated model by {math.sqrt(calibration.misfit):.1f} times its noise."
         )
@@ -181,7 +180,7 @@ def _advice(calibration: Calibration) -> Note:
     absorbed = _names([n.name for n in _found(calibration) if n.name != "k_e"]) or "the numbers"
     if not calibration.settled:
         return Note("Use a log with more payouts.", "Next")
-    if calibration.misfit > MISFIT or calibration.strained:
+    if calibration.misfit > MISFIT_MAX or calibration.strained:
         why = f"something else acts on this rig, and part of it may be contained in {absorbed}"
         return Note(f"`winchcascade diagnose` on the campaign finds the cause: {why}.", "Next")
     return Note("`--write RIG.toml` writes a rig file with these numbers, `--rig` uses it.", "Next", brief=False)
@@ -190,7 +189,7 @@ def _advice(calibration: Calibration) -> Note:
 def _regression(calibration: Calibration) -> str:
     """The regression of the back-EMF, the parts of its uncertainty, and what Eq. 8 alone would give."""
     r = calibration.regression
-    eq8 = shown(Measured(r.eq8, (r.high - r.k_e) / BEYOND))
+    eq8 = shown(Measured(r.eq8, (r.high - r.k_e) / COVERED))
     return (
         f"{r.rpm.size} samples from {r.rpm.min():.0f} to {r.rpm.max():.0f} rpm; u of the fit "
         f"{100.0 * r.u_fit / r.k_e:.2f} %, of the gain of the Vdc sensor {100.0 * r.u_sensor / r.k_e:.2f} %. Eq. 8 alone gives "

@@ -9,7 +9,7 @@ from msgspec import UNSET
 
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.cascade import field_of
-from winchcascade.core.plain_text import one_line
+from winchcascade.core.plain_text import first_of, one_line
 from winchcascade.reduction.best_load import Best, motion_words, rank_loads
 from winchcascade.reduction.campaign_record import (
     CampaignRecord,
@@ -38,8 +38,8 @@ from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
 from winchcascade.report.wording import load_words
 
-LISTED = 800
-"""Characters of a list of files that is given in full."""
+MAX_RESULTS_TEXT = 800
+"""A list of result files up to this length is given in full. [characters]"""
 
 MAX_FAULTS = 10
 """Logs that could not be used which the first screen names; a table holds all."""
@@ -199,8 +199,7 @@ def findings_note(runs: Sequence[LogSummary]) -> Note | None:
     if not found:
         return Note("None in any log.", "Findings", "good") if runs else None
     kinds = ", ".join(sorted({kind.replace("_", " ") for run in found for kind in run.findings}))
-    more = f" and {len(found) - NAMED_LOGS} more" if len(found) > NAMED_LOGS else ""
-    names = ", ".join(one_line(run.name) for run in found[:NAMED_LOGS]) + more
+    names = first_of([one_line(run.name) for run in found], NAMED_LOGS)
     return Note(f"In {len(found)} of {len(runs)} logs: {kinds} ({names}).", "Findings", "warn")
 
 
@@ -242,7 +241,7 @@ def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: s
     """Where every number comes from."""
     finite = sorted({run.load for run in runs if run.load is not None and math.isfinite(run.load)})
     results = ", ".join(run.result for run in runs)
-    if len(results) > LISTED:
+    if len(results) > MAX_RESULTS_TEXT:
         results = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
     rows = [
         ("Campaign", campaign.title),

@@ -10,7 +10,7 @@ import msgspec
 
 from winchcascade.core.campaign_file import joint_origin, origin_record, origin_words
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.version import __version__
+from winchcascade.core.version import GENERATOR, __version__
 from winchcascade.report.results.audit_record import load_record, picked, table_record
 from winchcascade.report.results.checks import allowance, miss_sentence
 from winchcascade.tables.check import Check, RowKey
@@ -70,7 +70,7 @@ def junit_xml(check: Check) -> str:
     root = ElementTree.Element("testsuites", {"name": "winchcascade check", **counts})
     suite = ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "time": "0"})
     properties = ElementTree.SubElement(suite, "properties")
-    for key, value in (("generator", f"winchcascade/{__version__}"), ("data", one_line(origin_words(check.origins)))):
+    for key, value in (("generator", GENERATOR), ("data", one_line(origin_words(check.origins)))):
         ElementTree.SubElement(properties, "property", {"name": key, "value": value})
     for cell in check.cells:
         place = f"{name}.{cell.row.text.replace(' ', '_').replace('.', 'p')}"

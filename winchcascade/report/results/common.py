@@ -18,6 +18,7 @@ from winchcascade.report.glossary import upper
 
 if TYPE_CHECKING:
     from winchcascade.core.published_table import PublishedTable
+    from winchcascade.core.run import Run
     from winchcascade.tables.point_table import PointTable
 
 PRINTED = 20.0
@@ -31,6 +32,11 @@ def table_rows(table: PublishedTable | PointTable) -> list[tuple[str, Cell]]:
         ("SHA-256 of the table", fingerprint(table.path)),
         ("Source", table.source),
     ]
+
+
+def samples_row(run: Run) -> tuple[str, str]:
+    """Number, rate and duration of the samples of a log, for the provenance."""
+    return "Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"
 
 
 def data_note(origins: Sequence[Origin]) -> Note:

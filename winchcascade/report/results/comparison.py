@@ -15,6 +15,7 @@ from winchcascade.comparison.comparison_result import ComparedSide, Comparison, 
 from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.plain_text import first_of
 from winchcascade.report import content
 from winchcascade.report.content import Column, Measured, Note, Span, Tile, section, shown
 from winchcascade.report.figures.comparison_figures import MAX_DRAWN, difference_figure
@@ -23,7 +24,7 @@ from winchcascade.report.glossary import metric, short, upper
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.wording import load_words
 
-LISTED = 6
+NAMED_RUNS = 6
 """Runs that a sentence names."""
 
 
@@ -183,7 +184,11 @@ def _points(found: Comparison, etas: Sequence[Row]) -> list[Note]:
         Note(_significance(etas), "Findings"),
         *(Note(text, "Warning", "warn") if warns else Note(text, "Note") for text, warns in notes),
         Note(sensors, "Sensors"),
-        *(Note(f"{name}: {_listed([run.name for run in runs])}.", "Unmatched", "warn") for name, runs in alone if runs),
+        *(
+            Note(f"{name}: {first_of([run.name for run in runs], NAMED_RUNS)}.", "Unmatched", "warn")
+            for name, runs in alone
+            if runs
+        ),
     ]
 
 
@@ -204,14 +209,8 @@ def _note_words(note: ComparisonNote, of: int) -> str:
     """A note with the runs that it concerns, where these are not all runs."""
     if note.details:
         pairs = zip(note.runs, note.details, strict=True)
-        return f"{note.message} ({_listed([f'{run}: {detail}' for run, detail in pairs], '; ')})"
-    return note.message if len(note.runs) in (0, of) else f"{_listed(note.runs)}: {note.message}"
-
-
-def _listed(names: Sequence[str], between: str = ", ") -> str:
-    """Some names, of many the first."""
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return between.join(names[:LISTED]) + more
+        return f"{note.message} ({first_of([f'{run}: {detail}' for run, detail in pairs], NAMED_RUNS, '; ')})"
+    return note.message if len(note.runs) in (0, of) else f"{first_of(note.runs, NAMED_RUNS)}: {note.message}"
 
 
 def _count(items: Sequence[object], what: str) -> str:
@@ -221,5 +220,5 @@ def _count(items: Sequence[object], what: str) -> str:
 def gate_words(gate: Gate) -> str:
     """The outcome of the gate in one sentence."""
     outcome = f"{'passed' if gate.ok else 'failed'}: {gate.metric} drops by more than {gate.limit:g}"
-    without = f"; {_listed(gate.without)} without {gate.metric}" if gate.without else ""
+    without = f"; {first_of(gate.without, NAMED_RUNS)} without {gate.metric}" if gate.without else ""
     return f"{outcome} in {len(gate.failed) or 'none'} of {_count(gate.drops, 'run')}{without}."

@@ -51,6 +51,7 @@ from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import (
+    bias_cell,
     causes_table,
     first_points,
     made_from,
@@ -155,10 +156,6 @@ def _own_simulation(found: ModelDiagnosis) -> Section:
     forms = () if own is None else own.forms
     agrees = "Your simulation agrees with the model of the rig file within its uncertainties."
 
-    def size(form: ModelForm) -> Cell:
-        factor = CHANNELS[form.channel].factor
-        return Measured(form.bias * factor, abs(form.bias / form.z) * factor if form.z else None, signed=True)
-
     def contained(form: ModelForm) -> str:
         numbers = {} if own is None or form.likely is None else own.numbers.get(form.likely, {})
         shown = [(display_of(form.likely or "", name, value.unit), value) for name, value in numbers.items()]
@@ -173,7 +170,7 @@ def _own_simulation(found: ModelDiagnosis) -> Section:
                 Column("likely", lambda form: form.likely or "unknown"),
                 Column("stage", lambda form: form.stage),
                 Column("place", lambda form: f"{NAMES[form.channel]}, {phase_words(form.phase)}{at_words(form.load)}"),
-                Column("difference", size, own_digits=True),
+                Column("difference", lambda form: bias_cell(form, CHANNELS[form.channel].factor, signed=True), own_digits=True),
                 Column("unit", lambda form: CHANNELS[form.channel].unit),
                 Column("it contains", contained),
                 Column("also", lambda form: "a cause" if form.likely in causes else ""),
@@ -244,17 +241,15 @@ def _where(found: ModelDiagnosis, word: str) -> Section:
     )  # fmt: skip
 
 
-LISTED = 12
+LISTED_PLACES = 12
 """Places of a map that are listed."""
+
+LISTED_NUISANCES = 12
+"""Nuisances that are listed, those that the fit moved most."""
 
 
 def _places(places: Sequence[Place]) -> Table[Place] | None:
     """The places with the largest gap."""
-
-    def bias(place: Place) -> Cell:
-        factor = CHANNELS[place.channel].factor
-        return Measured(place.bias * factor, abs(place.bias / place.z) * factor if place.z else None)
-
     ranked = sorted(places, key=lambda place: -abs(place.z) if math.isfinite(place.z) else 0.0)
     return table(
         "places", "The places with the largest gap, the zero of the log's sensor taken off.",
@@ -262,11 +257,11 @@ def _places(places: Sequence[Place]) -> Table[Place] | None:
             Column("channel", lambda place: NAMES[place.channel]),
             Column("phase", lambda place: phase_words(place.phase)),
             Column("load", lambda place: load_words(place.load, "ohm")),
-            Column("bias", bias, own_digits=True),
+            Column("bias", lambda place: bias_cell(place, CHANNELS[place.channel].factor), own_digits=True),
             Column("unit", lambda place: CHANNELS[place.channel].unit),
             Column("z", lambda place: place.z, "", 1, signed=True),
         ],
-        ranked[:LISTED],
+        ranked[:LISTED_PLACES],
         brief=False,
     )  # fmt: skip
 
@@ -381,7 +376,7 @@ def _considered(found: ModelDiagnosis) -> Section:
                 Column("number", lambda pair: nuisance_words(pair[0], files)),
                 Column("moved", lambda pair: pair[1], "", 1, signed=True),
             ],
-            moved[:LISTED],
+            moved[:LISTED_NUISANCES],
             brief=False,
         ),
         folded=True,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, NamedCause, Reported
+from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, ModelForm, NamedCause, Place, Reported
 from winchcascade.diagnosis.load_costs import cost_of, ranked_causes, worst_costs
 from winchcascade.report.content import (
     Cell,
@@ -25,7 +25,7 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import (
-    COVERAGE,
+    INTERVAL_WIDTH,
     NAMES,
     alarm_place,
     display_of,
@@ -93,6 +93,17 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     )  # fmt: skip
 
 
+def bias_cell(place: Place | ModelForm, factor: float, *, signed: bool = False) -> Measured:
+    """Mean difference at a place, with the digits that its standard uncertainty, its size over z, allows.
+
+    Parameters
+    ----------
+    factor : from SI units to the unit in which it is shown
+    """
+    u = abs(place.bias / place.z) * factor if place.z else None
+    return Measured(place.bias * factor, u, signed=signed)
+
+
 class EffectNumber(NamedTuple):
     """A number of an effect beside those of the causes, how it is shown, and what it is."""
 
@@ -106,7 +117,7 @@ def number_columns() -> list[Column[Any]]:
     """Number and interval of an effect in the unit in which it is shown, with the digits that the interval allows."""
 
     def u(row: CauseRow | EffectNumber) -> float:
-        return (row.value.high - row.value.low) / COVERAGE * row.how.factor
+        return (row.value.high - row.value.low) / INTERVAL_WIDTH * row.how.factor
 
     def number(row: CauseRow | EffectNumber) -> Cell:
         return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)

@@ -8,6 +8,7 @@ from winchcascade.diagnosis.model_account import Modelled, modelled
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.wave_energies import waves_of
 from winchcascade.report.content import Picture, Report, picture
 from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import powers_of
@@ -15,7 +16,7 @@ from winchcascade.report.figures.style import house_style
 from winchcascade.report.results.common import histories
 from winchcascade.report.results.loss_surface import loss_map_pictures, loss_map_section
 from winchcascade.report.results.model_section import run_section
-from winchcascade.report.results.reduction import reduction_report, stated_text, waves_of
+from winchcascade.report.results.reduction import reduction_report, stated_text
 from winchcascade.report.results.waves import wave_picture
 from winchcascade.report.wording import span_word
 

@@ -6,13 +6,13 @@ from winchcascade.report.content import Column, Note, Report, section, table
 from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
 from winchcascade.rig.effects.effect import Effect, Field
 
-LISTED: tuple[Column[Effect], ...] = (
+EFFECT_COLUMNS: tuple[Column[Effect], ...] = (
     Column("effect", lambda effect: effect.name),
     Column("parameter", lambda effect: effect.parameter),
     Column("what the model leaves out", lambda effect: effect.summary),
 )
 
-FIELDS: tuple[Column[Field], ...] = (
+FIELD_COLUMNS: tuple[Column[Field], ...] = (
     Column("field", lambda field: field.name),
     Column("unit", lambda field: field.unit),
     Column("plausible", lambda field: f"{field.low:g} to {field.high:g}"),
@@ -26,7 +26,9 @@ def effects_report(name: str | None = None) -> Report:
     if name is None:
         stages = dict.fromkeys(effect.stage for effect in EFFECTS.values())
         by_stage = {stage: [effect for effect in EFFECTS.values() if effect.stage == stage] for stage in stages}
-        sections = [section(stage, stage, table(stage, "", LISTED, effects)) for stage, effects in by_stage.items()]
+        sections = [
+            section(stage, stage, table(stage, "", EFFECT_COLUMNS, effects)) for stage, effects in by_stage.items()
+        ]
         return Report("Catalogue of effects", f"{len(EFFECTS)} effects that a model may lack", sections=sections)
     effect = find_effect(name)
     return Report(
@@ -38,5 +40,5 @@ def effects_report(name: str | None = None) -> Report:
             Note(f"{effect.parameter} ({effect.unit})", "Reports"),
             Note(effect.source, "Source"),
         ],
-        sections=[section("fields", "Fields", table("fields", "Fields of the effect.", FIELDS, effect.fields))],
+        sections=[section("fields", "Fields", table("fields", "Fields of the effect.", FIELD_COLUMNS, effect.fields))],
     )

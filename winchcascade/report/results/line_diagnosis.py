@@ -33,6 +33,7 @@ from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import (
     EffectNumber,
+    bias_cell,
     causes_table,
     effects_table,
     first_points,
@@ -47,7 +48,7 @@ from winchcascade.report.results.diagnosis_parts import (
 
 KILO = figures.KILO
 
-LISTED = 12
+LISTED_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""
 
 
@@ -137,9 +138,6 @@ def _energies_table(found: LineDiagnosis) -> Table[PhaseEnergy] | None:
 
 # ---------------------------------------------------------------------------------------------------------- the evidence
 def _where(found: LineDiagnosis, word: str) -> Section:
-    def bias(place: Place) -> Cell:
-        return Measured(place.bias * KILO, abs(place.bias / place.z) * KILO if place.z else None)
-
     return section(
         "where", "Where the gap lies",
         picture(
@@ -150,7 +148,7 @@ def _where(found: LineDiagnosis, word: str) -> Section:
             "places", f"{upper(word)} power of the winch minus line tension times speed, phase by phase.",
             [
                 Column("phase", lambda place: phase_words(place.phase)),
-                Column("bias", bias, "kW"),
+                Column[Place]("bias", lambda place: bias_cell(place, KILO), "kW"),
                 Column("rms", lambda place: place.rms * KILO, "kW", 2),
                 Column("z", lambda place: place.z, "", 1, signed=True),
                 Column("share of the squares", lambda place: 100.0 * place.share, "%", 1),
@@ -205,7 +203,7 @@ def _tried(found: LineDiagnosis) -> Section:
                 Column("probability", lambda names: probability_words(choice.probability[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],
-            ranked[:LISTED],
+            ranked[:LISTED_SETS],
             brief=False,
         ),
         folded=True,

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from winchcascade.core.plain_text import first_of
 from winchcascade.diagnosis.compared_curves import samples_of
 from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
 from winchcascade.diagnosis.model_account import COMPARED, Account, ChannelDifference, Modelled
@@ -70,10 +71,7 @@ def _reasons(left_out: Sequence[Named]) -> str:
     found: dict[str, list[str]] = {}
     for log in left_out:
         found.setdefault(log.account.why.rstrip("."), []).append(log.name)
-    named = [
-        f"{', '.join(names[:MAX_NAMES])}{f' and {len(names) - MAX_NAMES} more' * (len(names) > MAX_NAMES)}: {why}"
-        for why, names in found.items()
-    ]
+    named = [f"{first_of(names, MAX_NAMES)}: {why}" for why, names in found.items()]
     return f"{'; '.join(named)}."
 
 
@@ -183,10 +181,10 @@ def _differences_table(given: Sequence[Named]) -> Table[Difference] | None:
 ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "diodes", "dc")
 """Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
 
-NOTHING = 5e-4
+GROUP_SHARE_MIN = 5e-4
 """A share of the energy of the line below this is not named. [1]"""
 
-FINE = 2000.0
+DECIMAL_BELOW = 2000.0
 """With less energy of the line than this a budget has a decimal. [J]"""
 
 
@@ -203,10 +201,10 @@ def _budget(logs: Sequence[Named], word: str, simulated: str) -> list[Block | No
     if not budgets:
         return []
     names = row_names(logs)
-    shown = [g for g in reversed(GROUPS) if g in ALWAYS or any(abs(b.shares[g]) >= NOTHING for b in budgets)]
+    shown = [g for g in reversed(GROUPS) if g in ALWAYS or any(abs(b.shares[g]) >= GROUP_SHARE_MIN for b in budgets)]
 
     def energy(budget: LossBudget, name: str) -> Column[str]:
-        return Column(name, lambda g: budget.groups[g], "J", 1 if budget.line < FINE else 0)
+        return Column(name, lambda g: budget.groups[g], "J", 1 if budget.line < DECIMAL_BELOW else 0)
 
     columns: list[Column[str]] = [Column("part", lambda g: GROUPS[g].name), *map(energy, budgets, names)]
     line: list[Cell] = ["from the line", *(budget.line for budget in budgets)]

@@ -9,7 +9,7 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.core.store import fingerprint
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
+from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 from winchcascade.report.content import (
     Measured,
     Note,
@@ -23,7 +23,7 @@ from winchcascade.report.content import (
     shown,
 )
 from winchcascade.report.glossary import metric, upper
-from winchcascade.report.results.common import data_note, provenance, ratio_words
+from winchcascade.report.results.common import data_note, provenance, ratio_words, samples_row
 from winchcascade.report.results.reduction_tables import (
     bins_table,
     budget_table,
@@ -62,48 +62,21 @@ def reduction_report(
     drawn : figures by their names, as `drawn_reduction` makes them; a terminal needs none
     more : sections by their names: `histories`, `model`, and `loss-map`
     """
-    run, rig, figure = reduction.run, reduction.rig, (drawn or {}).get
-    waves = waves or waves_of(reduction)
-    further = {name: [more[name]] if more and name in more else [] for name in ("histories", "loss-map", "model")}
-    parts = ", ".join(f"{name} {100.0 * share:.0f} % {sensor}" for name, share, sensor in decisive(found.budget))
-    unsure = upper("; ".join(not_known(found.budget)))
-    about = (
-        ("load unknown" if "vdc" in run.channels else "")
-        if run.load is None
-        else f"{load_words(run.load, 'ohm', before='load ')} ({run.load_source})",
-        measured_load_words(reduction.measured_load, "ohm"),
-        f"rig {rig.name}",
-        f"window {window_words(reduction.window)}",
-        run.about,
-    )
+    run, waves = reduction.run, waves or waves_of(reduction)
     return Report(
         kind="Reduction of a log",
         title=run.name + ("" if run.table is None else f", table {run.table!r}"),
-        subtitle=" · ".join(filter(None, about)),
+        subtitle=_subtitle(reduction),
         tiles=_tiles(reduction, found) if waves is None else wave_tiles(waves),
         points=[
             data_note([run.origin]),
             *_outcome(reduction),
-            Note(f"Most of it: {parts}.", "Variance") if parts else None,
-            Note(f"{unsure}.", "Accuracy", "warn" if found.budget.unknown else "plain") if unsure else None,
-            Note(rig.note, "Rig note") if rig.note else None,
+            *_accuracy(found),
+            Note(reduction.rig.note, "Rig note"),
         ],
         sections=[
-            section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),
-            *([] if waves is None else [wave_section(waves, figure("wave-energies"))]),
-            section(
-                "results", "Energies and efficiencies",
-                figure("flow"), cycles_table(reduction, found), directions_table(reduction), folded=waves is not None,
-            ),
-            section(
-                "whole-cycles", "Whole cycles",
-                net_table(reduction, found), *_net_notes(reduction), folded=True,
-            ),
-            *further["histories"], *further["loss-map"],
-            section("phases", "Phases", *phases_tables(reduction), folded=True),
-            section("cycles", "Cycles beside each other", figure("overlaid"), figure("trend"), folded=True),
-            section("powers", "Power over time and generator speed", figure("streams"), bins_table(reduction), folded=True),
-            *further["model"],
+            *_result_sections(reduction, found, waves, drawn or {}),
+            *_evidence_sections(reduction, drawn or {}, more or {}),
             section(
                 "uncertainty", "Uncertainty",
                 uncertainty_table(reduction, found), budget_table(reduction, found), folded=True,
@@ -114,12 +87,21 @@ def reduction_report(
     )  # fmt: skip
 
 
-def waves_of(reduction: Reduction) -> WaveEnergies | None:
-    """Energies of waves where cycles are waves by the rig file."""
-    return wave_energies(reduction) if reduction.rig.phases.source == "waves" else None
-
-
 # ---------------------------------------------------------------------------------------------------- the first screen
+def _subtitle(reduction: Reduction) -> str:
+    """Stated and measured load, rig and window of a log."""
+    run = reduction.run
+    stated = f"{load_words(run.load, 'ohm', before='load ')} ({run.load_source})"
+    parts = (
+        stated if run.load is not None else "load unknown" if "vdc" in run.channels else "",
+        measured_load_words(reduction.measured_load, "ohm"),
+        f"rig {reduction.rig.name}",
+        f"window {window_words(reduction.window)}",
+        run.about,
+    )
+    return " · ".join(filter(None, parts))
+
+
 def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
     cascade, repeats = reduction.rig.cascade, reduction.rig.phases.repeats
@@ -172,6 +154,49 @@ def _outcome(reduction: Reduction) -> list[Note]:
     ]
 
 
+def _accuracy(found: Uncertainty) -> list[Note]:
+    """Which sensors decide the uncertainties, and what is unknown of these; a note without a text is not shown."""
+    parts = ", ".join(f"{name} {100.0 * share:.0f} % {sensor}" for name, share, sensor in decisive(found.budget))
+    unsure = upper("; ".join(not_known(found.budget)))
+    return [
+        Note(f"Most of it: {parts}." if parts else "", "Variance"),
+        Note(f"{unsure}." if unsure else "", "Accuracy", "warn" if found.budget.unknown else "plain"),
+    ]
+
+
+# -------------------------------------------------------------------------------------------------------- the sections
+def _result_sections(
+    reduction: Reduction, found: Uncertainty, waves: WaveEnergies | None, drawn: Mapping[str, Picture | None]
+) -> list[Section]:
+    """Findings, waves, and the energies of windows and of whole cycles."""
+    return [
+        section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),
+        *([] if waves is None else [wave_section(waves, drawn.get("wave-energies"))]),
+        section(
+            "results", "Energies and efficiencies",
+            drawn.get("flow"), cycles_table(reduction, found), directions_table(reduction), folded=waves is not None,
+        ),
+        section("whole-cycles", "Whole cycles", net_table(reduction, found), *_net_notes(reduction), folded=True),
+    ]  # fmt: skip
+
+
+def _evidence_sections(
+    reduction: Reduction, drawn: Mapping[str, Picture | None], more: Mapping[str, Section]
+) -> list[Section]:
+    """Time histories, loss map, phases, cycles and powers behind the results, and the simulation of the log."""
+    listed = [
+        more.get("histories"),
+        more.get("loss-map"),
+        section("phases", "Phases", *phases_tables(reduction), folded=True),
+        section("cycles", "Cycles beside each other", drawn.get("overlaid"), drawn.get("trend"), folded=True),
+        section(
+            "powers", "Power over time and generator speed", drawn.get("streams"), bins_table(reduction), folded=True
+        ),
+        more.get("model"),
+    ]  # fmt: skip
+    return [one for one in listed if one is not None]
+
+
 def _net_notes(reduction: Reduction) -> list[Note]:
     """Why cycles have no net energies."""
     reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.has_net else []
@@ -185,7 +210,7 @@ def _sources(reduction: Reduction, found: Uncertainty) -> list[tuple[str, str | 
     return [
         ("Log", run.path or run.name),
         ("SHA-256 of the log", run.sha256),
-        ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
+        samples_row(run),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("What the rig is", rig.title),
         ("Source of the rig's numbers", rig.source),

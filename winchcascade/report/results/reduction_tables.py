@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
+from operator import attrgetter
 
 from msgspec.structs import replace
 
@@ -26,7 +27,7 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.glossary import metric, short
-from winchcascade.report.wording import clock_zero, label, of_phase, source_name, span_word
+from winchcascade.report.wording import clock_zero, label, source_name, span_word
 
 LISTED_CYCLES = 14
 """Cycles that a table lists, with which a page has room on four screens; of more the first and the last half of that."""
@@ -151,26 +152,27 @@ def directions_table(reduction: Reduction) -> Table[tuple[str, tuple[float, floa
 
 
 # -------------------------------------------------------------------------------------------------------------- phases
-def _phase(name: str, phase: str, field: str, unit: str, decimals: int) -> Column[CycleResult]:
-    """Column of one number of the summary of a phase."""
-    return Column(name, partial(of_phase, phase, field), unit, decimals)
+def _phase(name: str, place: str, field: str, unit: str, decimals: int) -> Column[CycleResult]:
+    """Column of a number of a phase, by the `place` of the phase in the summary of a cycle; None where the log lacks it."""
+    summary_of = attrgetter(f"summary.{place}")
+    return Column(name, lambda cycle: getattr(summary_of(cycle), field, None), unit, decimals)
 
 
-PHASES = (
+PHASE_COLUMNS = (
     _phase("hold", "hold", "duration", "s", 2),
     _phase("haul-in", "haul_in", "duration", "s", 2),
     _phase("travel", "payout", "travel", "m", 2),
     _phase("speed", "point", "rpm_shaft", "rpm", 1),
     _phase("torque", "point", "torque", "N.m", 3),
-    _phase("plateau", "plateau", "speed", "m/s", 3),
+    _phase("plateau", "payout.plateau", "speed", "m/s", 3),
 )
 """Phases of a cycle, after its payout: durations, travel, operating point, and speed of the plateau."""
 
-MEANS = (
+MEAN_COLUMNS = (
     _phase("v_max", "payout", "speed_max", "m/s", 2),
-    _phase("F", "plateau", "force", "N", 0),
-    _phase("τ", "plateau", "torque", "N.m", 1),
-    *(_phase(f"P_{s} plateau", "plateau", f"power_{s}", "W", 0) for s in ("line", "mech", "gen")),
+    _phase("F", "payout.plateau", "force", "N", 0),
+    _phase("τ", "payout.plateau", "torque", "N.m", 1),
+    *(_phase(f"P_{s} plateau", "payout.plateau", f"power_{s}", "W", 0) for s in ("line", "mech", "gen")),
     _phase("F_hold", "hold", "force", "N", 0),
     _phase("τ_hold", "hold", "torque", "N.m", 1),
     _phase("p_hold", "hold", "pressure", "kg/cm2", 2),
@@ -190,10 +192,12 @@ def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[Cycle
         CYCLE,
         Column("onset", lambda c: c.phases.onset - zero, "s", 2),
         _phase("payout" if word == "payout" else "length", "payout", "duration", "s", 2),
-        *PHASES,
+        *PHASE_COLUMNS,
     ]
     means = "Time means over plateau (F, τ, P), hold and haul-in, whose energy returns to the line."
-    known = Table("phase-means", means, [CYCLE, *MEANS], reduction.cycles, brief=False, limit=LISTED_CYCLES).used()
+    known = Table(
+        "phase-means", means, [CYCLE, *MEAN_COLUMNS], reduction.cycles, brief=False, limit=LISTED_CYCLES
+    ).used()
     return (
         Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES),
         known if len(known.columns) > 1 else None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from msgspec.structs import replace
@@ -13,15 +13,16 @@ from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.content import Column, Note, Report, Tile, section, shown, table
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report.content import Column, Note, Report, Table, Tile, section, shown, table
 from winchcascade.report.figures.histories import powers_of
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import STAGE_PLACES
-from winchcascade.report.results.common import data_note, histories, provenance
+from winchcascade.report.results.common import data_note, histories, provenance, samples_row
 from winchcascade.report.wording import load_words
 from winchcascade.rig.simulate import Simulation
 
-LEDGER = {
+ENTRY_WORDS = {
     "line": "delivered by the line",
     "gas": "stored in the gas",
     "drum": "stored in the drum",
@@ -41,10 +42,10 @@ LEDGER = {
     "diodes": "lost in the diodes",
     "dc": "delivered by the DC link",
 }
-"""Entries of the ledger of a simulation."""
+"""Entries of `rig.simulate.LEDGER` in words."""
 
-SMALL = 5e-4
-"""Entries below this share of the energy of the line are left out. [1]"""
+ENTRY_SHARE_MIN = 5e-4
+"""Entries below this share of the energy of the line are left out: they round to 0.0 %, as shares have one decimal. [1]"""
 
 
 @house_style()
@@ -71,58 +72,26 @@ def simulation_report(
     run, name = simulation.run, "" if rig is None else rig.name
     found = reduce(run, rig=_as_simulated(simulation, given_rig("write_report", rig, run.rig)), window=window)
     end = int(simulation.energy["line"].argmax())
-    joule = {part: float(energy[end]) for part, energy in simulation.energy.items()}
-    line = joule["line"]
-    ledger = {part: energy for part, energy in joule.items() if abs(energy) >= SMALL * abs(line)}
-    load = load_words(run.load, "ohm", before="load ", unknown="load unknown")
+    joule = {entry: float(energy[end]) for entry, energy in simulation.energy.items()}
     about = (f"with {effects}" if effects else "", f"rig {name}" if name else "", run.about)
     return Report(
         kind="Simulation of a rig",
-        title=f"{run.name}: simulated at {load}",
-        subtitle=" · ".join(part for part in about if part),
-        tiles=[
-            Tile(part, LEDGER[part], f"{shown(joule[part], 0)} J", _of_line(joule[part], line))
-            for part in ("line", "gas", "dc")
-            if part in ledger
-        ],
+        title=f"{run.name}: simulated at {load_words(run.load, 'ohm', before='load ', unknown='load unknown')}",
+        subtitle=" · ".join(filter(None, about)),
+        tiles=_tiles(joule),
         points=[
             data_note([run.origin]),
             Note(f"{', '.join(left_out)}: errors of sensors, which are left out.", "Sensors") if left_out else None,
             Note("`winchcascade reduce` on the written log finds its cycles.", "Next", brief=False),
         ],
         sections=[
-            section(
-                "energies", f"Energies up to {run.t[end]:.2f} s",
-                table(
-                    "ledger", "Energies when that of the line is largest.",
-                    [
-                        Column("energy", lambda row: row[0]),
-                        Column("value", lambda row: row[1], "J", 0),
-                        Column("share", lambda row: 100.0 * row[1] / line if line else None, "%", 1),
-                        Column("what it is", lambda row: LEDGER[row[0]]),
-                    ],
-                    ledger.items(),
-                ),
-            ),
+            section("energies", f"Energies up to {run.t[end]:.2f} s", _ledger_table(joule)),
             histories(found),
-            section(
-                "stages", "Stages",
-                table("stages", "Powers of the stages over the whole motion.", _stages(run.t), powers_of(found).items(),
-                      brief=False),
-                folded=True,
-            ),
-            provenance(
-                [
-                    ("Line motion from", source or run.path),
-                    ("SHA-256 of that file", run.sha256),
-                    ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
-                    ("Step of the simulation", f"{1e3 * simulation.motion.step:.3g} ms"),
-                ],
-                command,
-            ),
+            section("stages", "Stages", _stages_table(found), folded=True),
+            provenance(_sources(simulation, source), command),
         ],
         banner=banner([run.origin]),
-    )  # fmt: skip
+    )
 
 
 def _as_simulated(simulation: Simulation, rig: Rig) -> Rig:
@@ -131,16 +100,62 @@ def _as_simulated(simulation: Simulation, rig: Rig) -> Rig:
     return replace(rig, winch=replace(rig.winch, r_drum=radius))
 
 
-def _stages(t: Signal) -> list[Column[tuple[str, Signal]]]:
-    """Columns of the power of a stage over the instants of a log. [s]"""
+def _significant(joule: Mapping[str, float]) -> dict[str, float]:
+    """Entries of the ledger that are not small beside the energy of the line. [J]"""
+    return {entry: energy for entry, energy in joule.items() if abs(energy) >= ENTRY_SHARE_MIN * abs(joule["line"])}
+
+
+def _percent_of_line(entry: str, joule: Mapping[str, float]) -> float | None:
+    """Share of an entry in the energy of the line, None where the line delivers none. [%]"""
+    return 100.0 * joule[entry] / joule["line"] if joule["line"] else None
+
+
+def _tiles(joule: Mapping[str, float]) -> list[Tile]:
+    """Energies of the line, the gas and the DC link."""
+    listed = [entry for entry in ("line", "gas", "dc") if entry in _significant(joule)]
+    shares = {entry: _percent_of_line(entry, joule) for entry in listed}
     return [
+        Tile(
+            entry,
+            ENTRY_WORDS[entry],
+            f"{shown(joule[entry], 0)} J",
+            "" if share is None else f"{share:.1f} % of the line",
+        )
+        for entry, share in shares.items()
+    ]
+
+
+def _ledger_table(joule: Mapping[str, float]) -> Table[str] | None:
+    """Entries of the ledger with their shares in the energy of the line."""
+    columns: list[Column[str]] = [
+        Column("energy", str),
+        Column("value", joule.__getitem__, "J", 0),
+        Column("share", lambda entry: _percent_of_line(entry, joule), "%", 1),
+        Column("what it is", ENTRY_WORDS.__getitem__),
+    ]
+    return table("ledger", "Energies when that of the line is largest.", columns, _significant(joule))
+
+
+def _stages_table(found: Reduction) -> Table[tuple[str, Signal]] | None:
+    """Powers of the stages of a simulated log."""
+    t = found.run.t
+    columns: list[Column[tuple[str, Signal]]] = [
         Column("stage", lambda row: STAGE_PLACES.get(row[0], row[0])),
         Column("largest power", lambda row: float(row[1].max()), "W", 1),
         Column("smallest power", lambda row: float(row[1].min()), "W", 1),
         Column("energy delivered", lambda row: float(np.trapezoid(row[1].clip(0.0), t)), "J", 0),
         Column("energy returned", lambda row: float(np.trapezoid((-row[1]).clip(0.0), t)), "J", 0),
     ]
+    powers = powers_of(found).items()
+    return table("stages", "Powers of the stages over the whole motion.", columns, powers, brief=False)
 
 
-def _of_line(part: float, line: float) -> str:
-    return f"{100.0 * part / line:.1f} % of the line" if line else ""
+def _sources(simulation: Simulation, source: str) -> list[tuple[str, str | None]]:
+    """Where every number comes from."""
+    run = simulation.run
+    return [
+        ("Line motion from", source or run.path),
+        ("SHA-256 of that file", run.sha256),
+        samples_row(run),
+        ("Step of the simulation", f"{1e3 * simulation.motion.step:.3g} ms"),
+    ]
