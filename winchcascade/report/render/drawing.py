@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 from winchcascade.core.version import GENERATOR
 from winchcascade.report.figures.style import house_style
@@ -18,9 +19,21 @@ _ABOUT: dict[str, dict[str, str | None]] = {
 }
 
 
-@house_style()
+_DRAWN: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
+"""Files of the figures of a report, by their endings: its page, its PDF and its folder of figures share them."""
+
+
 def drawn(figure: Figure, ending: str = "svg") -> bytes:
-    """A figure as SVG, PDF or PNG; its layout is made once, as a second one would differ by rounding."""
+    """A figure, which does not change afterwards, as SVG, PDF or PNG."""
+    files = _DRAWN.setdefault(figure, {})
+    if ending not in files:
+        files[ending] = _draw(figure, ending)
+    return files[ending]
+
+
+@house_style()
+def _draw(figure: Figure, ending: str) -> bytes:
+    """Draw a figure; its layout is made once, as a second one would differ by rounding."""
     layout = figure.get_layout_engine()
     if layout is not None:
         layout.execute(figure)
