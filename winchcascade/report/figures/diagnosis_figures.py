@@ -180,7 +180,6 @@ def error_history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Fi
         for error, colour in zip(one.errors, ("mech", "gen"), strict=False):
             ax.plot(one.t[shown], (error * factor)[shown], color=COLOURS[colour], lw=1.0)
         ax.margins(x=0.005)
-        ax.ticklabel_format(axis="y", useOffset=False)
         ax.set_ylabel(quantity_label(channel).replace(" (", "\n("))
     figure.align_ylabels(axes)
     axes[0].set_title(f"{upper(word)} − simulated")
