@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from diagnosed import diagnosed, made_logs
 
+from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.block_series import (
-    OUT,
     SPEED_BIN,
     means_over_speed,
     most_telling,
@@ -80,7 +80,7 @@ def test_means_over_speed_are_those_of_the_blocks_before_braking() -> None:
 
 def test_braking_is_left_out_of_means_over_speed() -> None:
     one = series(diagnosed("copper"), sides(diagnosed("copper")), 0, "idc")
-    out, kept = one.phase == OUT, one.before_braking
+    out, kept = one.phase == PAYOUT, one.before_braking
     assert not np.any(kept & ~out)
     dropped = out & ~kept
     assert np.any(dropped)

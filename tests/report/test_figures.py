@@ -17,7 +17,8 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import PANELS, history_figure, log_history, powers_of
-from winchcascade.report.figures.style import COLOURS, house_style
+from winchcascade.report.figures.style import COLOURS, house_style, label_panel, panel_figure
+from winchcascade.report.render.drawing import drawn
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {
@@ -140,6 +141,18 @@ def test_means_of_powers_and_of_the_current_are_drawn_over_the_speed(clean: Resu
     loaded = np.asarray(current.get_ydata())[5:]
     expected = [np.sqrt(power / 36.0) for b in reduction.bins[5:] if (power := b.power["gen"]) is not None]
     assert loaded.tolist() == pytest.approx(expected, rel=0.03)  # I = sqrt(P / R)
+
+
+@pytest.mark.parametrize("ends", [(0.0, 3.5e7), (25.0001, 25.0002), (0.0, 3e-7)])
+def test_numbers_of_an_axis_are_in_full_and_leave_the_place_of_the_title_alone(ends: tuple[float, float]) -> None:
+    with house_style():
+        figure, (ax,) = panel_figure(2.0)
+        ax.plot(ends)
+        label_panel(ax, "a", "Pressure", unit="Pa")
+    drawn(figure)
+    shown = [float(label.get_text().replace("\N{MINUS SIGN}", "-")) for label in ax.get_yticklabels()]
+    assert shown == pytest.approx(ax.get_yticks().tolist(), abs=1e-9)
+    assert ax.yaxis.get_offset_text().get_text() == ""
 
 
 def test_the_house_style_leaves_no_trace_in_the_users_settings() -> None:

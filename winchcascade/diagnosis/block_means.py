@@ -28,6 +28,9 @@ MIN_SAMPLES = 4.0
 PHASES = ("payout", "hold", "haul_in")
 """Phases by the number that a block carries; rest before the first payout and after the last haul-in counts as hold."""
 
+PAYOUT, HOLD, HAUL_IN = range(len(PHASES))
+"""Numbers of the phases in `PHASES`."""
+
 
 class Blocks(msgspec.Struct, frozen=True):
     """Blocks of a log, (m,) each, in order of time.

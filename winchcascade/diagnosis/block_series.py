@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.gap_map import without_zeros
 from winchcascade.diagnosis.predict import CHANNELS
@@ -21,8 +21,6 @@ SPEED_BIN = 250.0
 
 TOP_SHARE = 0.9
 """Braking begins after the last block with this share of a payout's top speed. [1]"""
-
-OUT, HAUL_IN = PHASES.index("payout"), PHASES.index("haul_in")
 
 
 class Sides(NamedTuple):
@@ -84,7 +82,7 @@ class Series(NamedTuple):
     @property
     def before_braking(self) -> NDArray[np.bool_]:
         """Payout blocks up to the last of each payout that is near its top speed, (m,): braking gives energy back."""
-        out = self.phase == OUT
+        out = self.phase == PAYOUT
         here: NDArray[np.bool_] = out.copy()
         for a, b in stretches(out):
             top = a + np.flatnonzero(self.rpm[a:b] >= TOP_SHARE * np.max(self.rpm[a:b]))[-1]

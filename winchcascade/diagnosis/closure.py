@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import white_noise
-from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
+from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
@@ -252,7 +252,7 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[s
     found: dict[str, float] = {}
     for number, (log, model) in enumerate(zip(data.logs, models, strict=True)):
         blocks, coarse = log.course.blocks, log.course.coarse.t
-        payout = blocks.phase == PHASES.index("payout")
+        payout = blocks.phase == PAYOUT
         if number in data.withheld or np.count_nonzero(payout) < FEW // 2:
             continue
         grid = log.course.on_grid(model, skew=skew)
@@ -306,4 +306,4 @@ FORCE = CHANNELS.index("force")
 def _at_rest(log: Log) -> float:
     """Scatter of the force from block to block while the line rests, NaN where there are too few blocks. [N]"""
     blocks = log.course.blocks
-    return scatter_about_course(blocks, log.measured[:, FORCE], blocks.phase == PHASES.index("hold"), MIN_BLOCKS)
+    return scatter_about_course(blocks, log.measured[:, FORCE], blocks.phase == HOLD, MIN_BLOCKS)

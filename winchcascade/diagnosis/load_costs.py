@@ -45,8 +45,14 @@ def _mean(alike: Sequence[T], *fields: str) -> T:
 
 def worst_costs(found: DiagnosisResult) -> Contribution | None:
     """The split of the leading efficiency at the load at which model and run differ most [%, points]; None without one."""
-    costs = load_costs(found, leading_metric(found.contributions)) if isinstance(found, ModelDiagnosis) else []
-    return max(costs, key=lambda one: abs(one.measured - one.as_given), default=None)
+    if not isinstance(found, ModelDiagnosis):
+        return None
+    return largest_difference(load_costs(found, leading_metric(found.contributions)))
+
+
+def largest_difference(table: Sequence[Contribution]) -> Contribution | None:
+    """The split at the load at which model and run differ most; None of none."""
+    return max(table, key=lambda one: abs(one.measured - one.as_given), default=None)
 
 
 def cost_of(costs: Contribution | None, cause: NamedCause) -> float | None:

@@ -15,7 +15,16 @@ import numpy as np
 
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of, in_a_row, middles, scatter_about_course
+from winchcascade.diagnosis.block_means import (
+    HAUL_IN,
+    HOLD,
+    PHASES,
+    Blocks,
+    blocks_of,
+    in_a_row,
+    middles,
+    scatter_about_course,
+)
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_DERIVATIVES, MAX_KEPT, Course
 from winchcascade.diagnosis.solve import Jacobian, Local
@@ -64,8 +73,6 @@ MIN_BLOCKS = 12
 WITHIN = 25.0
 """Discrepancy of a block as a share of the scatter of the model within it, which is largest where the motion begins and ends,
 over that as a share of its level. [1]"""
-
-HOLD, HAUL_IN = PHASES.index("hold"), PHASES.index("haul_in")
 
 TOP = 0.9
 """Quantile of the magnitude of a channel, over the blocks of a phase, that is its level there. [1]"""

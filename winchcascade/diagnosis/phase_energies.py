@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.block_means import PAYOUT, PHASES
 from winchcascade.diagnosis.causes import LAW
 from winchcascade.diagnosis.predict import CHANNELS
 
@@ -98,7 +98,7 @@ def _of_stage(data: Fitted, k: int, stage: str, readings: _Readings) -> list[Pha
     noise = np.linalg.norm(weights * log.noise.logged[:, columns].T, axis=0)
     model = np.sum(weights * sd * np.linalg.norm(log.courses[:, columns], axis=2).T, axis=0)
     zeros = np.array([zero.get(CHANNELS[c], 0.0) for c in columns]) @ weights
-    payout = blocks.phase == PHASES.index("payout")
+    payout = blocks.phase == PAYOUT
     line = joule(run.channels["force"], run.channels["velocity"]) if "force" in run.channels else measured
     scale = max(abs(float(np.sum(x[payout]))) for x in (measured, line))
     found = []

@@ -8,11 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.predict import CHANNELS
-
-OUT, HAUL_IN = PHASES.index("payout"), PHASES.index("haul_in")
 
 LEAD, TAIL = 1.0, 0.5
 """Time before the onset of a cycle and after its haul-in that belongs to it here. [s]"""
@@ -47,7 +45,7 @@ def cycle_gaps(found: ModelDiagnosis) -> dict[tuple[int, int], float]:
     z = np.where(data.seen, (data.measured - found.predicted) / np.where(data.noise > 0.0, data.noise, 1.0), 0.0) ** 2
     for k, (log, rows) in enumerate(zip(data.logs, data.rows, strict=True)):
         blocks = log.course.blocks
-        for cycle in np.unique(blocks.cycle[blocks.phase == OUT]).tolist():
+        for cycle in np.unique(blocks.cycle[blocks.phase == PAYOUT]).tolist():
             own = rows.start + np.flatnonzero(blocks.cycle == cycle)
             gaps[k, cycle] = float(z[own].sum() / max(np.count_nonzero(data.seen[own]), 1))
     return gaps
@@ -62,7 +60,8 @@ def largest_gap(found: ModelDiagnosis) -> SimulatedCycle | None:
     one, nu = found.data.logs[log], found.found.best.nu
     run, blocks = one.run, one.course.blocks
     out, moving = (
-        np.flatnonzero((blocks.cycle == cycle) & np.isin(blocks.phase, phases)) for phases in ((OUT,), (OUT, HAUL_IN))
+        np.flatnonzero((blocks.cycle == cycle) & np.isin(blocks.phase, phases))
+        for phases in ((PAYOUT,), (PAYOUT, HAUL_IN))
     )
     onset, end = float(run.t[blocks.start[out[0]]]), float(run.t[blocks.stop[moving[-1]] - 1])
     rows = slice(*np.searchsorted(run.t, (onset - LEAD, end + TAIL)).tolist())

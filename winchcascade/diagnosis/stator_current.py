@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.kernel import constants
@@ -33,7 +33,7 @@ def stator_current(found: ModelDiagnosis) -> tuple[Signal, Signal]:
     pairs = [np.zeros((2, 0))]
     for k in loaded(found):
         log = data.logs[k]
-        here = log.noise.seen[:, CHANNELS.index("idc")] & (log.course.blocks.phase == PHASES.index("payout"))
+        here = log.noise.seen[:, CHANNELS.index("idc")] & (log.course.blocks.phase == PAYOUT)
         stator = log.course.block_mean(log.course.electrical(constants(models[k], log.course.load), "i_s"))
         pairs.append(np.array([stator, log.measured[:, CHANNELS.index("idc")]])[:, here])
     stator, direct = np.concatenate(pairs, axis=1)

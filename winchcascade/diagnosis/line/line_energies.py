@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.block_means import HOLD, PHASES
 from winchcascade.diagnosis.diagnosis_result import Alarm, CycleEnergy, Names, Spot
 from winchcascade.diagnosis.line.line_data import POWER, CyclePart, Lines
 from winchcascade.diagnosis.line.line_selection import Moments, line_covariance
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 SMALL_ENERGY = 0.03
 """Share of the measured energy of a phase below which a difference has no effect on the verdict: force cells and powers of
 field winches are accurate to 1 to 3 % of the reading."""
-
-REST = PHASES.index("hold")
 
 
 class EnergyTable(msgspec.Struct, frozen=True):
@@ -73,7 +71,7 @@ def _of_part(m: Moments, number: int, part: CyclePart, after: Signal) -> EnergyT
     payout = {int(c): x for c, p, x in zip(cycle, phase, measured, strict=True) if PHASES[p] == "payout"}
     working = np.array([payout.get(int(c), x) for c, x in zip(cycle, measured, strict=True)])
     columns = np.column_stack([summed(column) for column in part.columns.T])
-    yardstick = np.where(phase == REST, working, measured)
+    yardstick = np.where(phase == HOLD, working, measured)
     run = np.full(codes.size, number)
     return EnergyTable(run, cycle, phase, measured, before, summed(after), columns, within, between, yardstick)
 

@@ -14,7 +14,7 @@ from winchcascade.diagnosis.cause_numbers import CauseNumber, cause_numbers, pro
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, DiagnosisResult, NamedCause
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.load_costs import OTHER, waterfall_costs
+from winchcascade.diagnosis.load_costs import OTHER, largest_difference, waterfall_costs
 from winchcascade.report.content import number_text
 from winchcascade.report.diagnosis_names import baseline_words, display_of, runs_with_number, shown_as
 from winchcascade.report.figures.style import (
@@ -52,7 +52,7 @@ def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
     ----------
     word : what the logs are called
     """
-    largest = max(waterfall_costs(found), key=lambda one: abs(one.measured - one.as_given), default=None)
+    largest = largest_difference(waterfall_costs(found))
     if largest is None:
         return None
     figure, panels = panel_figure(BAR * (len(largest.parts) + 2) + 0.6)

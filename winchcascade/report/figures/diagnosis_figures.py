@@ -9,10 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from winchcascade.diagnosis.block_means import BLOCK, PHASES
+from winchcascade.diagnosis.block_means import BLOCK, HAUL_IN, PAYOUT, PHASES
 from winchcascade.diagnosis.block_series import (
-    HAUL_IN,
-    OUT,
     Sides,
     means_over_speed,
     representative,
@@ -173,14 +171,13 @@ def error_history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Fi
     for ax, channel in zip(axes, own, strict=True):
         one, factor = series(found, both, log, channel), TERMS[channel].factor
         shown = one.t <= one.t[0] + LONGEST
-        for a, b in stretches((one.phase == OUT) & shown):
+        for a, b in stretches((one.phase == PAYOUT) & shown):
             ax.axvspan(one.t[a] - 0.5 * BLOCK, one.t[b - 1] + 0.5 * BLOCK, color=COLOURS["payout"], lw=0, zorder=0.1)
         band = BAND * one.noise[shown] * factor
         ax.fill_between(one.t[shown], -band, band, step="mid", color=COLOURS["loss"], alpha=0.6, lw=0, zorder=0.5)
         for error, colour in zip(one.errors, ("mech", "gen"), strict=False):
             ax.plot(one.t[shown], (error * factor)[shown], color=COLOURS[colour], lw=1.0)
         ax.margins(x=0.005)
-        ax.ticklabel_format(axis="y", useOffset=False)
         ax.set_ylabel(quantity_label(channel).replace(" (", "\n("))
     figure.align_ylabels(axes)
     axes[0].set_title(f"{upper(word)} − simulated")
@@ -299,7 +296,7 @@ def error_figure(
 def _draw_errors(ax: Axes, found: ModelDiagnosis, both: Sides, channel: str) -> None:
     """Draw the blocks of the payouts of all logs; of force and pressure those of the haul-ins too."""
     factor, columns = TERMS[channel].factor, []
-    phases = (OUT, HAUL_IN) if channel in ("force", "pressure") else (OUT,)
+    phases = (PAYOUT, HAUL_IN) if channel in ("force", "pressure") else (PAYOUT,)
     for k in loaded(found) if channel == "idc" else by_load(found):
         one = series(found, both, k, channel)
         ruler = one.rpm if channel in OVER_SPEED else one.logged * factor

@@ -135,13 +135,13 @@ def panels(
     figure, grid = panel_figure(0.5 + 2.2 * rows + (0.6 if columns == 1 else 0.0), rows, columns)
     shaded = False
     for ax, name, letter in zip(grid, given, "abcdefgh", strict=False):
+        if gear is not None and name == "torque_nm":
+            slower = (lambda rpm, gear=gear: np.asarray(rpm) / gear, lambda rpm, gear=gear: np.asarray(rpm) * gear)
+            ax.secondary_xaxis("top", functions=slower).set_xlabel("Drum speed (rpm)")
         _panel(ax, letter if len(given) > 1 else "", name, drawn, (clouds or {}).get(name), MAX_MARKS // columns)
         if SHOWN[name].over == SPEED:
             ax.set_xlim(left=0.0)
             shaded |= shade_over_speed(ax, rated)
-        if gear is not None and name == "torque_nm":
-            slower = (lambda rpm, gear=gear: np.asarray(rpm) / gear, lambda rpm, gear=gear: np.asarray(rpm) * gear)
-            ax.secondary_xaxis("top", functions=slower).set_xlabel("Drum speed (rpm)")
     for ax in grid[len(given) :]:
         ax.set_visible(False)
     _legend(figure, drawn, word=word, shaded=shaded, sampled=bool(clouds))

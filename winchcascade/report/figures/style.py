@@ -112,6 +112,8 @@ _RC = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,  # every tick has its number in full, up to nine digits
+    "axes.formatter.limits": (-9, 9),
     "grid.color": COLOURS["grid"],
     "grid.linewidth": 0.5,
     "xtick.color": COLOURS["soft"],
@@ -176,11 +178,15 @@ def panel_figure(
 def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = "", unit: str = "") -> None:
     """Write a panel's letter and title above it, to the left, and the labels of its axes that are given.
 
+    The title has a fixed place, unless there is a second axis above the panel: to look for a free one, Matplotlib would
+    measure all ticks once more in each pass of the layout. A power of ten, which numbers from 1e9 on have, is to the right.
+
     Parameters
     ----------
     unit : that of the vertical axis, where the title says which quantity it has
     """
-    axes.set_title(f"({letter}) {title}", loc="left")
+    axes.set_title(f"({letter}) {title}", loc="left", y=None if axes.child_axes else 1.0)
+    axes.yaxis.set_offset_position("right")
     label = y or unit
     axes.set(**{"xlabel": x} if x else {}, **{"ylabel": label} if label else {})
 
