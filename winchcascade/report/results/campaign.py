@@ -175,7 +175,7 @@ def verdict_note(runs: Sequence[LogSummary]) -> Note | None:
     values = [f"{called(run)} with {eta} = {texts[run.name, eta]}" for run in (best.run, best.following)]
     if best.likely > 0.95:
         return Note(f"Best load: {values[0]}, then {values[1]}.", "Verdict", "good")
-    return Note(f"Best load: {values[0]}, not told apart from {values[1]} by the uncertainties.", "Verdict")
+    return Note(f"Best load: {values[0]}; the uncertainties do not distinguish it from {values[1]}.", "Verdict")
 
 
 def points(campaign: CampaignRecord, runs: Sequence[LogSummary]) -> list[Note | None]:
