@@ -1,157 +1,178 @@
-"""Whether channels that depend on one quantity agree in sign, zero and gain: velocity and displacement, power and torque.
+"""Whether channels that depend on one quantity agree: velocity and displacement, power, torque and speed.
 
-Velocity and displacement are averaged over blocks of a second or more: the integral of the one and the change of the
-other, by their duration. Blocks in which the displacement rests show the zero of the velocity, blocks in which both move
-show its gain. A displacement that is set back, counts both ways or is stuck makes a few blocks that deviate from the
-others; these are left out. Channels that are logged with the opposite sign are found by physics, not by their first sample.
+Velocity and displacement are averaged over blocks: the integral of the one and the change of the other, by their duration.
+Blocks in which the displacement rests show the zero of the velocity, blocks in which both move its gain and its smoothing. A
+displacement that is set back, counts both ways or is stuck makes a few blocks that deviate from the others; these are left out.
+Neither channel is changed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import (
-    ENOUGH,
-    GAUSS,
-    ends_of,
-    median,
-    median_and_error,
-    quantile,
-    running,
-    smallest_step,
-)
-from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Finding, Mask, Repair, Signal
+from winchcascade.core.integrate import ENOUGH, GAUSS, median, median_and_error, quantile, running, smallest_step
+from winchcascade.core.run import Finding, Signal
+from winchcascade.ingest.checks.samples import Samples
 
 BLOCK = 1.0
 """Minimum duration of a block: noise of the sensors averages out, and a lag between the channels matters little. [s]"""
 
-STEPS = 2.0
-"""Minimum number of steps of the displacement in a block at the onset speed."""
+SHORT_BLOCK = 0.2
+"""The same where smoothing is sought: a fifth of the ramps of a crane. [s]"""
 
 MOVING = 2.0
-"""A block moves above this many times the onset speed, and rests below once that speed."""
+"""A block moves above this many times the onset speed, and rests below once that speed. [1]"""
 
 MIN_BLOCKS = 5
-"""Smallest number of blocks that shows a deviation."""
+"""Smallest number of blocks, or samples, that shows a deviation. [1]"""
+
+CERTAIN = 4.0
+"""A deviation is reported from this many standard uncertainties on. [1]"""
 
 GAIN = 0.01
 """Smallest deviation of a gain that matters: drums and wheels are known no better. Energies deviate by as much. [1]"""
 
+RADIUS = 0.02
+"""The same of two channels that a radius or a gear connects: radii under load are known no better. [1]"""
+
 ZERO = 1 / 6
 """A zero below this share of the onset speed does not matter: 0.005 m/s, 0.6 % of a payout at 0.86 m/s. [1]"""
 
-CERTAIN = 4.0
-"""A deviation is reported from this many standard uncertainties on."""
-
-STRAY = 5.0
-"""Standard deviations beyond which a block that deviates from the others is left out."""
-
 ALIKE = 0.3
-"""A block that deviates by less than this share stays: a slow sensor in a fast log makes blocks that differ by less in turn."""
+"""A block that deviates by less than this share stays: a slow sensor in a fast log makes blocks that differ by less in turn. [1]"""
 
-FOLLOWS = 0.2
-"""A speed without a sign follows the displacement within this share. [1]"""
-
-MOSTLY = 0.8
-"""Share of the blocks that move in which it does so; it is slow where the displacement rests. [1]"""
-
-ONE_SIDED = 0.1
-"""A velocity is without a sign if it goes no farther than this share of its top to the other side of zero."""
-
-POWER = 0.02
-"""A logged power that differs from the one by torque and radius by less does not matter: radii are known no better. [1]"""
-
-SPEED = 0.02
-"""A speed of rotation that differs from the one by line velocity and radius by less does not matter, as for the power. [1]"""
+SMOOTHED = 0.1
+"""Smallest standard deviation of a smoothing that is reported: an average over 0.35 s, half of what detection applies. [s]"""
 
 DRIVEN = 0.3
-"""The shaft is driven above this share of its largest power, three samples in a thousand left out."""
+"""The shaft is driven above this share of its largest power or speed, three samples in a thousand left out. [1]"""
 
-AS_MOTION = 0.8
-"""A zero above this share of the onset speed lets rest count as motion: noise and waves do what it lacks."""
+UNITS = (60.0, 1e3, 3600.0, 6e4, 86400.0, 1e6, 3.6e6, 1e9)
+"""Ratios of two units of time. [1]"""
 
-FAST = 0.3
-"""Samples faster than this share of the top speed distinguish payout from haul-in."""
+UNIT = 0.03
+"""A factor is such a ratio within this share: gains of velocity and displacement differ by less. [1]"""
 
-CLEAR = 1.2
-"""A channel votes if it is this many times as large in one direction as in the other."""
-
-IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.03, "speed": 0.5}
-"""What a channel of the other sign must exceed to be called flipped: well above zeros and noise. [N, N m, W, V, A, rad/s]"""
-
-SIGN_CORRECTED = "sign corrected"
-"""Action on a channel that is logged with the opposite sign."""
-
-VACUUM = -1.05e5
-"""No gauge pressure lies below it. [Pa]"""
+BEYOND = 20.0
+"""Largest factor that an error of a gain may cause. [1]"""
 
 
-class SpeedBlocks(msgspec.Struct, frozen=True):
-    """Durations [s] of blocks, mean velocity and mean speed by the displacement in each [m/s], (k,) each."""
+class SpeedBlocks(NamedTuple):
+    """Durations [s] of blocks, mean velocity and mean speed by the displacement in each [m/s], (k,) each; NaN over holes."""
 
     seconds: Signal
     v: Signal
     by_displacement: Signal
 
-
-def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> SpeedBlocks:
-    """Average both channels over blocks without holes and gaps; coarse steps of an encoder make the blocks longer."""
-    usual = median(np.diff(t[:ENOUGH]))
-    step = max(1, round(min(max(BLOCK, STEPS * smallest_step(displacement) / v_onset) / usual, float(t.size))))
-    ends = np.arange(0, t.size, step)
-    length, moved = np.diff(t[ends]), np.diff(displacement[ends])
-    whole = np.isfinite(moved) & (length < 1.5 * step * usual)
-    if not np.isfinite(v.sum()):
-        holes = np.flatnonzero(~np.isfinite(v))
-        for touched in (holes // step, (holes - 1) // step):  # a sample between two blocks is of both
-            whole[touched[(touched >= 0) & (touched < whole.size)]] = False
-        v = np.where(np.isfinite(v), v, 0.0)
-    travelled = np.diff(running(t, v.__getitem__, ends))
-    length = length[whole]
-    return SpeedBlocks(length, travelled[whole] / length, moved[whole] / length)
+    def known(self) -> SpeedBlocks:
+        """Blocks without holes."""
+        good = np.isfinite(self.v) & np.isfinite(self.by_displacement)
+        return SpeedBlocks(self.seconds[good], self.v[good], self.by_displacement[good])
 
 
-def disagreements(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> list[Finding]:
-    """Report a zero or a gain of the velocity that the displacement contradicts; neither channel is changed.
+def speed_blocks(log: Samples, rows: int) -> SpeedBlocks:
+    """Average velocity and displacement over blocks of so many rows."""
+    t, v, x = log.t, log.channels["velocity"], log.channels["displacement"]
+    ends = np.arange(0, t.size, max(1, rows))
+    seconds, moved = np.diff(t[ends]), np.diff(x[ends])
+    travelled = np.diff(running(t, v.__getitem__, ends)) if np.isfinite(v.sum()) else _over_holes(t, v, ends)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        return SpeedBlocks(seconds, travelled / seconds, moved / seconds)
 
-    Parameters
-    ----------
-    t : (n,) stamps that rise [s]
-    v, displacement : (n,) logged independently of each other, of one sign, NaN where they have holes [m/s], [m]
-    v_onset : slower is rest [m/s]
+
+def _over_holes(t: Signal, v: Signal, ends: Signal) -> Signal:
+    """Travel by the velocity over blocks, NaN for those with a hole; a sample between two blocks is of both. [m]"""
+    travelled = np.diff(running(t, np.nan_to_num(v).__getitem__, ends))
+    holes = np.flatnonzero(~np.isfinite(v))
+    for side in ("left", "right"):
+        at = np.searchsorted(ends, holes, side=side) - 1
+        travelled[at[(at >= 0) & (at < travelled.size)]] = np.nan
+    return travelled
+
+
+def mean_speeds(log: Samples, v_onset: float) -> SpeedBlocks:
+    """Blocks of a second or more without holes and gaps; coarse steps of an encoder make them longer."""
+    usual = median(np.diff(log.t[:ENOUGH]))
+    seconds = max(BLOCK, MOVING * smallest_step(log.channels["displacement"]) / v_onset)
+    rows = max(1, round(min(seconds / usual, float(log.t.size))))
+    blocks = speed_blocks(log, rows)
+    blocks.v[blocks.seconds > 1.5 * rows * usual] = np.nan
+    return blocks.known()
+
+
+def clock_mismatch(log: Samples) -> str | None:
+    """Describe a clock that velocity and displacement contradict by a ratio of two units, or by more than any gain.
+
+    Without a displacement, stamps that are too far apart to smooth the velocity are described.
     """
-    blocks = mean_speeds(t, v, displacement, v_onset)
+    usual = median(np.diff(log.t[:ENOUGH]))
+    if "velocity" not in log.channels or "displacement" not in log.channels:
+        smoothing = log.rig.thresholds.smoothing
+        if not log.by_line or usual <= smoothing:
+            return None
+        return (
+            f"stamps are {usual:.4g} s apart, and the velocity is smoothed over {smoothing:g} s; no other channel confirms the "
+            "clock. For stamps in a smaller unit, state it with override = true under [columns] of a rig file"
+        )
+    rows = min(BLOCK / usual, max(1.0, log.t.size / 200.0))  # whatever the clock, a log has more than a hundred blocks
+    blocks = speed_blocks(log, round(rows)).known()
+    moving = np.abs(blocks.v) > MOVING * log.rig.thresholds.v_onset
+    moving &= (blocks.by_displacement != 0.0) & np.isfinite(blocks.v * blocks.by_displacement)
+    if np.count_nonzero(moving) < MIN_BLOCKS:
+        return None
+    factor = median(np.abs(blocks.v[moving] / blocks.by_displacement[moving]))
+    large = max(factor, 1.0 / factor)
+    counts = bool(np.all(np.diff(log.t[:1000]) == 1.0)) and large > 1.0 + UNIT
+    if not (counts or large > BEYOND or any(abs(large / ratio - 1.0) < UNIT for ratio in UNITS)):
+        return None
+    clock = "stamps may count rows" if counts else f"the true interval may be {usual / factor:.4g} s"
+    return (
+        f"velocity integrates to {factor:#.4g} times the travel of the displacement, with stamps {usual:.4g} s apart: {clock}, "
+        "or one of velocity and displacement is in another unit; state the right one with override = true under [columns] of a "
+        "rig file"
+    )
+
+
+def compare_motions(log: Samples) -> None:
+    """Report a zero, a gain or a smoothing of the velocity that the displacement contradicts."""
+    v_onset = log.rig.thresholds.v_onset
+    blocks = mean_speeds(log, v_onset)
     moving = np.abs(blocks.by_displacement) > MOVING * v_onset
     if np.count_nonzero(moving) < MIN_BLOCKS:
-        return []
-    step = smallest_step(v)
-    zero, findings = 0.0, []
+        return
+    step, zero = log.level("velocity").step, 0.0
     at_rest = np.abs(blocks.by_displacement) < v_onset
     if np.count_nonzero(at_rest) >= MIN_BLOCKS:
         found, u = median_and_error(blocks.v[at_rest] - blocks.by_displacement[at_rest])
         if abs(found) > max(ZERO * v_onset, CERTAIN * u, step):
             zero = found
-            findings.append(_reported("velocity", _zero_text(zero, median(blocks.by_displacement[at_rest]), v_onset)))
-    gain = _gain(blocks, moving, zero, step)
+            _report(log, "velocity", _zero_text(zero, median(blocks.by_displacement[at_rest]), v_onset))
+    gain = _gain(blocks, zero, v_onset, step)
     if gain is not None:
         what = (
             f"velocity integrates to {gain:#.4g} times the travel of the displacement; energies are proportional to the "
-            f"velocity: check unit and gain of both, and the radius at which each is taken"
+            "velocity: check unit and gain of both, and the radius at which each is taken"
         )
-        findings.append(_reported("velocity", what))
-    return findings
+        _report(log, "velocity", what)
+    width = _smoothing(log, v_onset)
+    if width is not None:
+        what = (
+            f"velocity is smoother than the displacement, as if averaged over {math.sqrt(12.0) * width:.2g} s: onset, windows and "
+            "energies deviate; record it with a faster filter, or leave it out to use the slope of the displacement"
+        )
+        log.findings.append(Finding("channel_lag", what, "reported and kept", "velocity"))
 
 
-def _reported(channel: str, message: str) -> Finding:
-    return Finding("out_of_range", message, "reported and kept", channel)
+def _report(log: Samples, channel: str, message: str) -> None:
+    log.findings.append(Finding("out_of_range", message, "reported and kept", channel))
 
 
-def _gain(blocks: SpeedBlocks, moving: Mask, zero: float, step: float) -> float | None:
+def _gain(blocks: SpeedBlocks, zero: float, v_onset: float, step: float) -> float | None:
     """Travel by the velocity over travel by the displacement; None if that is 1 within its uncertainty. [1]"""
+    moving = np.abs(blocks.by_displacement) > MOVING * v_onset
     along = moving & ((blocks.v - zero) * blocks.by_displacement > 0)
     if np.count_nonzero(along) < MIN_BLOCKS:
         return None
@@ -159,7 +180,7 @@ def _gain(blocks: SpeedBlocks, moving: Mask, zero: float, step: float) -> float 
     v = np.abs(blocks.v[along] - zero)
     rough = median(v / speed)
     beyond = np.abs(v - rough * speed)
-    near = beyond <= np.maximum(STRAY * GAUSS * median(beyond), ALIKE * rough * speed)
+    near = beyond <= np.maximum(CERTAIN * GAUSS * median(beyond), ALIKE * rough * speed)
     if 2 * np.count_nonzero(near) < np.count_nonzero(moving):
         return None
     seconds, speed, v = blocks.seconds[along][near], speed[near], v[near]
@@ -174,170 +195,87 @@ def _zero_text(zero: float, drift: float, v_onset: float) -> str:
     if 2.0 * abs(drift) > abs(zero):
         return (
             f"velocity reads {zero + drift:+.3f} m/s where the displacement moves by {drift:+.3f} m/s: one of the two drifts; "
-            f"check the zero of both"
+            "check the zero of both"
         )
     at_rest = f"velocity reads {zero:+.3f} m/s while the displacement rests"
-    if abs(zero) > AS_MOTION * v_onset:
+    if abs(zero) > 0.8 * v_onset:  # noise and waves do what it lacks
         return (
-            f"{at_rest}, and motion counts from {v_onset:g} m/s: rest may pass for motion, and a log for one that begins "
-            f"inside it; check its zero"
+            f"{at_rest}, and motion counts from {v_onset:g} m/s: rest may pass for motion, and a log for one that begins inside "
+            "it; check its zero"
         )
     return f"{at_rest}; onsets, windows and energies deviate with it: check its zero"
 
 
-def power_disagrees(channels: Mapping[str, Signal], r_drum: float | None) -> list[Finding]:
-    """Report a logged mechanical power that differs from what torque, velocity and drum radius [m] give.
+def _smoothing(log: Samples, v_onset: float) -> float | None:
+    """Standard deviation of a smoothing of the velocity that the displacement does not have; None if it could be chance. [s]
 
-    Without velocity or radius, torque and speed of rotation give it.
+    A kernel of standard deviation s and mean lag adds, to second order, -lag v' + s**2 / 2 v'' to a velocity: least squares of
+    the difference of the block means give both. The noise of the velocity itself makes the coefficient of v'' negative.
     """
-    by_line = r_drum is not None and "velocity" in channels
-    names = ("power_mech", "torque", "velocity" if by_line else "speed")
-    if any(name not in channels for name in names):
-        return []
-    every = max(1, channels["torque"].size // ENOUGH)
-    logged, torque, motion = (channels[name][::every] for name in names)
-    by_torque = torque * motion / (r_drum if by_line and r_drum is not None else 1.0)
-    known = np.isfinite(logged) & np.isfinite(by_torque)
-    if not known.any():
-        return []
-    if by_line:
-        driven = known & (by_torque > max(DRIVEN * quantile(by_torque[known], 0.997), 0.0))
-    else:  # a machine may be driven or drive
-        size = np.abs(by_torque)
-        driven = known & (size > max(DRIVEN * quantile(size[known], 0.997), 0.0))
-    if np.count_nonzero(driven) < MIN_BLOCKS:
-        return []
-    ratio, u = median_and_error(logged[driven] / by_torque[driven])
-    what = (
-        f"power_mech is {ratio:#.4g} times torque x velocity / r_drum, with {r_drum:g} m of the rig; E_mech is the integral of "
-        f"power_mech: check its unit and shaft, unit and gain of the torque, and r_drum"
-        if by_line
-        else f"power_mech is {ratio:#.4g} times torque x speed; E_mech is the integral of power_mech: check its sign, unit and "
-        f"shaft, and sign, unit and gain of torque and speed"
-    )
-    return [_reported("power_mech", what)] if abs(ratio - 1.0) > max(POWER, CERTAIN * u) else []
+    usual = median(np.diff(log.t[:ENOUGH]))
+    rows = max(1, round(SHORT_BLOCK / usual))
+    blocks = speed_blocks(log, rows)
+    v, off = blocks.v, blocks.v - blocks.by_displacement
+    h = rows * usual
+    terms = np.column_stack((np.ones(v.size - 2), v[1:-1], 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2))
+    known = np.isfinite(terms).all(axis=1) & np.isfinite(off[1:-1]) & (np.abs(blocks.seconds[1:-1] - h) < 0.5 * h)
+    if h > 2.0 * SHORT_BLOCK or np.count_nonzero(known) < 10 * MIN_BLOCKS:
+        return None
+    terms, off = terms[known], off[1:-1][known]
+    normal = terms.T @ terms
+    if np.linalg.cond(normal) > 1e12:
+        return None
+    found = np.linalg.solve(normal, terms.T @ off)
+    scatter = float(np.sum((off - terms @ found) ** 2)) / (off.size - found.size)
+    u = math.sqrt(scatter * float(np.linalg.inv(normal)[-1, -1]))
+    half_variance = float(found[-1])
+    return math.sqrt(2.0 * half_variance) if half_variance > max(0.5 * SMOOTHED**2, 2.0 * CERTAIN * u) else None
 
 
-def speed_disagrees(channels: Mapping[str, Signal], rig: Rig) -> list[Finding]:
-    """Report a speed of rotation that differs from the one by line velocity and drum radius while the clutch is engaged.
+def compare_powers(log: Samples) -> None:
+    """Report a logged mechanical power that differs from torque times speed, and a speed that differs from line and radius.
 
-    A speed that is derived, or that differs by chance, is not reported; neither channel is changed.
+    A speed that is derived, or that differs by chance, is not reported.
     """
-    if rig.r_drum is None or any(name not in channels for name in ("speed", "velocity")):
-        return []
-    every = max(1, channels["velocity"].size // ENOUGH)
-    omega, by_line = channels["speed"][::every], channels["velocity"][::every] / rig.r_drum
-    known = np.isfinite(omega) & np.isfinite(by_line)
-    torque = channels.get("torque")
-    engaged = known if torque is None else known & (torque[::every] > rig.thresholds.tau_engaged)
-    if not engaged.any():
-        return []
-    driven = engaged & (by_line > max(FAST * quantile(by_line[known], 0.997), 0.0))
-    if np.count_nonzero(driven) < MIN_BLOCKS:
-        return []
-    ratio, u = median_and_error(omega[driven] / by_line[driven])
-    if abs(ratio - 1.0) <= max(SPEED, CERTAIN * u):
-        return []
-    geared = " and the gear ratio" if rig.drivetrain.gear_ratio is not None else ""
-    what = (
-        f"speed is {ratio:#.4g} times velocity / r_drum while the clutch is engaged, with {rig.r_drum:g} m of the rig: the "
-        f"line or the clutch slips, or an entry is wrong; check r_drum{geared}, and unit and side of the speed"
-    )
-    return [Finding("speed_mismatch", what, "reported and kept", "speed")]
-
-
-def without_sign(t: Signal, v: Signal, displacement: Signal, v_onset: float, stroke_min: float) -> bool:
-    """Whether the velocity is a speed: of one sign, however the displacement goes, and as fast both ways."""
-    low, high = ends_of(v)
-    if low < 0.0 < high and min(-low, high) > ONE_SIDED * max(-low, high):
-        return False
-    blocks = mean_speeds(t, v, displacement, v_onset)
-    speed = np.abs(blocks.by_displacement)
-    fast = speed > MOVING * v_onset
-    slow = np.abs(blocks.v[speed < v_onset])
-    if np.count_nonzero(fast) < 2 * MIN_BLOCKS or (slow.size and median(slow) > MOVING * v_onset):
-        return False
-    ratio = np.abs(blocks.v[fast]) / speed[fast]
-    alike = np.abs(ratio - median(ratio)) < FOLLOWS * ratio
-    if np.count_nonzero(alike) < MOSTLY * alike.size:
-        return False
-    travel = (blocks.seconds * blocks.by_displacement * np.sign(blocks.v))[fast][alike]
-    with_it, against = float(travel[travel > 0].sum()), -float(travel[travel < 0].sum())
-    return min(with_it, against) > max(stroke_min, ONE_SIDED * max(with_it, against))
-
-
-def correct_signs(channels: dict[str, Signal]) -> list[Finding]:
-    """Correct the sign of channels that are logged with the opposite one, in place; the findings name them.
-
-    Line tension, torque and voltage are larger in payout, and the pressure rises with it: the majority of them decides the
-    sign of the velocity. The displacement follows the velocity; forces, torques and powers are positive in payout.
-    """
-    flipped: dict[str, str] = {}
+    channels, r_drum = log.channels, log.rig.r_drum
     some = {name: x[:: max(1, x.size // ENOUGH)] for name, x in channels.items()}
-    v = _or_nothing(some["velocity"])
-    if "pressure" in some and _median(some["pressure"]) < VACUUM:
-        some["pressure"] = -some["pressure"]
-        flipped["pressure"] = "it lies below the vacuum"
-    if _paid_out_negative(some, v):
-        v = -v
-        flipped["velocity"] = "payout is logged as negative"
-    if "displacement" in some and _follows(some["displacement"], v) < 0:
-        flipped["displacement"] = "it falls while the line pays out"
-    out = _fast(v)
-    for name, minimum in IDLE.items():
-        if name in some and _median(some[name][out]) < -minimum:
-            flipped[name] = "it is negative while the line pays out"
-    channels |= {name: -channels[name] for name in flipped}
-    return [
-        Finding(
-            "sign_flipped",
-            f"{name} has the opposite sign: {why}",
-            SIGN_CORRECTED,
-            name,
-            repair=Repair(SIGN_CORRECTED, channels[name].size),
-        )
-        for name, why in flipped.items()
-    ]
+    by_line = r_drum is not None and "velocity" in some
+    omega = some["velocity"] / r_drum if by_line and r_drum is not None else some.get("speed")
+    if "power_mech" in some and "torque" in some and omega is not None:
+        by_torque = some["torque"] * omega
+        ratio = _ratio(some["power_mech"], by_torque if by_line else np.abs(by_torque), np.isfinite(by_torque), by_torque)
+        if ratio is not None:
+            radius = f" velocity / r_drum, with {r_drum:g} m of the rig" if by_line else " speed"
+            what = (
+                f"power_mech is {ratio:#.4g} times torque x{radius}; E_mech is the integral of power_mech: check its sign, unit "
+                f"and shaft, sign, unit and gain of the torque, and {'r_drum' if by_line else 'the speed'}"
+            )
+            _report(log, "power_mech", what)
+    if by_line and omega is not None and "speed" in some:
+        engaged = some["torque"] > log.rig.thresholds.tau_engaged if "torque" in some else np.isfinite(omega)
+        ratio = _ratio(some["speed"], omega, engaged, omega)
+        if ratio is not None:
+            geared = " and the gear ratio" if log.rig.drivetrain.gear_ratio is not None else ""
+            what = (
+                f"speed is {ratio:#.4g} times velocity / r_drum while the clutch is engaged, with {r_drum:g} m of the rig: the line "
+                f"or the clutch slips, or an entry is wrong; check r_drum{geared}, and unit and side of the speed"
+            )
+            log.findings.append(Finding("speed_mismatch", what, "reported and kept", "speed"))
 
 
-def _fast(v: Signal) -> Mask:
-    """Samples that move outward at more than a share of the top speed in that direction."""
-    return v > max(FAST * float(np.max(v, initial=0.0)), 1e-6)
+def _ratio(x: Signal, size: Signal, where: Signal, y: Signal) -> float | None:
+    """Median ratio of two signals where the second is large; None where they agree or too few samples show it. [1]
 
-
-def _paid_out_negative(some: Mapping[str, Signal], v: Signal) -> bool:
-    """Whether most channels show that the line pays out where its velocity is negative.
-
-    The line tension votes only if both directions were logged; torque and voltage also by their absence.
+    Parameters
+    ----------
+    size : (n,) of y, by which samples are chosen
+    where : (n,) samples that count
     """
-    up, down = _fast(v), _fast(-v)
-    votes = 0
-    for name in ("force", "torque", "vdc"):
-        if name not in some or (name == "force" and not (up.any() and down.any())):
-            continue
-        large, small = (_median(np.abs(some[name][part])) for part in (up, down))
-        if max(large, small) > IDLE[name]:
-            votes += int(large > CLEAR * small) - int(small > CLEAR * large)
-    if "pressure" in some:
-        votes += _follows(some["pressure"], v)
-    return votes < 0
-
-
-def _follows(x: Signal, v: Signal) -> int:
-    """Sign of how a channel changes with the velocity, 0 if that could be noise."""
-    change = _or_nothing(np.diff(x))
-    together = float(np.dot(change, v[1:]))
-    by_chance = float(np.linalg.norm(change) * np.linalg.norm(v)) / np.sqrt(v.size)
-    return int(np.sign(together)) if abs(together) > CERTAIN * by_chance else 0
-
-
-def _median(x: Signal) -> float:
-    """Median of what is finite; 0 where nothing is, as when the line never moves that way."""
-    if not np.isfinite(x.sum()):
-        x = x[np.isfinite(x)]
-    return median(x) if x.size else 0.0
-
-
-def _or_nothing(x: Signal) -> Signal:
-    """Values, 0 where there is none."""
-    return x if np.isfinite(x.sum()) else np.nan_to_num(x)
+    known = np.isfinite(x) & np.isfinite(y)
+    if not known.any():
+        return None
+    driven = known & where & (size > max(DRIVEN * quantile(size[known], 0.997), 0.0))
+    if np.count_nonzero(driven) < MIN_BLOCKS:
+        return None
+    ratio, u = median_and_error(x[driven] / y[driven])
+    return ratio if abs(ratio - 1.0) > max(RADIUS, CERTAIN * u) else None

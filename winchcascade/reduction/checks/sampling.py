@@ -22,7 +22,7 @@ import numpy as np
 from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import integrals, largest, median, quantile
 from winchcascade.core.run import Finding, Run, Signal
-from winchcascade.ingest.checks.channel_findings import text_of
+from winchcascade.ingest.checks.samples import text_of
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.gap_error import all_gaps

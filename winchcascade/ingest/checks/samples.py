@@ -1,0 +1,215 @@
+"""A log while it is checked: which samples of its channels are lost, what its channels usually do, and how holes are bridged."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.channels import Channel
+from winchcascade.core.integrate import ENOUGH, median, quantiles_in_place, smallest_step, stretches_of
+from winchcascade.core.quantity import find_unit
+from winchcascade.core.rig_file import Rig, Sensor
+from winchcascade.core.run import Finding, FindingKind, Index, Mask, Repair, Signal
+from winchcascade.core.smooth import local_quadratic
+
+SLOPE_WIDTH = 0.4
+"""Width of the local quadratic of a displacement whose slope is a velocity: the steps of an encoder do not show. [s]"""
+
+SPREAD = 20_000
+"""Number of samples, evenly over the log, that show the range of a channel. [1]"""
+
+OF_RANGE = 0.05
+"""Smallest size of a fault, as a share of the range of its channel: in one sample, less moves no energy by a thousandth. [1]"""
+
+OF_NOISE = 8.0
+"""And in standard deviations of white noise: once in 1e15 samples of a normal distribution. [1]"""
+
+FAR = 5.0
+"""Distance of a value from the range of a channel, in ranges, beyond which it is no measurement. [1]"""
+
+
+class Level(NamedTuple):
+    """What a channel usually does, in its unit: ends of the range in which it moves, white noise, and resolution."""
+
+    low: float
+    high: float
+    noise: float
+    step: float
+
+    @property
+    def span(self) -> float:
+        """Range in which the channel moves."""
+        return self.high - self.low
+
+    @property
+    def fault(self) -> float:
+        """Smallest jump of a fault: beyond noise, and beyond two neighbouring values of a coarse channel."""
+        return max(OF_RANGE * self.span, OF_NOISE * self.noise, 2.5 * self.step)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the channel contains more than noise."""
+        return self.span > 2.0 * OF_NOISE * self.noise
+
+    def is_far(self, x: Signal) -> Mask:
+        """Whether values are no measurements; every machine may rest at zero."""
+        low, high = min(self.low, 0.0), max(self.high, 0.0)
+        reach = FAR * (high - low) if self.moves else np.inf
+        return (x < low - reach) | (x > high + reach)
+
+
+def level_of(x: Signal) -> Level:
+    """Describe a channel, NaN where it has holes; a value to which it jumps again and again does not belong to its range."""
+    spread = x[:: max(1, x.size // SPREAD)]
+    spread, begin = spread[np.isfinite(spread)], x[:ENOUGH]
+    begin = begin[np.isfinite(begin)]
+    if begin.size < 4 or not spread.size:
+        return Level(0.0, 0.0, 0.0, 0.0)
+    steps = np.diff(begin)
+    # Of white noise both have the median of 0.954 and 1.652 standard deviations; a ramp shows in the one, a ringing in the other.
+    noise = min(_usual(steps) / 0.954, _usual(np.diff(steps)) / 1.652)
+    low, high = quantiles_in_place(spread.copy(), [0.005, 0.995])
+    step = smallest_step(begin)
+    large = np.flatnonzero(np.abs(steps) > Level(low, high, noise, step).fault)
+    if large.size:
+        values, count = np.unique(begin[np.concatenate((large, large + 1))], return_counts=True)
+        codes = values[count >= max(3.0, OF_RANGE * large.size)]
+        others = spread[~np.isin(spread, codes)]
+        if others.size > OF_RANGE * spread.size:
+            low, high = quantiles_in_place(others, [0.005, 0.995])
+    return Level(low, high, noise, step)
+
+
+def _usual(change: Signal) -> float:
+    """Median size of the changes that are not 0; 0 where there is none."""
+    change = np.abs(change[change != 0])
+    return median(change) if change.size else 0.0
+
+
+class Samples(msgspec.Struct):
+    """A log while it is checked.
+
+    Parameters
+    ----------
+    t : (n,) stamps that rise [s]
+    channels : (n,) each, SI units, NaN where samples are lost
+    open_circuit : no current flows, and a voltage does not show a load
+    lost : (n,) which samples were taken out of each channel
+    logged : places and values of those that were taken out as spikes
+    """
+
+    t: Signal
+    channels: dict[str, Signal]
+    rig: Rig
+    open_circuit: bool = False
+    findings: list[Finding] = []
+    lost: dict[str, Mask] = {}
+    logged: dict[str, tuple[Index, Signal]] = {}
+    levels: dict[str, Level] = {}
+
+    def level(self, name: str) -> Level:
+        """What a channel usually does."""
+        if name not in self.levels:
+            self.levels[name] = level_of(self.channels[name])
+        return self.levels[name]
+
+    @property
+    def by_line(self) -> bool:
+        """Whether the log has the motion of a line."""
+        return "velocity" in self.channels or "displacement" in self.channels
+
+    def stages(self) -> list[tuple[str, ...]]:
+        """Channels whose product is the power of each stage that the log has, in the direction in which power flows."""
+        powers = (stage.power(self.channels, self.rig.r_drum) for stage in self.rig.cascade.stages)
+        return [power.channels for power in powers if power is not None]
+
+    def moving(self) -> Mask:
+        """Where the line moves, or the shaft of a bench without one, (n,); everywhere if the log has neither."""
+        for name, onset in (("velocity", self.rig.thresholds.v_onset), ("speed", self.rig.phases.omega_onset)):
+            if name in self.channels and np.isfinite(self.channels[name]).any():
+                moving: Mask = np.abs(whole(self.t, self.channels[name])) > onset
+                return moving
+        return np.ones(self.t.size, dtype=bool)
+
+    def take_out(self, name: str, bad: Mask) -> None:
+        """Mark samples of a channel as lost."""
+        at = np.flatnonzero(bad & np.isfinite(self.channels[name]))
+        earlier = self.logged.get(name, (at[:0], np.empty(0)))
+        self.logged[name] = np.concatenate((earlier[0], at)), np.concatenate((earlier[1], self.channels[name][at]))
+        self.channels[name][bad] = np.nan
+        self.lost[name] = self.lost[name] | bad if name in self.lost else bad
+        self.levels.pop(name, None)
+
+    def report(self, kind: FindingKind, name: str, bad: Mask, what: str, *, removed: bool = True, bridged: int = 0) -> None:
+        """Report the samples of a channel where `bad` is set.
+
+        Parameters
+        ----------
+        removed : they were taken out
+        bridged : number of those, of samples that are kept, that another finding has taken out
+        """
+        places = stretches_of(bad)
+        spans = tuple((begin, last) for begin, last in self.t[places - (0, 1)].tolist())
+        count = int(np.count_nonzero(bad))
+        message = f"{count} {name} samples {what}, in {len(places)} place{'s' * (len(places) > 1)}"
+        repair = Repair("bridged by straight lines", count, spans) if removed else None
+        action = repair.what if repair else "reported and kept" + f", but for {bridged} bridged as spikes" * (bridged > 0)
+        start, end = spans[0][0], spans[-1][1]
+        self.findings.append(Finding(kind, message, action, name, start, end, count, count * removed, repair=repair))
+
+    def leave_out(self, name: str, action: str) -> None:
+        """Leave out a channel that holds one value throughout."""
+        dead = not np.any(np.nan_to_num(self.channels.pop(name)))
+        self.lost.pop(name, None)
+        what = f"{name} {'is zero' if dead else 'holds one value'} through the whole log while the line moves"
+        ends, n = (float(self.t[0]), float(self.t[-1])), self.t.size
+        kind: FindingKind = "dead_channel" if dead else "stuck"
+        self.findings.append(Finding(kind, what, action, name, *ends, n, n, repair=Repair(action, n, (ends,))))
+
+    def bridge(self) -> dict[str, Signal]:
+        """Bridge the holes of all channels, those of the velocity by the displacement.
+
+        Returns
+        -------
+        The last good and the first good stamp around each hole, (k, 2) by channel. [s]
+        """
+        gaps = {}
+        for name, bad in self.lost.items():
+            if name in self.channels and bad.any():
+                x = whole(self.t, self.channels[name])
+                if name == "velocity" and "displacement" in self.channels:
+                    x = np.where(bad, slope(self.t, self.channels["displacement"]), x)
+                self.channels[name] = x
+                first, after = stretches_of(bad).T
+                gaps[name] = self.t[np.column_stack((np.maximum(first - 1, 0), np.minimum(after, self.t.size - 1)))]
+        return gaps
+
+
+def slope(t: Signal, displacement: Signal) -> Signal:
+    """Velocity from the displacement, smoothed so that the steps of the encoder do not show. [m/s]"""
+    return np.gradient(local_quadratic(t, whole(t, displacement), SLOPE_WIDTH), t)
+
+
+def whole(t: Signal, x: Signal) -> Signal:
+    """The channel with straight lines over its holes; the channel itself if it has none."""
+    good = np.isfinite(x)
+    return x if good.all() or not good.any() else np.interp(t, t[good], x[good])
+
+
+def text_of(channel: Channel, value: float, digits: int = 5) -> str:
+    """Format a value of a channel, given in its SI unit, in the unit in which a log has it."""
+    unit = find_unit(channel.unit)
+    assert unit is not None
+    return f"{(value - unit.offset) / unit.factor:.{digits}g}"
+
+
+def limits_of(sensor: Sensor | None) -> tuple[float, float]:
+    """Limits of a sensor, infinite where none is stated; its zero error may carry a reading below an end at zero."""
+    low, high = (None, None) if sensor is None else (sensor.low, sensor.high)
+    top = math.inf if high is None else high
+    if sensor is None or low is None:
+        return -math.inf, top
+    return low - ((sensor.accuracy_full_scale or 0.0) * top if low == 0 and math.isfinite(top) else 0.0), top
