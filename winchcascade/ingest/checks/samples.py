@@ -122,9 +122,9 @@ class Samples(msgspec.Struct):
         return "velocity" in self.channels or "displacement" in self.channels
 
     def stages(self) -> list[tuple[str, ...]]:
-        """Channels whose product is the power of each stage that the log has, in the direction in which power flows."""
+        """Channels of each product that the powers of the stages of the log are sums of, in the direction in which power flows."""
         powers = (stage.power(self.channels, self.rig.r_drum) for stage in self.rig.cascade.stages)
-        return [power.channels for power in powers if power is not None]
+        return [term.channels for power in powers if power is not None for term in power.terms if term.channels]
 
     def moving(self) -> Mask:
         """Where the line moves, or the shaft of a bench without one, (n,); everywhere if the log has neither."""
