@@ -25,9 +25,7 @@ from synthetic import KGCM2, SCENARIOS, make_log
 
 from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
 from winchcascade.core.campaign_file import campaign_beside
-from winchcascade.core.channels import CHANNELS
 from winchcascade.core.rig_toml import parse_rig
-from winchcascade.ingest.checks.channel_findings import saturated
 from winchcascade.ingest.checks.quality import Checked, check
 
 RIG = load_rig("hsu2026")
@@ -280,14 +278,6 @@ def test_the_kite_campaign_gives_its_owners_energies(shared: Path) -> None:
     assert result.total.energy_line == pytest.approx(12.88e6, rel=STATED)
     assert result.total.energy_mech == pytest.approx(11.22e6, rel=STATED)
     assert result.total.eta_trans == pytest.approx(0.871, rel=STATED)
-
-
-def test_a_channel_of_zeros_is_not_saturated_and_one_that_is_cut_at_one_is() -> None:
-    t: Signal = np.linspace(0.0, 20.0, 500)
-    noise = np.random.default_rng(2).normal(0.0, 0.05, 500)
-    assert saturated(t, CHANNELS["torque"], np.zeros(500)) == []
-    (finding,) = saturated(t, CHANNELS["torque"], np.minimum(np.sin(t) + 0.3 + noise, 1.0))
-    assert "hold its largest value, 1 N.m" in finding.message
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.95])

@@ -217,7 +217,9 @@ def _smoothing(log: Samples, v_onset: float) -> float | None:
     blocks = speed_blocks(log, rows)
     v, off = blocks.v, blocks.v - blocks.by_displacement
     h = rows * usual
-    terms = np.column_stack((np.ones(v.size - 2), v[1:-1], 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2))
+    terms = np.column_stack(
+        (np.ones(v.size - 2), v[1:-1], 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2)
+    )
     known = np.isfinite(terms).all(axis=1) & np.isfinite(off[1:-1]) & (np.abs(blocks.seconds[1:-1] - h) < 0.5 * h)
     if h > 2.0 * SHORT_BLOCK or np.count_nonzero(known) < 10 * MIN_BLOCKS:
         return None
@@ -243,7 +245,9 @@ def compare_powers(log: Samples) -> None:
     omega = some["velocity"] / r_drum if by_line and r_drum is not None else some.get("speed")
     if "power_mech" in some and "torque" in some and omega is not None:
         by_torque = some["torque"] * omega
-        ratio = _ratio(some["power_mech"], by_torque if by_line else np.abs(by_torque), np.isfinite(by_torque), by_torque)
+        ratio = _ratio(
+            some["power_mech"], by_torque if by_line else np.abs(by_torque), np.isfinite(by_torque), by_torque
+        )
         if ratio is not None:
             radius = f" velocity / r_drum, with {r_drum:g} m of the rig" if by_line else " speed"
             what = (

@@ -7,14 +7,14 @@ A check takes a log and the name of a channel and returns a mask of the samples 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from winchcascade.core.integrate import BLOCK, median, stretches_of
 from winchcascade.core.run import FindingKind, Index, Mask, Signal
-from winchcascade.ingest.checks.samples import OF_RANGE, Level, Samples, limits_of
+from winchcascade.ingest.checks.samples import OF_NOISE, OF_RANGE, Directions, Level, Samples, limits_of
 from winchcascade.ingest.checks.witnesses import NEARBY, contradicted, shown
 
 SHORT = 5
@@ -23,8 +23,11 @@ SHORT = 5
 AGREE = 0.25
 """The neighbours of a spike agree with each other, and its samples with it, within this share of it: no step, no ringing. [1]"""
 
-APART = 5.0
-"""Smallest jump of a spike over the usual change from sample to sample beside it: ringing and noise have no spikes. [1]"""
+BEYOND = 1.5
+"""Smallest jump of a spike of several samples, over the largest jump of the channel that belongs to no spike. [1]"""
+
+ONE_END = 0.25
+"""Smallest jump into or out of a held value that is left or entered without one, in ranges: a clutch engages by less. [1]"""
 
 HELD_TIME = 0.2
 """Shortest time for which a value is held that is entered or left without a jump. [s]"""
@@ -32,9 +35,15 @@ HELD_TIME = 0.2
 MIN_HELD = 6
 """Fewest equal samples of a stale value: by chance a channel that repeats one sample in fifty does so once in 3e8. [1]"""
 
-BESIDE = 48
+BESIDE = 96
 """Number of samples on either side, in the same state of motion, that show how often a channel holds still: enough for a chance
-of one in fifty. [1]"""
+of one in a hundred. [1]"""
+
+NEAR = 0.2
+"""Largest distance of these from the values of the stretch, in ranges: noise may grow with the value. [1]"""
+
+MOTIONS = ("velocity", "displacement", "speed")
+"""Channels that are not idle where they hold zero. """
 
 CERTAIN = math.log(1e-8)
 """Logarithm of the chance below which a channel does not hold still by accident: not once in the samples of a long log. [1]"""
@@ -43,7 +52,10 @@ TURNS = 0.3
 """Smallest share of the changes of a noisy channel that reverse at once; two thirds of white noise, none of a ramp. [1]"""
 
 CALM = 0.05
-"""Largest second difference of a filled gap, in usual ones; and each sample is rounded by up to half a step of the channel. [1]"""
+"""Largest second difference of a filled gap, in usual ones. [1]"""
+
+ROUNDED = 2.001
+"""The same in steps of the resolution, and twice the bend of a smooth channel that is rounded. [1]"""
 
 CONTINUES = 2.5
 """A sample of white noise continues the line of those before it so many times as often as any three samples lie on a line: the
@@ -99,13 +111,31 @@ def spikes(log: Samples, name: str) -> Mask:
         return bad
     jumps = np.zeros(x.size + 1, dtype=bool)
     jumps[at + 1] = jumps[0] = jumps[-1] = True  # into each sample; a spike may be the first or the last of a log
+    found = []
     for length in range(1, SHORT + 1):
         before = np.flatnonzero(jumps[: x.size + 1 - length] & jumps[length : x.size + 1]) - 1
-        for first in before[_are_spikes(log, name, x, before, length)].tolist():
-            begin, last = int(place[first + 1]), int(place[first + length]) + 1
-            if last - begin <= SHORT and (_cannot_be(log, name, begin, last) or not _is_shown(log, name, begin, last)):
-                bad[begin:last] = True
+        found += [(k + 1, k + 1 + length) for k in before[_are_spikes(log, name, x, before, length)].tolist()]
+    usual = _usual_jump(x, at, found)
+    for first, after in found:
+        begin, last = int(place[first]), int(place[after - 1]) + 1
+        inside, wild = x[first:after], bool(_is_wild(log, name, x[first:after]).all())
+        beside = x[first - 1 if first else min(after, x.size - 1)]
+        alone = after - first == 1 or wild or np.ptp(inside) == 0.0 or float(np.min(np.abs(inside - beside))) > usual
+        if (
+            last - begin <= SHORT
+            and alone
+            and (wild or _cannot_be(log, name, begin, last) or not _is_shown(log, name, begin, last))
+        ):
+            bad[begin:last] = True
     return bad
+
+
+def _usual_jump(x: Signal, at: Index, suspects: Sequence[tuple[int, int]]) -> float:
+    """Size that the jumps of a fault exceed, by those, after the samples `at`, at no end of a suspect stretch."""
+    own = np.zeros(x.size + 1, dtype=bool)
+    own[[end for ends in suspects for end in ends]] = True
+    others = at[~own[at + 1]]
+    return BEYOND * float(np.max(np.abs(x[others + 1] - x[others]), initial=0.0))
 
 
 def _are_spikes(log: Samples, name: str, x: Signal, before: Index, length: int) -> Mask:
@@ -113,17 +143,29 @@ def _are_spikes(log: Samples, name: str, x: Signal, before: Index, length: int) 
     if not before.size:
         return np.zeros(0, dtype=bool)
     rows = before[:, None]
-    inside = x[rows + 1 + np.arange(length)]
-    ends = x[_within(rows + np.array([-1, 0, length + 1, length + 2]), x.size, length)]
-    off = inside - 0.5 * (ends[:, 1:2] + ends[:, 2:3])
-    size = np.min(np.abs(off), axis=1)
-    alike = (np.ptp(np.sign(off), axis=1) == 0) & (np.ptp(off, axis=1) <= AGREE * size)
-    agree = np.ptp(ends, axis=1) < AGREE * size
     around = np.concatenate((np.arange(-NEARBY, 0), np.arange(length + 1, length + NEARBY + 1)))
     later, earlier = (x[_within(rows + around + k, x.size, length)] for k in (1, 0))
-    usual = np.median(np.abs(later - earlier), axis=1)
+    slope = np.median(later - earlier, axis=1)[:, None]
+    noise = np.median(np.abs(later - earlier - slope), axis=1) / 0.954  # beside it: ringing and noise have no spikes
+    beside = np.array([-1, 0, length + 1, length + 2])
+    ends = x[_within(rows + beside, x.size, length)]
+    level_ends = ends - slope * beside
+    off = (
+        x[rows + 1 + np.arange(length)]
+        - slope * (1 + np.arange(length))
+        - 0.5 * (level_ends[:, 1:2] + level_ends[:, 2:3])
+    )
+    size = np.min(np.abs(off), axis=1)
+    alike = (np.ptp(np.sign(off), axis=1) == 0) & (np.ptp(off, axis=1) <= AGREE * size)
+    agree = np.ptp(level_ends, axis=1) < AGREE * size
+    inside = x[rows + 1 + np.arange(length)]
     far = _is_wild(log, name, inside).all(axis=1) & ~_is_wild(log, name, ends[:, 1:3]).any(axis=1)
-    found: Mask = (size > log.level(name).fault) & agree & ((alike & (size > APART * usual)) | far)
+    level = log.level(name)
+    found: Mask = (
+        (size > (level.fault if length == 1 else level.long_fault))
+        & agree
+        & ((alike & (size > OF_NOISE * noise)) | far)
+    )
     return found
 
 
@@ -140,26 +182,42 @@ def dropouts(log: Samples, name: str) -> Mask:
     x, place = _known(log.channels[name])
     level = log.level(name)
     at = _jumps(x, level.fault)
-    for first, after in _held_stretches(x, at, level, int(HELD_TIME / float(log.t[1] - log.t[0]))):
+    decided = name == "velocity" and "displacement" in log.channels  # by the travel, however small the jump
+    one_end = level.long_fault if decided else ONE_END * level.span
+    found = _held_stretches(x, at, level, int(HELD_TIME / float(log.t[1] - log.t[0])), one_end)
+    for first, after in sorted(found, key=lambda ends: ends[1] - ends[0]):
         begin, last = int(place[first]), int(place[after - 1]) + 1
-        if last - begin >= log.t.size or bad[begin]:
+        beside = (
+            bad[max(begin - 1, 0)] or bad[min(last, log.t.size - 1)]
+        )  # any value departs from a code: the next search decides
+        if last - begin >= log.t.size or bad[begin] or beside:
             continue
         far = bool(_is_wild(log, name, x[first:after]).all())
         if far or _cannot_be(log, name, begin, last):
             bad[begin:last] = True
-        elif name not in ("displacement", "pressure") or not log.by_line:
+        elif not log.by_line or (name not in ("displacement", "pressure") and _jumps_apart(x, at, first, after)):
             fault = not _is_shown(log, name, begin, last) and contradicted(log, name, begin, last)
             bad[begin:last] |= fault
     return bad
 
 
-def _held_stretches(x: Signal, at: Index, level: Level, least: int) -> list[tuple[int, int]]:
+def _jumps_apart(x: Signal, at: Index, first: int, after: int) -> bool:
+    """Whether a stretch [first, after) is entered and left by larger jumps than any to and from other values."""
+    size = np.abs(x[at + 1] - x[at])
+    own = (at == first - 1) | (at == after - 1)
+    if np.ptp(x[first:after]) == 0.0:
+        own |= (x[at] == x[first]) | (x[at + 1] == x[first])
+    ends = size[(at == first - 1) | (at == after - 1)]
+    return bool(np.min(ends) >= BEYOND * np.max(size[~own], initial=0.0))
+
+
+def _held_stretches(x: Signal, at: Index, level: Level, least: int, one_end: float) -> list[tuple[int, int]]:
     """Stretches [first, after) that a jump begins or ends and that hold one value, or vary little beside their two jumps.
 
     Parameters
     ----------
     at : samples before the jumps
-    least : samples of a stretch that is entered or left without a jump
+    least, one_end : samples of a stretch that is entered or left without a jump, and size of the jump at its other end
     """
     if not at.size:
         return []
@@ -169,12 +227,14 @@ def _held_stretches(x: Signal, at: Index, level: Level, least: int) -> list[tupl
     low, high = np.minimum.reduceat(x, starts), np.maximum.reduceat(x, starts)
     count = np.diff(np.append(starts, x.size))
     jump = np.fmin(np.abs(into), np.abs(out))
-    back = ~(into * out > 0.0) & (jump > 2.0 * OF_RANGE * level.span)
-    flat = np.where(count > SHORT, high - low < 0.5 * jump, high == low) & np.where(np.isnan(into * out), high == low, True)
+    back = ~(into * out > 0.0) & (jump > level.long_fault)
+    flat = np.where(count > SHORT, high - low < 0.5 * jump, (high == low) & (count > 1)) & np.where(
+        np.isnan(into * out), high == low, True
+    )
     chosen = back & flat
     found += list(zip(starts[chosen].tolist(), (starts + count)[chosen].tolist(), strict=True))
     least = max(least, MIN_HELD)
-    for k in at[np.abs(x[at + 1] - x[at]) > 5.0 * OF_RANGE * level.span].tolist():  # one end alone
+    for k in at[np.abs(x[at + 1] - x[at]) > one_end].tolist():
         for first, step in ((k + 1, 1), (k, -1)):
             if 0 <= first + step * (least - 1) < x.size and np.all(x[first : first + step * least : step] == x[first]):
                 rest = x[first:] if step > 0 else x[first::-1]
@@ -195,7 +255,8 @@ def _jumps(x: Signal, size: float) -> Index:
     if size <= 0.0:
         return np.empty(0, dtype=np.intp)
     found = [
-        start + np.flatnonzero(np.abs(np.diff(x[start : start + BLOCK + 1])) > size) for start in range(0, x.size - 1, BLOCK)
+        start + np.flatnonzero(np.abs(np.diff(x[start : start + BLOCK + 1])) > size)
+        for start in range(0, x.size - 1, BLOCK)
     ]
     return np.concatenate([np.empty(0, dtype=np.intp), *found])
 
@@ -251,14 +312,27 @@ def stale(log: Samples, name: str) -> Mask:
     held = _stretches(x[1:] == x[:-1], MIN_HELD - 1)
     if not held:
         return bad
-    moving, (low, high) = log.moving(), limits_of(log.rig.sensors.get(name))
+    motion, (low, high) = log.motion(), limits_of(log.rig.sensors.get(name))
     repeats = np.concatenate(([False], x[1:] == x[:-1]))
+    still = repeats.copy()
+    for a, b in held:
+        still[a : b + 1] = True
+    usual = [
+        direction
+        for direction in (-1, 0, 1)
+        if 2 * np.count_nonzero(still[motion == direction]) > np.count_nonzero(motion == direction)
+    ]
     for a, b in held:
         last = b + 1
         stuck = _travels_on(log, name, a, last)
         if stuck is None:
-            stuck = _is_noisy_beside(x, a, last, moving) and _by_chance(repeats, a, last, moving, last - a - 1) < CERTAIN
-        bad[a + 1 : last] = stuck and low <= x[a] <= high  # beyond that it was clipped
+            sides = _beside(log, name, motion, a, last, NEAR)
+            unlikely = motion[(a + last) // 2] not in usual and (last - a - 1) * _chance(repeats, *sides) < CERTAIN
+            stuck = unlikely and _are_noisy(x, sides, log.level(name).step) and not shown(log, name, a, last)
+        idle = name not in MOTIONS and abs(x[a]) <= OF_RANGE * max(
+            map(abs, log.level(name)[:2])
+        )  # a stage may give nothing
+        bad[a + 1 : last] = stuck and not idle and low <= x[a] <= high  # beyond that it was clipped
     return bad
 
 
@@ -271,15 +345,22 @@ def _travels_on(log: Samples, name: str, first: int, last: int) -> bool | None:
     if name == "velocity" and x is not None:
         moved = float(np.nanmax(x[part], initial=-np.inf) - np.nanmin(x[part], initial=np.inf))
         along = abs(float(v[first])) * float(t[-1] - t[0])
-        off = abs(moved - along) > max(TRAVEL, STEPS * log.level("displacement").step) and moved > 0.0
-        return True if off else None
+        update = 1.5 * float(np.nanmax(np.abs(np.diff(x[part])), initial=0.0))  # of a displacement that is held, too
+        least = max(TRAVEL, STEPS * log.level("displacement").step, 0.2 * max(moved, along), update)
+        coarse = STEPS * log.level("velocity").step * float(t[-1] - t[0])
+        return True if abs(moved - along) > max(least, coarse) and moved > 0.0 else None
     if name not in ("displacement", "pressure") or not log.by_line:
         return None
     level = log.level(name)
-    reach = log.level("displacement").span if x is not None else float(np.nansum(np.abs(v)) / v.size * (log.t[-1] - log.t[0]))
+    reach = (
+        log.level("displacement").span
+        if x is not None
+        else float(np.nansum(np.abs(v)) / v.size * (log.t[-1] - log.t[0]))
+    )
     per_metre = 1.0 if name == "displacement" else level.span / (reach or np.inf)
-    travel = abs(float(np.trapezoid(np.nan_to_num(v[part]), t)))
-    return travel > max(TRAVEL, STEPS * level.step / (per_metre or np.inf))
+    moves = np.where(np.abs(v[part]) > 2.0 * log.rig.thresholds.v_onset, v[part], 0.0)  # no zero error, and no hole
+    travel = abs(float(np.trapezoid(moves, t)))
+    return travel > max(TRAVEL, max(STEPS * level.step, OF_NOISE * level.noise) / (per_metre or np.inf))
 
 
 def filled_gaps(log: Samples, name: str) -> Mask:
@@ -287,46 +368,64 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     x, bad = log.channels[name], np.zeros(log.t.size, dtype=bool)
     level = log.level(name)
     usual = 1.652 * level.noise
-    if not usual > 3.0 * level.step or name == "displacement":
+    if not usual > ROUNDED * level.step or name == "displacement":
         return bad
     calm = np.zeros(x.size, dtype=bool)
     for start in range(0, x.size - 2, BLOCK):
         bend = np.abs(np.diff(x[start : start + BLOCK + 2], 2))
-        calm[start + 1 : start + 1 + bend.size] = bend <= max(CALM * usual, 2.001 * level.step)
+        calm[start + 1 : start + 1 + bend.size] = bend <= max(CALM * usual, ROUNDED * level.step)
     stretches = _stretches(calm, MIN_HELD)
-    moving = log.moving() if stretches else calm
+    motion = log.motion() if stretches else calm
     for a, b in stretches:
-        change = np.diff(x[a - 1 : b + 1])
-        line = abs(change[0]) < 8.0 * level.noise and np.ptp(x[a:b]) > 0.0 and _turns(change) < 0.5 * TURNS
-        if line and _is_noisy_beside(x, a, b, moving):
-            bad[a:b] = _by_chance(calm, a, b, moving, b - a, CONTINUES) < CERTAIN
+        change = np.diff(x[max(a - 2, 0) : b + 2])
+        jumps = np.max(np.abs(change[[0, -1]] - np.median(change))) > level.long_fault
+        line = not jumps and np.ptp(x[a:b]) > 0.0 and _turns(change[2:-2]) < 0.5 * TURNS
+        sides = _beside(log, name, motion, a, b)
+        if line and _are_noisy(x, sides, log.level(name).step):
+            chance = _chance(calm, np.concatenate(sides)) + math.log(CONTINUES)
+            bad[a:b] = (b - a) * chance < CERTAIN
     return bad
 
 
-def _by_chance(still: Mask, first: int, last: int, moving: Mask, count: int, factor: float = 1.0) -> float:
-    """Logarithm of the chance that a channel holds still for some samples, by the nearest ones in the same state of motion.
-
-    The rule of succession of Laplace gives the chance of each; 0 where too few samples show it.
+def _chance(still: Mask, *rows: Index) -> float:
+    """Logarithm of the chance that a channel holds still from one sample to the next, by the largest share of some groups of rows
+    in which it does; 0 where too few rows show it. The share follows the rule of succession of Laplace.
     """
-    sides = _beside(first, last, moving)
-    known = [still[rows] for rows in sides if rows.size >= BESIDE // 4]
-    if sum(part.size for part in known) < BESIDE // 2:
+    known = [group for group in rows if group.size >= BESIDE // 8]
+    if sum(group.size for group in known) < BESIDE // 4:
         return 0.0
-    chance = max((np.count_nonzero(part) + 1.0) / (part.size + 2.0) for part in known)
-    return count * math.log(min(factor * chance, 1.0))
+    return math.log(max((np.count_nonzero(still[group]) + 1.0) / (group.size + 2.0) for group in known))
 
 
-def _beside(first: int, last: int, moving: Mask) -> tuple[Index, Index]:
-    """The nearest samples before and after a stretch [first, last) in which the line moves, or rests, as it mostly does there."""
-    state = 2 * np.count_nonzero(moving[first:last]) > last - first
-    begin, end = max(first - 8 * BESIDE, 1), min(last + 8 * BESIDE, moving.size - 1)
-    before, after = (np.flatnonzero(moving[part] == state) for part in (slice(begin, first), slice(last, end)))
-    return begin + before[-BESIDE:], last + after[:BESIDE]
+def _beside(
+    log: Samples, name: str, motion: Directions, first: int, last: int, near: float = np.inf
+) -> tuple[Index, Index]:
+    """The nearest samples before and after a stretch [first, last) in the same state: the line moves in the same direction, or
+    rests, too, and the channel is within some ranges of its values there.
+    """
+    x, margin = log.channels[name], near * log.level(name).span
+    inside = x[first:last]
+    low, high, state = np.nanmin(inside) - margin, np.nanmax(inside) + margin, motion[(first + last) // 2]
+
+    def alike(begin: int, end: int) -> Index:
+        part = slice(max(begin, 1), min(end, x.size - 1))
+        return part.start + np.flatnonzero((motion[part] == state) & (x[part] >= low) & (x[part] <= high))
+
+    return alike(first - 8 * BESIDE, first)[-BESIDE:], alike(last, last + 8 * BESIDE)[:BESIDE]
 
 
-def _is_noisy_beside(x: Signal, first: int, last: int, moving: Mask) -> bool:
-    """Whether a channel has noise on both sides of a stretch, which reverses its changes again and again."""
-    return all(_turns(x[rows] - x[rows - 1]) > TURNS for rows in _beside(first, last, moving) if rows.size >= BESIDE // 4)
+def _are_noisy(x: Signal, sides: Sequence[Index], step: float) -> bool:
+    """Whether a channel has noise on both sides of a stretch: the bends from one new value to the next reverse again and again.
+
+    Those of a smooth channel do not, or are no larger than rounding makes them, also where it is held between updates.
+    """
+    for rows in [rows for rows in sides if rows.size >= BESIDE // 4] or [np.concatenate(sides)]:
+        values = x[rows[np.isfinite(x[rows])]]
+        new = values[np.diff(values, prepend=np.nan) != 0]
+        bends = np.diff(new, 2)
+        if bends.size < BESIDE // 8 or np.mean(np.abs(bends)) <= ROUNDED * step or _turns(bends) <= TURNS:
+            return False
+    return True
 
 
 def _turns(change: Signal) -> float:

@@ -1,6 +1,4 @@
-"""Rows that were lost while the clock was renumbered, and counters that were set: the displacement jumps by what the line did not
-travel.
-"""
+"""Rows that were lost while the clock was renumbered, and counters that were set: the displacement jumps without travel."""
 
 from __future__ import annotations
 
@@ -10,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.integrate import BLOCK, GAUSS, median, quantile
-from winchcascade.core.run import Finding, Index, Repair, Signal
-from winchcascade.ingest.checks.samples import Samples
+from winchcascade.core.run import Finding, Repair, Signal
+from winchcascade.ingest.checks.samples import Samples, whole
 
 LARGE = (3.0, 8.0, 1.5)
-"""Smallest jump, as a multiple of what the motion does elsewhere: of the 95 % quantile of the travel beyond the velocity, of its
-standard deviation, and of the step of the displacement. [1]"""
+"""Smallest jump, as a multiple of what the motion does elsewhere: of the 95 % quantile of the travel beyond the velocity, of
+its standard deviation, and of the step of the displacement. [1]"""
 
 ROW = 0.5
 """Smallest jump, as a share of the travel in a row: at least one whole row is lost. [1]"""
@@ -28,10 +26,9 @@ SIDE = 5
 
 
 class Jump(NamedTuple):
-    """Rows between which the displacement changes by `metres` more than the velocity allows, at a mean speed. [m], [m/s]"""
+    """A jump of the displacement after a row, by what it changes beyond the mean velocity [m], and that velocity [m/s]."""
 
     before: int
-    after: int
     metres: float
     speed: float
 
@@ -46,30 +43,29 @@ def put_back(log: Samples) -> Signal:
     gaps = []
     t, x, thresholds = log.t, log.channels["displacement"], log.rig.thresholds
     step = max(log.level("displacement").step, 1e-9)
-    for before, after, metres, speed in _jumps(log):
-        start = end = float(log.t[before])
-        repair, travel = None, abs(speed) * float(log.t[after] - start)
-        if _makes_up(log, before, metres):
+    for before, metres, speed in _jumps(log):
+        start, repair, after = float(log.t[before]), None, before + 1
+        travel = abs(speed) * float(log.t[after] - start)
+        slow = abs(speed) < thresholds.v_onset
+        if _makes_up(log, before, metres) or (slow and abs(metres) < thresholds.stroke_min):
             continue
-        if abs(speed) < thresholds.v_onset:
-            if abs(metres) < thresholds.stroke_min:
-                continue
+        if slow:
             cause = "while the line rests: rows were lost and the clock was renumbered, or the counter was set"
         elif metres * speed < 0.0 or (abs(x[after]) < LARGE[2] * step + travel and abs(x[before]) > step):
             x = np.concatenate((x[:after], x[after:] - metres))
             cause = "and goes on from there: the counter was set back, or rows were written twice"
-            repair = Repair("step removed from the displacement", x.size - after, ((start, float(log.t[-1])),))
+            repair = Repair("step removed from the displacement", x.size - after, ((start, float(t[-1])),))
         else:
             lost = metres / speed
             t = np.concatenate((log.t[:after], log.t[after:] + lost))
-            end = float(t[after])
             log.findings[:] = [finding.at_times(log.t, t) for finding in log.findings]
             log.t = t
-            gaps.append((start, end))
+            gaps.append((start, float(t[after])))
             cause = f"as in {lost:.2f} s: rows were lost and the clock was renumbered, or the displacement slipped"
-            repair = Repair("treated as a gap of that length", 0, ((start, end),))
+            repair = Repair("treated as a gap of that length", 0, (gaps[-1],))
         what = f"at {start:.2f} s the displacement jumps by {metres:+.3f} m beyond what the velocity gives, {cause}"
         action = "reported and kept" if repair is None else repair.what
+        end = gaps[-1][1] if gaps and gaps[-1][0] == start else start
         log.findings.append(Finding("clock_mismatch", what, action, start=start, end=end, repair=repair))
     log.channels["displacement"] = x
     return np.array(gaps).reshape(-1, 2)
@@ -85,77 +81,53 @@ def _makes_up(log: Samples, before: int, metres: float) -> bool:
     return abs(float(np.trapezoid(np.nan_to_num(v[held]), log.t[held]))) > ROW * abs(metres)
 
 
-class _Course(NamedTuple):
-    """Rows with displacement and velocity, (n,), and their numbers in the log."""
-
-    rows: Index | None
-    t: Signal
-    x: Signal
-    v: Signal
-
-    def steps(self, first: int, last: int) -> tuple[Signal, Signal, Signal]:
-        """Interval [s], mean speed [m/s] and travel beyond any speed from a row before to a row after [m], of some steps.
-
-        The interval is NaN where rows without a value lie between.
-        """
-        wide = self.v[max(first - 1, 0) : last + 2]
-        wide = np.concatenate(([wide[0]] * (first == 0), wide, [wide[-1]] * (last + 1 >= self.v.size)))
-        n = last - first
-        near = [wide[k : k + n] for k in range(4)]
-        interval, moved = np.diff(self.t[first : last + 1]), np.diff(self.x[first : last + 1])
-        low, high = (limit.reduce(near) * interval for limit in (np.minimum, np.maximum))
-        beyond = moved - np.clip(moved, low, high)
-        if self.rows is not None:
-            interval[np.diff(self.rows[first : last + 1]) > 1] = np.nan
-        return interval, 0.5 * (near[1] + near[2]), beyond
-
-    def blocks(self, every: int = 1) -> Iterator[tuple[int, tuple[Signal, Signal, Signal]]]:
-        """Steps block by block, so that none of their numbers is held for all rows of a long log."""
-        for first in range(0, self.t.size - 1, BLOCK * every):
-            yield first, self.steps(first, min(first + BLOCK, self.t.size - 1))
+def _steps(t: Signal, x: Signal, v: Signal, first: int, last: int) -> tuple[Signal, Signal, Signal]:
+    """Interval [s], mean speed [m/s], and travel beyond any speed from a row before to a row after [m], of some steps."""
+    rows = np.clip(np.arange(first - 1, last + 2), 0, t.size - 1)
+    near = np.lib.stride_tricks.sliding_window_view(v[rows], 4)
+    interval, moved = np.diff(t[first : last + 1]), np.diff(x[first : last + 1])
+    beyond = moved - np.clip(moved, near.min(axis=1) * interval, near.max(axis=1) * interval)
+    return interval, 0.5 * (near[:, 1] + near[:, 2]), beyond
 
 
-def _course(log: Samples) -> _Course:
-    """Rows that have values; no copies where all have. Without a velocity, it is the middle one of the slopes beside a row."""
-    t, x, v = log.t, log.channels["displacement"], log.channels.get("velocity")
-    finite = np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v)
-    rows = None if finite.all() else np.flatnonzero(finite)
-    if rows is not None:
-        t, x, v = t[rows], x[rows], None if v is None else v[rows]
-    if v is None:
-        slopes = np.pad(np.diff(x) / np.diff(t), SIDE, mode="edge")
-        windows = np.lib.stride_tricks.sliding_window_view(slopes, 2 * SIDE)
-        v = np.partition(windows, SIDE, axis=1)[:, SIDE]
-    return _Course(rows, t, x, v)
+def _blocks(t: Signal, x: Signal, v: Signal, every: int) -> Iterator[tuple[int, tuple[Signal, Signal, Signal]]]:
+    """Steps block by block, so that none of their numbers is held for all rows of a long log."""
+    for first in range(0, t.size - 1, BLOCK * every):
+        yield first, _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
 
 
 def _jumps(log: Samples) -> list[Jump]:
-    """Places at which the displacement jumps by what the line did not travel, in order; none if they are many."""
-    if np.count_nonzero(np.isfinite(log.channels["displacement"])) < 4 * SIDE:
+    """Jumps of the displacement by what the line did not travel, in order; none if they are many.
+
+    Without a velocity, it is the middle one of the slopes beside a row.
+    """
+    t, x, v, v_onset = log.t, log.channels["displacement"], log.channels.get("velocity"), log.rig.thresholds.v_onset
+    known = np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v)
+    if np.count_nonzero(known) < 4 * SIDE:
         return []
-    course, v_onset = _course(log), log.rig.thresholds.v_onset
-    if course.t.size < 4 * SIDE:
-        return []
-    longest = 1.5 * median(np.diff(course.t[: BLOCK + 1]))
-    sizes = []
-    for _, (interval, speed, beyond) in course.blocks(max(1, course.t.size // (8 * BLOCK))):
+    whole_log, x = known.all(), whole(t, x)
+    if v is None:
+        slopes = np.pad(np.diff(x) / np.diff(t), SIDE, mode="edge")
+        v = np.partition(np.lib.stride_tricks.sliding_window_view(slopes, 2 * SIDE), SIDE, axis=1)[:, SIDE]
+    v, longest = whole(t, v), 1.5 * median(np.diff(t[: BLOCK + 1]))
+    sizes, found = [], []
+    for _, (interval, speed, beyond) in _blocks(t, x, v, max(1, t.size // (8 * BLOCK))):
         sizes.append(np.abs(beyond[(interval < longest) & (np.abs(speed) > v_onset)]))
     size = np.concatenate(sizes)
     if size.size < 4 * SIDE:
         return []
-    least = max(LARGE[0] * quantile(size, 0.95), LARGE[1] * GAUSS * median(size), LARGE[2] * log.level("displacement").step)
-    found: list[int] = []
-    for first, (interval, speed, beyond) in course.blocks():
-        large = np.abs(beyond) > np.maximum(least, ROW * np.abs(speed) * interval)
-        found += (first + np.flatnonzero(large & (interval < longest))).tolist()
+    least = max(LARGE[0] * quantile(size, 0.95), LARGE[1] * GAUSS * median(size))
+    least = max(least, LARGE[2] * log.level("displacement").step)
+    for first, (interval, speed, beyond) in _blocks(t, x, v, 1):
+        large = (np.abs(beyond) > np.maximum(least, ROW * np.abs(speed) * interval)) & (interval < longest)
+        found += (first + np.flatnonzero(large)).tolist()
     jumps = []
     for k in found if len(found) <= MAX_JUMPS else []:
-        first = max(k - SIDE, 0)
-        _, speed, _ = course.steps(first, min(k + SIDE + 1, course.t.size - 1))
-        part = slice(first, min(k + SIDE + 2, course.t.size))
-        along = np.diff(course.x[part]) - speed * np.diff(course.t[part])
-        metres = float(along[k - first])
-        if abs(float(along.sum()) - metres) < ROW * abs(metres):  # a spike would come back
-            before, after = (k, k + 1) if course.rows is None else course.rows[k : k + 2].tolist()
-            jumps.append(Jump(before, after, metres, float(speed[k - first])))
+        part = slice(max(k - SIDE, 0), min(k + SIDE + 2, t.size))
+        interval, speed, _ = _steps(t, x, v, part.start, part.stop - 1)
+        along = np.diff(x[part]) - speed * interval
+        metres = float(along[k - part.start])
+        comes_back = abs(float(along.sum()) - metres) >= ROW * abs(metres)  # as a spike does
+        if not comes_back and (whole_log or known[k : k + 2].all()):
+            jumps.append(Jump(k, metres, float(speed[k - part.start])))
     return jumps

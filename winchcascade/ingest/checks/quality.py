@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -88,7 +88,7 @@ def check(
     signs = _correct_signs(log)
     if not simulated:
         _check_sensors(log, signs)
-        _run_checks(log, STILL)
+        _run_checks(log, STILL, without=() if both or "displacement" not in channels else ("velocity",))
         _leave_out_lost(log)
         if not log.by_line:
             report_constant(log)
@@ -101,14 +101,18 @@ def check(
     return _checked(log, renumbered, signs)
 
 
-def _run_checks(log: Samples, checks: Sequence[Check]) -> bool:
+def _run_checks(log: Samples, checks: Sequence[Check], without: Collection[str] = ()) -> bool:
     """Run checks over all channels, take out what they mark, and report it; whether there is any.
 
     All channels are checked before the samples of one are taken out: each is a witness of the others.
     """
     found = False
     for kind, words, mask in checks:
-        names = [name for name, x in log.channels.items() if np.count_nonzero(np.isfinite(x)) > MIN_SAMPLES]
+        names = [
+            name
+            for name, x in log.channels.items()
+            if name not in without and np.count_nonzero(np.isfinite(x)) > MIN_SAMPLES
+        ]
         for name, bad in [(name, bad) for name in names if (bad := mask(log, name)).any()]:
             log.take_out(name, bad)
             log.report(kind, name, bad, words)
@@ -180,7 +184,9 @@ def _correct_signs(log: Samples) -> dict[str, float]:
     for name, why in flipped.items():
         log.channels[name] = -log.channels[name]
         repair = Repair("sign corrected", log.t.size)
-        log.findings.append(Finding("sign_flipped", f"{name} has the opposite sign: {why}", repair.what, name, repair=repair))
+        log.findings.append(
+            Finding("sign_flipped", f"{name} has the opposite sign: {why}", repair.what, name, repair=repair)
+        )
     return dict.fromkeys(flipped, -1.0)
 
 
@@ -203,7 +209,9 @@ def _leave_out_lost(log: Samples) -> None:
             log.leave_out(name, "channel left out, metrics that need it are null")
 
 
-def _as_logged(found: Samples, t: Signal, channels: dict[str, Signal], signs: Mapping[str, float], *, turned: bool) -> Checked:
+def _as_logged(
+    found: Samples, t: Signal, channels: dict[str, Signal], signs: Mapping[str, float], *, turned: bool
+) -> Checked:
     """The log as it was logged, with what was found; its convention of signs is not a fault, and no number is no value.
 
     Parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -15,20 +15,31 @@ from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Finding, FindingKind, Index, Mask, Repair, Signal
 from winchcascade.core.smooth import local_quadratic
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 SLOPE_WIDTH = 0.4
 """Width of the local quadratic of a displacement whose slope is a velocity: the steps of an encoder do not show. [s]"""
 
 SPREAD = 20_000
 """Number of samples, evenly over the log, that show the range of a channel. [1]"""
 
-OF_RANGE = 0.05
-"""Smallest size of a fault, as a share of the range of its channel: in one sample, less moves no energy by a thousandth. [1]"""
+OF_RANGE = 0.02
+"""Smallest size of a fault of one sample, as a share of the range of its channel: in a payout of a hundred samples, less moves no
+energy by a thousandth. [1]"""
+
+LONGER = 5.0
+"""The same of a fault of several samples, in sizes of one sample. [1]"""
 
 OF_NOISE = 8.0
 """And in standard deviations of white noise: once in 1e15 samples of a normal distribution. [1]"""
 
 FAR = 5.0
 """Distance of a value from the range of a channel, in ranges, beyond which it is no measurement. [1]"""
+
+
+Directions: TypeAlias = "NDArray[np.int8]"
+"""1, -1 or 0 for each sample."""
 
 
 class Level(NamedTuple):
@@ -48,6 +59,11 @@ class Level(NamedTuple):
     def fault(self) -> float:
         """Smallest jump of a fault: beyond noise, and beyond two neighbouring values of a coarse channel."""
         return max(OF_RANGE * self.span, OF_NOISE * self.noise, 2.5 * self.step)
+
+    @property
+    def long_fault(self) -> float:
+        """Smallest jump of a fault of several samples, which the machine may make more easily than one of a single sample."""
+        return max(LONGER * OF_RANGE * self.span, self.fault)
 
     @property
     def moves(self) -> bool:
@@ -76,9 +92,9 @@ def level_of(x: Signal) -> Level:
     large = np.flatnonzero(np.abs(steps) > Level(low, high, noise, step).fault)
     if large.size:
         values, count = np.unique(begin[np.concatenate((large, large + 1))], return_counts=True)
-        codes = values[count >= max(3.0, OF_RANGE * large.size)]
+        codes = values[count >= max(3.0, 0.05 * large.size)]
         others = spread[~np.isin(spread, codes)]
-        if others.size > OF_RANGE * spread.size:
+        if others.size > 0.05 * spread.size:
             low, high = quantiles_in_place(others, [0.005, 0.995])
     return Level(low, high, noise, step)
 
@@ -126,13 +142,13 @@ class Samples(msgspec.Struct):
         powers = (stage.power(self.channels, self.rig.r_drum) for stage in self.rig.cascade.stages)
         return [term.channels for power in powers if power is not None for term in power.terms if term.channels]
 
-    def moving(self) -> Mask:
-        """Where the line moves, or the shaft of a bench without one, (n,); everywhere if the log has neither."""
+    def motion(self) -> Directions:
+        """Direction in which the line moves, or the shaft of a bench without one: 1, -1, 0 at rest, (n,); 1 if it is unknown."""
         for name, onset in (("velocity", self.rig.thresholds.v_onset), ("speed", self.rig.phases.omega_onset)):
             if name in self.channels and np.isfinite(self.channels[name]).any():
-                moving: Mask = np.abs(whole(self.t, self.channels[name])) > onset
-                return moving
-        return np.ones(self.t.size, dtype=bool)
+                x = whole(self.t, self.channels[name])
+                return (x > onset).astype(np.int8) - (x < -onset).astype(np.int8)
+        return np.ones(self.t.size, dtype=np.int8)
 
     def take_out(self, name: str, bad: Mask) -> None:
         """Mark samples of a channel as lost."""
@@ -143,7 +159,9 @@ class Samples(msgspec.Struct):
         self.lost[name] = self.lost[name] | bad if name in self.lost else bad
         self.levels.pop(name, None)
 
-    def report(self, kind: FindingKind, name: str, bad: Mask, what: str, *, removed: bool = True, bridged: int = 0) -> None:
+    def report(
+        self, kind: FindingKind, name: str, bad: Mask, what: str, *, removed: bool = True, bridged: int = 0
+    ) -> None:
         """Report the samples of a channel where `bad` is set.
 
         Parameters
@@ -156,7 +174,9 @@ class Samples(msgspec.Struct):
         count = int(np.count_nonzero(bad))
         message = f"{count} {name} samples {what}, in {len(places)} place{'s' * (len(places) > 1)}"
         repair = Repair("bridged by straight lines", count, spans) if removed else None
-        action = repair.what if repair else "reported and kept" + f", but for {bridged} bridged as spikes" * (bridged > 0)
+        action = (
+            repair.what if repair else "reported and kept" + f", but for {bridged} bridged as spikes" * (bridged > 0)
+        )
         start, end = spans[0][0], spans[-1][1]
         self.findings.append(Finding(kind, message, action, name, start, end, count, count * removed, repair=repair))
 

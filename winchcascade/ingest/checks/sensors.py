@@ -110,7 +110,7 @@ def report_dead(log: Samples) -> None:
             dead = any(_delivers(log, stage) for stage in stages[own[-1] + 1 :])
         else:
             beside = [other for other in stages[own[0]] if other != name]
-            works = all(log.moving().any() if other in MAY_HOLD else np.any(log.channels[other]) for other in beside)
+            works = all(log.motion().any() if other in MAY_HOLD else np.any(log.channels[other]) for other in beside)
             dead = works and (any(_delivers(log, stage) for stage in others) or (not others and bool(beside)))
         if dead and not (log.open_circuit and name == "idc"):
             what = f"{name} is zero through the whole log while its stage works"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from typing import NamedTuple
+
 import numpy as np
 
 from winchcascade.core.integrate import median, quantile
-from winchcascade.core.run import Mask, Signal
-from winchcascade.ingest.checks.samples import OF_NOISE, OF_RANGE, Samples
+from winchcascade.core.run import Signal
+from winchcascade.ingest.checks.samples import LONGER, OF_NOISE, OF_RANGE, Samples
 
 NEARBY = 12
 """Number of samples on either side of an event that show what a channel does without it. [1]"""
@@ -14,7 +17,7 @@ NEARBY = 12
 APART = 2.0
 """Smallest change at an event, over the upper quartile of such changes nearby, by which a channel shows it. [1]"""
 
-MEDIAN_OF = 5
+MEDIAN_OF = 3
 """Number of samples whose median is the level beside an edge: a neighbour may be a spike. [1]"""
 
 SETTLES = 0.5
@@ -24,8 +27,8 @@ HOLDS = 0.5
 """Another channel continues if it departs, relative to its level, by less than this share of what the suspect does. [1]"""
 
 BY_SPEED = 5.0
-"""Loss of torque, force or current over the loss of speed that explains it: with a light load, a fifth of the speed opens the
-clutch. [1]"""
+"""Loss of torque, force or current over the loss of speed that explains it, where nothing else is logged: with a light load, a
+fifth of the speed opens the clutch. [1]"""
 
 
 def shown(log: Samples, name: str, first: int, last: int) -> bool:
@@ -39,7 +42,7 @@ def shown(log: Samples, name: str, first: int, last: int) -> bool:
         return False
     share = float(np.max(np.abs(inside - median(beside)))) / (log.level(name).span or np.inf)
     return any(
-        _changes(log, other, first, last, OF_RANGE * max(share, 0.4)) and not is_lost(log, other, name, first, last)
+        _changes(log, other, first, last, max(OF_RANGE, 0.05 * share)) and not is_lost(log, other, name, first, last)
         for other in log.channels
         if other != name
     )
@@ -50,12 +53,16 @@ def _changes(log: Samples, name: str, first: int, last: int, share: float) -> bo
     y, n, level = log.channels[name], log.t.size, log.level(name)
     begin, end = max(first - 2, 0), min(last + 2, n)
     edges = [y[begin:end]]
-    if last - first > 1:  # converters read one channel after the other, so that a step of one sample counts beside an edge
+    if (
+        last - first > 1
+    ):  # converters read one channel after the other, so that a step of one sample counts beside an edge
         edges = [part for part, inside in ((y[begin : first + 2], first > 0), (y[last - 2 : end], last < n)) if inside]
     beside = y[max(begin - NEARBY, 0) : begin + 1], y[end - 1 : end + NEARBY]
     for order in (1, 2):
         usual = _finite(np.abs(np.concatenate([np.diff(part, order) for part in beside])))
-        minimum = max(share * level.span, OF_NOISE * level.noise, APART * quantile(usual, 0.75)) if usual.size else np.inf
+        minimum = (
+            max(share * level.span, OF_NOISE * level.noise, APART * quantile(usual, 0.75)) if usual.size else np.inf
+        )
         if all(np.max(_finite(np.abs(np.diff(part, order))), initial=0.0) > minimum for part in edges):
             return True
     return False
@@ -71,58 +78,78 @@ def is_lost(log: Samples, other: str, name: str, first: int, last: int) -> bool:
     level, here, there = log.level(other), median(x), median(y)
     if log.level(other).is_far(y[:1])[0] or here == there:
         return True
-    zero = abs(here) < OF_RANGE * log.level(name).span and abs(there) < OF_RANGE * level.span
-    held = last - first >= MEDIAN_OF and bool(np.ptp(y) == 0.0) and abs(there) > OF_RANGE * level.span
+    zero = all(abs(y) < OF_RANGE * span for y, span in ((here, log.level(name).span), (there, level.span)))
+    held = last - first > MEDIAN_OF and bool(np.ptp(y) == 0.0) and abs(there) > OF_RANGE * level.span
     return zero or held
 
 
 def contradicted(log: Samples, name: str, first: int, last: int) -> bool:
-    """Whether the channels that would depart with this one continue at each end of a stretch [first, last) where it jumps."""
-    x, level = log.channels[name], log.level(name)
-    edges = [(k, step) for k, step in ((first, 1), (last, -1)) if 0 < k < log.t.size]
-    edges = [(k, step) for k, step in edges if abs(x[k] - x[k - 1]) > level.fault]
-    return bool(edges) and all(_continues(log, name, k, step, first, last) for k, step in edges)
+    """Whether the channels that would depart with this one continue where it jumps away, in a stretch [first, last).
+
+    In the course of a long stretch the machine may do something else: only its begin and its end count.
+    """
+    x, minimum = log.channels[name], log.level(name).long_fault
+    begins, ends = (0 < k < log.t.size and bool(abs(x[k] - x[k - 1]) > minimum) for k in (first, last))
+    reach = max(MEDIAN_OF, int(SETTLES / float(log.t[1] - log.t[0])))
+    parts = [_Part(first, last, before=begins, after=ends)]
+    if not (begins and ends) or last - first > 2 * reach:
+        parts = [_Part(first, min(first + reach, last), before=True, after=False)] if begins else []
+        parts += [_Part(max(last - reach, first), last, before=False, after=True)] if ends else []
+    lost = {other for other in _witnesses(log, name) if is_lost(log, other, name, first, last)}
+    return bool(parts) and all(_continue(log, name, part, lost) for part in parts)
 
 
-def _continues(log: Samples, name: str, edge: int, step: int, first: int, last: int) -> bool:
-    """Whether the witnesses of a channel continue at an edge, behind which, in the direction of `step`, the suspect lies."""
+class _Part(NamedTuple):
+    """Samples [first, last) of a suspect stretch, and whether the level before and after them shows what it departs from."""
+
+    first: int
+    last: int
+    before: bool
+    after: bool
+
+
+def _continue(log: Samples, name: str, part: _Part, lost: Collection[str]) -> bool:
+    """Whether the witnesses of a channel continue over a part of a stretch in which it departs."""
+    own = _departure(log, name, part, 0.0)
     departs = {}
-    own = _departure(log, name, edge, step, last - first, 0.0)
-    for other in _witnesses(log, name):
-        if not is_lost(log, other, name, first, last) and log.level(other).moves:
-            off = _departure(log, other, edge, step, last - first, own)
-            if off is not None:
-                departs[other] = off * (BY_SPEED if other == "velocity" else 1.0)
+    for other in _witnesses(log, name) if own else ():
+        off = None if other in lost or not log.level(other).moves else _departure(log, other, part, own)
+        if off is not None:
+            departs[other] = off
+    if departs.keys() == {"velocity"}:
+        departs["velocity"] *= BY_SPEED
     if own is None or not departs or (name == "idc" and departs.keys() == {"vdc"}):
         return False
     return max(departs.values()) < HOLDS * abs(own)
 
 
-def _departure(log: Samples, name: str, edge: int, step: int, length: int, side: float | None) -> float | None:
-    """Change of the magnitude of a channel from before an edge to behind it, over the larger one; None where it idles.
+def _departure(log: Samples, name: str, part: _Part, side: float | None) -> float | None:
+    """Largest departure of the magnitude of a channel from the line between the levels beside a part, over the larger of the two.
+
+    None where it idles, or where most of it is lost.
 
     Parameters
     ----------
-    step : 1 if the suspect stretch begins at the edge, -1 if it ends there
-    length : of the stretch, in samples
-    side : change of the suspect, 0 if the channel is the suspect itself: of a witness the largest departure to that side counts
+    side : departure of the suspect, 0 if the channel is the suspect itself; of a witness that to the same side counts
     """
-    x, level = log.channels[name], log.level(name)
-    here, behind = slice(max(edge - MEDIAN_OF, 0), edge), slice(edge, edge + MEDIAN_OF)
-    reach = min(length, max(MEDIAN_OF, int(SETTLES / float(log.t[1] - log.t[0]))))
-    inside = slice(edge, edge + reach) if step > 0 else slice(max(edge - reach, 0), edge)
-    outside = _finite(x[here] if step > 0 else x[behind])
-    within = _finite(x[inside])
-    if side is None or not outside.size or 2 * within.size < reach:
+    x = log.channels[name]
+    before, after = (
+        _finite(x[max(part.first - MEDIAN_OF, 0) : part.first]),
+        _finite(x[part.last : part.last + MEDIAN_OF]),
+    )
+    sides = [median(level) for level, counts in ((before, part.before), (after, part.after)) if counts and level.size]
+    inside, place = x[part.first : part.last], np.linspace(0.0, 1.0, part.last - part.first)
+    known = np.isfinite(inside)
+    if side is None or not sides or 2 * np.count_nonzero(known) < known.size:
         return None
-    usual = median(outside)
-    sign = -1.0 if usual < 0.0 else 1.0
-    change = sign * (within - usual)
-    off = median(change) if side == 0.0 else float(np.max(np.sign(side) * change))
-    size = max(abs(usual), float(np.max(np.abs(within))))
-    if size < 2.0 * OF_RANGE * level.span or size == 0.0:
+    sign = -1.0 if sum(sides) < 0.0 else 1.0
+    off = sign * (inside - (sides[0] + (sides[-1] - sides[0]) * place))[known]
+    size = max(*map(abs, (sides[0], sides[-1])), float(np.max(np.abs(inside[known]))))
+    minimum = LONGER * OF_RANGE * log.level(name).span
+    if size == 0.0 or (size < minimum and name != "velocity"):  # a line that hardly moves still shows that it goes on
         return None
-    return off / size
+    to_side = 1.0 if (side or median(off)) > 0.0 else -1.0
+    return float(np.max(to_side * off)) * (to_side if side == 0.0 else 1.0) / max(size, minimum)
 
 
 def _witnesses(log: Samples, name: str) -> list[str]:
