@@ -42,8 +42,9 @@ leaves less than five times this share of it. [1]"""
 FAR = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
 """Lags from which the search starts where the signals do not follow each other without one; none is longer than the last. [s]"""
 
-LEVELS = tuple(0.1 * k for k in range(1, 10))
-"""Levels at which a step is sought, as shares of the largest value. [1]"""
+LOWEST = 0.1
+"""Lowest level of a step, as a share of the largest value, and its distance from that: lower ones are zeros, higher ones noise of
+the plateau; twice that for torque and line tension, below which friction reverses. [1]"""
 
 
 class Pair(NamedTuple):
@@ -235,37 +236,41 @@ def stepped(log: PhasedLog) -> Iterator[Fault]:
             (*largest_step(x, y, [y_slope, *beside], pair.degree, log.zero_limit(pair.first)), pair.first, pair.second, largest(x)),
         ] if y.size else []  # fmt: skip
         for certain, size, level, channel, partner, top in sorted(steps)[-1:]:
-            if certain >= CERTAIN:
+            if certain >= CERTAIN + 1.0:  # as one of many levels
                 values = {"partner": partner, "share": size / top}
                 spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in cycles]
-                yield Fault("stepped", channel, values, {"step": size, "level": level * top}, spans)
+                yield Fault("stepped", channel, values, {"step": size, "level": level}, spans)
 
 
-def largest_step(
-    y: Signal, x: Signal, beside: list[Signal], degree: int, zero: float
-) -> tuple[float, float, float]:
-    """The most certain step of y at a level: in standard errors, its size, and the level as a share of the largest value.
+def largest_step(y: Signal, x: Signal, beside: list[Signal], degree: int, zero: float) -> tuple[float, float, float]:
+    """The most certain step of y at a level: in standard errors, its size, and the level.
 
-    The ramps of all payouts together are fitted by a polynomial of x, its slope, and a step at each level in turn; on a plateau
-    noise alone would set the slope. The level is that which the polynomial gives, so that noise of y chooses no side. Noise of x
-    flattens the polynomial, by its share of what x varies on either side of the level. At half of the scale, a gain is twice its
-    step. A step that the zero of a sensor explains is none.
+    The ramps of all payouts together are fitted by a polynomial of x, its slope, and a step at the level by which the residual
+    divides most; on a plateau noise alone would set the slope. The level is that which the polynomial gives, so that noise of y
+    chooses no side. Noise of x flattens the polynomial, by its share of what x varies on either side of the level. At half of the
+    scale, a gain is twice its step. A step that the zero of a sensor explains is none.
     """
-    unit, noise, top, best = x / max(largest(x), 1e-30), white_noise(x), largest(y), (0.0, 0.0, 0.0)
-    smooth = np.array([*(unit**power for power in range(1, degree + 1)), *beside])
+    top = largest(y)
+    smooth = np.array([*((x / max(largest(x), 1e-30)) ** power for power in range(1, degree + 1)), *beside])
     course = fit(smooth, y)
     if course is None or course.residual > FOLLOWS:
-        return best
+        return 0.0, 0.0, 0.0
     level = course.weight @ smooth
     level += float(np.mean(y - level))
-    for share in LEVELS[degree - 1 :]:
-        above = level > share * top
-        found = fit(np.vstack((smooth, above)), y) if above.any() and not above.all() else None
-        if found is not None:
-            varies = sum(float(np.var(x[side])) * np.count_nonzero(side) for side in (above, ~above))
-            if abs(found.weight[-1]) >= max((0.5 * REPORTED + x.size * noise**2 / varies) * top, zero):
-                best = max(best, (abs(found.weight[-1] / found.error[-1]), float(found.weight[-1]), share))
-    return best
+    order = np.argsort(level)
+    place = np.arange(1, y.size)
+    between = (level[order[1:]] > LOWEST * degree * top) & (level[order[1:]] < (1.0 - LOWEST) * top)
+    weight = np.sqrt(place * (y.size - place)) * between
+    best = int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / np.where(weight > 0.0, weight, np.inf)))
+    above = level >= level[order[best + 1]]
+    found = fit(np.vstack((smooth, above)), y)
+    if found is None:
+        return 0.0, 0.0, 0.0
+    varies = sum(float(np.var(x[side])) * np.count_nonzero(side) for side in (above, ~above))
+    size = float(found.weight[-1])
+    if abs(size) < max((0.5 * REPORTED + 2.0 * x.size * white_noise(x) ** 2 / varies) * top, zero):
+        return 0.0, 0.0, 0.0
+    return abs(size / float(found.error[-1])), size, float(level[order[best + 1]])
 
 
 def ramp_of(pair: Pair, plateau: Plateau | None, settle: float) -> Signal:
