@@ -82,8 +82,8 @@ def find_phases(run: Run, rig: Rig, rule: WindowRule, cycles: tuple[int, int] | 
     ------
     OptionError : the log has none of these cycles
     """
-    found = find_cycles(run, rig)
-    v_smooth, detected, by_motion = found.motion, found.cycles, rig.phases.by_motion
+    detected, v_smooth = find_cycles(run, rig)
+    by_motion = rig.phases.by_motion
     if cycles is not None:
         check_cycles(cycles, detected, run.name)
     first, last = cycles or (1, len(detected))
