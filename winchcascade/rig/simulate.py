@@ -18,8 +18,8 @@ from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.files import write_whole
 from winchcascade.core.monotone_cubic import monotone_cubic
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import UNITS
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
