@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import Basis, ErrorSource, error_sources, replaced_sources
-from winchcascade.core.cascade import Cascade, Product
+from winchcascade.core.cascade import Cascade, Term
 from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Index, Mask, Run, Signal
@@ -131,8 +131,9 @@ def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
     """Integrate what the energies of each measured stage are made of, over the window and the whole of every cycle."""
     run, rig, cycles = reduction.run, reduction.rig, reduction.cycles
     spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
-    products = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
-    channels = dict.fromkeys(name for product in products.values() if product for name in product.channels)
+    powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
+    products = {name: power.terms[0] for name, power in powers.items() if power and len(power.terms) == 1}
+    channels = dict.fromkeys(name for product in products.values() for name in product.channels)
     streams = [run.channels[name].__getitem__ for name in channels]
     whole = integrals_of(run.t, streams, np.concatenate(list(spans.values()))).reshape(
         len(channels), len(spans), len(cycles)
@@ -140,7 +141,7 @@ def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
     alone = {name: dict(zip(spans, of_spans, strict=True)) for name, of_spans in zip(channels, whole, strict=True)}
     stages, on_drum = {}, _is_on_drum(run, rig)
     for part, (stage, span) in rig.cascade.parts.items():
-        energy, product = [c.metrics[f"energy_{part}"] for c in cycles], products[stage]
+        energy, product = [c.metrics[f"energy_{part}"] for c in cycles], products.get(stage)
         if product is None or all(joule is None for joule in energy):
             continue
         names = product.channels
@@ -169,7 +170,7 @@ def _is_on_drum(run: Run, rig: Rig) -> bool:
     return bool(np.allclose(motion, speed * rig.r_drum, rtol=1e-9, atol=1e-9))
 
 
-def _radius_power(product: Product, *, on_drum: bool) -> int:
+def _radius_power(product: Term, *, on_drum: bool) -> int:
     """Power of the stated drum radius that a power is proportional to.
 
     An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega is not. Of a velocity that is
