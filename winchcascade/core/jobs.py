@@ -247,16 +247,19 @@ def _pool(workers: int) -> Iterator[tuple[ProcessPoolExecutor, Callable[[], bool
         try:
             yield pool, ending
         except BaseException:
-            for process in list((pool._processes or {}).values()):
-                process.terminate()
-            results: Any = (
-                pool._result_queue
-            )  # a process may end within a result, for the rest of which the pool would wait
-            if results is not None:
-                results._writer.close()
+            _abandon(pool)
             raise
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _abandon(pool: ProcessPoolExecutor) -> None:
+    """End the processes of a pool; as it would wait for the rest of a half-sent result, the sending end is closed, too."""
+    for process in list((pool._processes or {}).values()):
+        process.terminate()
+    results: Any = pool._result_queue
+    if results is not None:
+        results._writer.close()
 
 
 def _quietly() -> None:
