@@ -10,7 +10,6 @@ SLOW = (
     "pandas",
     "scipy",
     "matplotlib",
-    "pint",
     "numpy.ma",
     "pyarrow.compute",
     "pyarrow.parquet",
