@@ -18,10 +18,9 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import ErrorSource
-from winchcascade.core.arguments import SEED_NUMBER, check_arguments, is_number
+from winchcascade.core.arguments import SEED_NUMBER, Expected, check_arguments, is_number
 from winchcascade.core.errors import check_type
 from winchcascade.core.run import Index, Signal
-from winchcascade.core.toml_text import Expected
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import (

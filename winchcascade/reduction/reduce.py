@@ -13,8 +13,8 @@ from winchcascade.core.cascade import Stage
 from winchcascade.core.errors import LogError, OptionError, check_type
 from winchcascade.core.integrate import integrals_of, largest
 from winchcascade.core.jobs import side_by_side
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.rig_file import Rig, WindowRule
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed, stored_powers
 from winchcascade.reduction.checks.lag import lag_findings
