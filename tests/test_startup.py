@@ -9,7 +9,6 @@ import pytest
 SLOW = (
     "pandas",
     "matplotlib",
-    "pint",
     "pyarrow.compute",
     "pyarrow.parquet",
     "rich",

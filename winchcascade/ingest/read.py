@@ -369,11 +369,10 @@ def _with_origin(run: Run, stated: Origin) -> Run:
 def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTable]:
     """The channels, with the clock of a named column or else of the only column without a name that is one.
 
-    A data frame may have its clock in the index, which has no name. Of several columns for one channel the data choose.
+    A data frame may have its clock in the index, which has no name.
     """
     found = assign(source.headers, rig, where)
     wanted = [match.index for match in found.channels.values()]
-    wanted += [match.index for matches in found.candidates.values() for match in matches]
     wanted += [] if found.temperature is None else [found.temperature.index]
     if rig.phases.source == "column":
         from winchcascade.ingest.phase_labels import label_column
@@ -389,10 +388,6 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
             found, table = assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
     if table is None:
         table = source.load(wanted, found.time.index if found.time else None)
-    if found.candidates:
-        from winchcascade.ingest.several_columns import with_chosen
-
-        found = with_chosen(found, table, source.headers, rig, where)
     return found, table
 
 

@@ -162,6 +162,14 @@ def find_windows(phased: PhasedRun) -> list[Window]:
     return found
 
 
+def whole_cycles(phased: PhasedRun) -> Signal:
+    """Begin and end of each whole cycle, (k, 2): from onset to next onset or end of the log, or of a span its own. [s]"""
+    ends = [*(c.onset for c in phased.cycles[1:]), phased.next_onset or float(phased.run.t[-1])]
+    if not phased.rig.phases.by_motion:
+        ends = [span_end(c, phased.rig) for c in phased.cycles]
+    return np.array([(c.onset, end) for c, end in zip(phased.cycles, ends, strict=False)]).reshape(-1, 2)
+
+
 def span_end(cycle: Cycle, rig: Rig) -> float:
     """End of a cycle that is a span: of a wave with its negative half, of a labelled cycle that of its payout. [s]"""
     return cycle.haul_in[1] if rig.phases.source == "waves" and cycle.haul_in is not None else cycle.payout_end

@@ -11,7 +11,9 @@ the errors evenly, so that 8191 draws determine an interval better than 20 000 i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cached_property
+from itertools import combinations
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 
 from winchcascade.core.accuracy import Basis, ErrorSource, error_sources, replaced_sources
 from winchcascade.core.arguments import SEED_NUMBER, check_arguments
-from winchcascade.core.cascade import Cascade
+from winchcascade.core.cascade import Cascade, Power, Stream
 from winchcascade.core.errors import check_type
 from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig, Sensor
@@ -121,45 +123,52 @@ class Uncertainty(msgspec.Struct, frozen=True):
 
 
 class Energy(msgspec.Struct, frozen=True):
-    """One energy in k spans for any errors of the one or two channels that its power is made of.
+    """One energy in k spans for any errors of the channels that the terms of its power are made of.
 
     Parameters
     ----------
-    integrals : (4, k), of the product of the channels, of each alone and of 1; of a single channel y = 1
-    scale, radius_power : what turns the product into a power, and the power of the stated drum radius it is proportional to
-    sampled : (k,) change by thinning, per unit of the error of the sampling [J]
+    terms : channels of each term of the power, and the power of the stated drum radius that it is proportional to
+    integrals : (m, k), as `integrands` lists them, and the change by thinning per unit of the error of the sampling [J, ...]
+    t : (k,) length of the spans [s]
     bridged : (k,) standard uncertainty by gaps, independent from span to span [J]
     """
 
     name: str
-    channels: tuple[str, ...]
+    terms: tuple[tuple[tuple[str, ...], int], ...]
     integrals: Signal
-    scale: float
-    radius_power: int
-    sampled: Signal
+    t: Signal
     bridged: Signal
 
     @property
     def joules(self) -> Signal:
         """Energies as reduced, (k,). [J]"""
-        return np.asarray(self.scale * self.integrals[0])
+        return np.asarray(self.without({NOWHERE: np.zeros((1, 1))})[0])
+
+    @property
+    def channels(self) -> set[str]:
+        """Channels of all terms."""
+        return {name for channels, _ in self.terms for name in channels}
 
     def without(self, errors: Errors) -> NDArray[Any]:
-        """Energy that channels without these errors would have given, (n, k). [J]"""
+        """Energy that channels without these errors would have given, (n, k): what is read too high has to be taken off. [J]"""
 
-        def error(channel: str, part: str = "gain") -> NDArray[Any]:
-            return errors.get((channel, part), errors[NOWHERE])
-
-        first, second = (*self.channels, "")[:2]
-        zero_x, zero_y = error(first, "zero"), error(second, "zero")
-        xy, x, y, t = self.integrals
-        gains = (1.0 + error(first)) * (1.0 + error(second)) * (1.0 + error(R_DRUM)) ** self.radius_power
-        joules = self.scale * (xy - zero_y * x - zero_x * y + zero_x * zero_y * t) / gains
-        return np.asarray(joules + self.sampled * error(SAMPLING) + self.bridged * error(self.name, "gap"))
+        *integrals, sampled = self.integrals
+        rows = iter(integrals)
+        joules = errors[NOWHERE] + sampled * errors.get((SAMPLING, "gain"), 0.0)
+        joules = joules + self.bridged * errors.get((self.name, "gap"), 0.0)
+        for channels, radius_power in self.terms:
+            factor = (1.0 + errors.get((R_DRUM, "gain"), 0.0)) ** -radius_power
+            for name in channels:
+                factor = factor / (1.0 + errors.get((name, "gain"), 0.0))
+            for zeros in _subsets(channels):
+                row, keys = next(rows), [(name, "zero") for name in zeros]
+                if all(key in errors for key in keys):
+                    joules = joules + row * math.prod((-errors[key] for key in keys), start=factor)
+        return np.asarray(joules)
 
     def times(self, factors: Signal, rows: Index) -> Energy:
         """Some spans, each times a factor."""
-        scaled = {name: getattr(self, name)[..., rows] * factors for name in ("integrals", "sampled", "bridged")}
+        scaled = {name: getattr(self, name)[..., rows] * factors for name in ("integrals", "t", "bridged")}
         return msgspec.structs.replace(self, **scaled)
 
     def total(self, factor: float = 1.0) -> Energy:
@@ -167,9 +176,28 @@ class Energy(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(
             self,
             integrals=factor * self.integrals.sum(axis=1, keepdims=True),
-            sampled=factor * self.sampled.sum(keepdims=True),
+            t=factor * self.t.sum(keepdims=True),
             bridged=np.array([factor * math.sqrt(self.bridged @ self.bridged)]),
         )
+
+
+def _subsets(channels: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """The subsets of the channels of a term, from none to all of them."""
+    return [some for size in range(len(channels) + 1) for some in combinations(channels, size)]
+
+
+def integrands(run: Run, power: Power, r_drum: float | None) -> list[Stream]:
+    """What (x - zero_x)(y - zero_y) of each term multiplies out to, without the zeros: of each subset of channels the rest."""
+
+    def stream(factor: float, names: Collection[str]) -> Stream:
+        columns = [run.channels[name] for name in names]
+        return lambda part: math.prod((column[part] for column in columns), start=np.full(run.t[part].shape, factor))
+
+    return [
+        stream(term.scale(r_drum), [name for name in term.channels if name not in zeros])
+        for term in power.terms
+        for zeros in _subsets(term.channels)
+    ]
 
 
 class Ratio(NamedTuple):
@@ -185,11 +213,11 @@ class Ratio(NamedTuple):
 
     def mean(self) -> Ratio:
         """Mean of the cycles: of a ratio exact to the first order of the errors, and beyond where the cycles are alike."""
-        share = 1.0 / self.out.sampled.size
+        share = 1.0 / self.out.t.size
         return Ratio(self.out.total(share), None if self.into is None else self.into.total(share))
 
 
-class ErrorModel(msgspec.Struct, frozen=True):
+class ErrorModel(msgspec.Struct, frozen=True, dict=True):
     """The measured energies by their names in the parts of the cascade, and the m sources of uncertainty that act on them."""
 
     cascade: Cascade
@@ -204,10 +232,14 @@ class ErrorModel(msgspec.Struct, frozen=True):
             found[key] = found.get(key, found[NOWHERE]) + value[:, None]
         return found
 
+    @cached_property
+    def steps(self) -> Errors:
+        """A small imaginary share of one standard uncertainty of one source after the other."""
+        return self.errors(1j * STEP * np.diag(np.array([source.u for source in self.sources])))
+
     def changes(self, of: Energy | Ratio) -> Signal:
-        """Change with one standard uncertainty of each source, (m, k): what is read too high has to be taken off."""
-        steps = 1j * STEP * np.diag(np.array([source.u for source in self.sources]))
-        return np.asarray(of.without(self.errors(steps)).imag / STEP)
+        """Change with one standard uncertainty of each source, (m, k)."""
+        return np.asarray(of.without(self.steps).imag / STEP)
 
     def ratio(self, metric: str, rows: Index) -> Ratio:
         """A metric of some cycles that have it."""
@@ -217,7 +249,7 @@ class ErrorModel(msgspec.Struct, frozen=True):
             eta = np.maximum(out.joules[rows] / joules, NOTHING)
             return Ratio(out.times(1.0 / joules, rows), into[0].times(eta / joules, rows))
         power = metric.startswith("power_")
-        return Ratio(out.times(1.0 / out.integrals[3, rows] if power else np.ones(rows.size), rows), None)
+        return Ratio(out.times(1.0 / out.t[rows] if power else np.ones(rows.size), rows), None)
 
 
 def parts_of(cascade: Cascade, metric: str) -> tuple[str, ...]:
@@ -231,17 +263,19 @@ def error_model(reduction: Reduction) -> ErrorModel:
     rig, energies = reduction.rig, _energies(reduction)
     sources = _of_sensors(rig, energies, error_sources)
     radius = rig.winch.r_drum
-    if any(energy.radius_power for energy in energies.values()) and radius is not None and radius.u:
+    on_radius = any(radius_power for energy in energies.values() for _, radius_power in energy.terms)
+    if on_radius and radius is not None and radius.u:
         u = radius.u / radius.value
         basis: Basis = "limits" if radius.rectangular else "standard_uncertainty"
         limit = math.sqrt(3.0) * u if radius.rectangular else None
         sources.append(ErrorSource(R_DRUM, "gain", u, limit, radius.source, basis))
     joules = {name: abs(float(energy.joules.sum())) for name, energy in energies.items()}
-    thinned = [abs(float(energies[name].sampled.sum())) / x for name, x in joules.items() if x > NOTHING]
+    thinned = [abs(float(energies[name].integrals[-1].sum())) / x for name, x in joules.items() if x > NOTHING]
     if share := max(thinned, default=0.0):
         origin = "reduction of every second and third sample"
         sources.append(ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling"))
-        energies = {n: msgspec.structs.replace(e, sampled=e.sampled / share) for n, e in energies.items()}
+        for energy in energies.values():
+            energy.integrals[-1] /= share
     sources += [ErrorSource(name, "gap", 1.0) for name, energy in energies.items() if energy.bridged.any()]
     return ErrorModel(rig.cascade, energies, tuple(sources))
 
@@ -253,19 +287,16 @@ def _energies(reduction: Reduction) -> dict[str, Energy]:
     powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     on_drum, nothing = _is_on_drum(run, rig), np.zeros(len(cycles))
     for part, (stage, span) in rig.cascade.parts.items():
-        joules, product = [c.metrics[f"energy_{part}"] for c in cycles], powers[stage]
-        if product is None or all(joule is None for joule in joules):
+        power = powers[stage]
+        if power is None or all(c.metrics[f"energy_{part}"] is None for c in cycles):
             continue
-        scale, length = SIGN.get(part, 1.0) * product.scale(rig.r_drum), np.ptp(spans[span], axis=1)
-        alone = integrals_of(run.t, [run.channels[name].__getitem__ for name in product.channels], spans[span])
+        whole = SIGN.get(part, 1.0) * integrals_of(run.t, integrands(run, power, rig.r_drum), spans[span])
         found[part] = Energy(
             name=part,
-            channels=product.channels,
-            integrals=np.array([[(joule or 0.0) / scale for joule in joules], *alone, length, length])[:4],
-            scale=scale,
             # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega is not.
-            radius_power=(on_drum and "velocity" in product.channels) - product.by_radius,
-            sampled=np.array(reduction.sampled.get(part, nothing)),
+            terms=tuple((t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms),
+            integrals=np.vstack((whole, reduction.sampled.get(part, nothing))),
+            t=np.ptp(spans[span], axis=1),
             bridged=np.array(reduction.bridged.get(part, nothing)) / math.sqrt(3.0),
         )
     return found
@@ -290,7 +321,7 @@ def _of_sensors(
 def without_accuracy(model: ErrorModel) -> dict[str, tuple[str, ...]]:
     """Channels of each energy for which the rig file states no accuracy, without those that count as exact."""
     stated = {s.channel for s in model.sources if s.part != "gap"}.union(TAKEN_AS_EXACT)
-    return {name: tuple(sorted({*energy.channels} - stated)) for name, energy in model.energies.items()}
+    return {name: tuple(sorted(energy.channels - stated)) for name, energy in model.energies.items()}
 
 
 def _undetermined(model: ErrorModel, complete: Mask, metrics: Sequence[str]) -> tuple[str, ...]:
@@ -301,7 +332,7 @@ def _undetermined(model: ErrorModel, complete: Mask, metrics: Sequence[str]) -> 
     reach, gains = {}, {}
     for name, energy in model.energies.items():
         shares = np.abs(model.changes(energy)[: u.size]) / np.maximum(np.abs(energy.joules), NOTHING)
-        share = shares[:, complete & (energy.integrals[3] > 0)].max(axis=1, initial=0.0)
+        share = shares[:, complete & (energy.t > 0)].max(axis=1, initial=0.0)
         reach[name], gains[name] = float(maximum / u @ share), float(maximum[is_gain & (share > 0.0)].sum())
     parts = {m: parts_of(model.cascade, m) for m in metrics}
     divided = {m for m, names in parts.items() if len(names) > 1 and reach[names[1]] >= 1.0}
@@ -363,14 +394,17 @@ def _contributions(
 ) -> tuple[dict[str, Signal], tuple[Metrics, ...]]:
     """Change of the mean of each metric with each of m sources, (m,), and the uncertainties of every cycle."""
     complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
+    alone = np.array([source.part == "gap" for source in model.sources], dtype=bool)  # in each cycle
     parts, cycles = {}, [Metrics({}, model.cascade.all_metrics) for _ in reduction.cycles]
     for metric in metrics:
         rows = _cycles_with(reduction, metric)
-        for k, u in zip(rows.tolist(), np.linalg.norm(model.changes(model.ratio(metric, rows)), axis=0), strict=True):
-            cycles[k][metric] = float(u)
+        changes = model.changes(model.ratio(metric, rows))
+        for k, u in zip(rows.tolist(), np.sqrt((changes**2).sum(axis=0)).tolist(), strict=True):
+            cycles[k][metric] = u
         if reduction.mean[metric] is not None:
-            mean = model.ratio(metric, _cycles_with(reduction, metric, complete)).mean()
-            parts[metric] = np.abs(model.changes(mean)[:, 0])
+            counted = changes[:, complete[rows]]
+            added = np.where(alone, np.sqrt((counted**2).sum(axis=1)), np.abs(counted.sum(axis=1)))
+            parts[metric] = added / counted.shape[1]
     return parts, tuple(cycles)
 
 

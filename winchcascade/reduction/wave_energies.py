@@ -18,7 +18,7 @@ from winchcascade.reduction.efficiency import NOTHING
 from winchcascade.reduction.gap_error import all_gaps, energy_error
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import CampaignWavesRecord, RunRecord, WavesRecord
-from winchcascade.reduction.uncertainty import Energy, error_model, without_accuracy
+from winchcascade.reduction.uncertainty import Energy, error_model, integrands, without_accuracy
 from winchcascade.reduction.wave_bootstrap import (
     DRAWS,
     SEED,
@@ -163,7 +163,7 @@ def _sensor_errors(
     rows = np.flatnonzero([c.complete for c in reduction.cycles])
     energies = {stage: model.energies[stage] for stage in stages if stage in model.energies}
     waves = {s: model.changes(e.times(np.ones(rows.size), rows).total())[:, 0] for s, e in energies.items()}
-    record = {s: model.changes(_of_record(reduction, e))[:, 0] for s, e in energies.items()}
+    record = {s: model.changes(_of_record(reduction, s, e))[:, 0] for s, e in energies.items()}
     found = []
     for k, source in enumerate(model.sources):
         of_gaps = source.part == "gap"
@@ -194,16 +194,23 @@ def _together(errors: Iterable[EnergyError]) -> tuple[EnergyError, ...]:
     )
 
 
-def _of_record(reduction: Reduction, waves: Energy) -> Energy:
+def _of_record(reduction: Reduction, stage: str, waves: Energy) -> Energy:
     """What gives the energy of a stage over the record for any errors of its channels, by what gives those of its waves."""
-    run, ones = reduction.run, np.ones(reduction.run.t.size)
-    x, y = (*(run.channels[name] for name in waves.channels), ones)[:2]
-    whole = _over_record(reduction, [of.__getitem__ for of in (x * y, x, y, ones)])
-    gaps = all_gaps(run, reduction.rig.cascade.channels)
-    short = gaps[np.ptp(gaps, axis=1) <= reduction.rig.thresholds.gap_max]  # which are bridged
-    missed = energy_error(run.t, waves.scale * x * y, short, run.t[[[0, -1]]], np.zeros(1))
-    sampled = waves.sampled.sum(keepdims=True) * whole[3] / max(float(waves.integrals[3].sum()), TINY)
-    return msgspec.structs.replace(waves, integrals=whole[:, None], sampled=sampled, bridged=missed / math.sqrt(3.0))
+    run, rig = reduction.run, reduction.rig
+    power = next(s for s in rig.cascade.stages if s.name == stage).power(run.channels, rig.r_drum)
+    if power is None:
+        return waves.total()
+    gaps = all_gaps(run, rig.cascade.channels)
+    short = gaps[np.ptp(gaps, axis=1) <= rig.thresholds.gap_max]  # which are bridged
+    missed = energy_error(
+        run.t, power.stream(run.channels, rig.r_drum)(slice(None)), short, run.t[[[0, -1]]], np.zeros(1)
+    )
+    duration = float(np.ptp(run.t)) - float(np.ptp(_long_gaps(reduction), axis=1).sum())
+    sampled = waves.integrals[-1].sum() * duration / max(float(waves.t.sum()), TINY)
+    whole = _over_record(reduction, integrands(run, power, rig.r_drum))
+    return msgspec.structs.replace(
+        waves, integrals=np.append(whole, sampled)[:, None], t=np.array([duration]), bridged=missed / math.sqrt(3.0)
+    )
 
 
 def _over_record(reduction: Reduction, streams: Sequence[Stream]) -> Signal:

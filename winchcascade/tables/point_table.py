@@ -19,8 +19,8 @@ from winchcascade.core.published_table import ENERGY_UNITS, PublishedTable, Span
 from winchcascade.core.quantity import find_unit, read_as
 from winchcascade.core.table_toml import load_table
 from winchcascade.core.toml_text import Expected, check_keys, entry, read_toml, toml_values
-from winchcascade.ingest.cells import looks_like_a_number, numbers, split_row
-from winchcascade.ingest.layout import decimal_sign, find_encoding
+from winchcascade.ingest.cells import decimal_sign, looks_like_a_number, number, split_row
+from winchcascade.ingest.formats.text import find_encoding
 
 _LAW = re.compile(r"\s*(\w+)((?:\s*[*/]\s*\w+)*)\s*")
 _FACTOR = re.compile(r"([*/])\s*(\w+)")
@@ -300,7 +300,7 @@ def _cell(text: str, decimal: str, column: PointColumn) -> PointCell | None:
         return PointCell(math.inf, 0.0, text.strip())
     if not looks_like_a_number(text):
         return None
-    value = float(numbers([text], decimal)[0][0])
+    value = number(text, decimal)
     if not math.isfinite(value):
         return None
     return PointCell(

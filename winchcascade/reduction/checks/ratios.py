@@ -72,7 +72,7 @@ def sign_findings(run: Run, rig: Rig) -> list[Finding]:
         together = float(x @ y) / size if size > 0.0 else 0.0
         if not (together <= -OPPOSED and math.atanh(max(together, -LARGEST)) * math.sqrt(x.size) <= -CERTAIN):
             continue
-        names = [" * ".join(p.channels) for p in (logged[one], logged[other]) if p is not None]
+        names = [p.text for p in (logged[one], logged[other]) if p is not None]
         message = (
             f"the powers of {one} ({names[0]}) and {other} ({names[1]}) have opposite signs: their correlation over the log is "
             f"{together:.2f}"

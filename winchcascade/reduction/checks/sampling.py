@@ -306,8 +306,8 @@ def resolution_findings(phased: PhasedRun, energies: Energies) -> list[Finding]:
         product = stage.power(run.channels, phased.rig.r_drum)
         evaluated = max(joules[stage.name] or [0.0]) > NOTHING and not (stage.name in ELECTRICAL and idle)
         if product is not None and evaluated:
-            names = product.channels
-            for name, other in zip(names, names[::-1], strict=True):
+            pairs = [pair for term in product.terms for pair in zip(term.channels, term.channels[::-1], strict=True)]
+            for name, other in pairs:
                 level = median(np.array([_level(phased, name, other, w) for w in chosen]))
                 levels[name] = min(level, levels.get(name, math.inf))
     return [f for name, level in levels.items() if (f := _coarse(phased, name, level)) is not None]

@@ -1,0 +1,1 @@
+"""Faults of files: units, windows, several tables, cells."""
