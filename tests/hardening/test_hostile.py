@@ -13,7 +13,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import openpyxl
-import pint
 import pyarrow as pa
 import pypdf
 import pytest
@@ -24,7 +23,6 @@ from pyarrow import parquet
 from seeds import HEADERS, LOG, ROOT, ROWS, tdms, text
 
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.assign import _UNIT, _unit_by_pint
 from winchcascade.ingest.read import read_run
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="files as POSIX has them")
@@ -385,57 +383,6 @@ def test_a_runner_of_github_obeys_nothing_of_a_name(words: str, tmp_path: Path) 
     )
     assert sum(x.startswith("::error ") for x in own) == 2
     assert ElementTree.parse(junit).getroot().tag == "testsuites"
-
-
-# --- units to be evaluated
-
-EVALUATED = [
-    "9**9**9",
-    "m/s*9**9**9",
-    "N*9**9**9",
-    "(((N)))",
-    "m" * 61,
-    "N**99",
-    "1e999999999 N",
-    "N!",
-    "N if 1 else m",
-]
-
-
-@pytest.mark.parametrize("unit", EVALUATED)
-def test_arithmetic_in_a_unit_is_not_evaluated(unit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pint", None)  # whoever imports it fails
-    assert _unit_by_pint(unit, "force") is None
-    assert _unit_by_pint("m⁹⁹⁹⁹⁹⁹", "force") is None
-    names = [HEADERS[0], HEADERS[1], HEADERS[2], f"Force [{unit}]"]
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join([",".join(names), *(",".join([*row[:3], row[4]]) for row in ROWS)]), encoding="utf-8")
-    assert "unit_assumed" in {finding.kind for finding in read_run(path).findings}
-
-
-def test_every_unit_that_pint_knows_passes_the_grammar() -> None:
-    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
-    assert [name for name in (*registry._units, *registry._prefixes) if name and not re.fullmatch(_UNIT, name)] == []
-
-
-UNITS_OF_PINT = {
-    ("kilonewton", "force"): 1e3, ("kip", "force"): 4448.2216152605, ("kg m / s^2", "force"): 1.0,
-    ("m * s**-1", "velocity"): 1.0, ("m s⁻¹", "velocity"): 1.0, ("km/hour", "velocity"): 1 / 3.6, ("1/s * m", "velocity"): 1.0,
-    ("meters per second", "velocity"): 1.0, ("knot", "velocity"): 1852 / 3600, ("N/(mm^2)", "pressure"): 1e6,
-    ("N m⁻²", "pressure"): 1.0, ("torr", "pressure"): 101325 / 760, ("foot pound_force", "torque"): 1.3558179483314,
-    ("pound_force per square inch", "pressure"): 6894.757293168, ("kΩ A", "voltage"): 1e3,
-}  # fmt: skip
-
-
-def test_units_that_the_table_lacks_are_still_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    def check(unit: str, dimension: str) -> None:
-        found = _unit_by_pint(unit, dimension)
-        assert found is not None
-        assert found.factor == pytest.approx(UNITS_OF_PINT[unit, dimension], rel=1e-9)
-
-    registry: pint.UnitRegistry[float] = pint.UnitRegistry()  # one for all: it takes long to make
-    monkeypatch.setattr(pint, "UnitRegistry", lambda: registry)
-    assert failures(check, UNITS_OF_PINT) == []
 
 
 # --- paths

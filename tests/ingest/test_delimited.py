@@ -17,7 +17,7 @@ from loops import failures
 
 from winchcascade import read_run
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.cells import is_cut, looks_like_a_number, numbers, split_row
+from winchcascade.ingest.cells import is_cut, looks_like_a_number, number, split_row
 
 SIX_DIGITS = 1e-5
 """Numbers are written with six digits behind the point, or seven in all."""
@@ -75,7 +75,7 @@ def test_a_number_survives_being_written_and_read(value: float, decimal: str, fo
     if decimal == ",":
         written = written.translate(str.maketrans(",.", ".,"))
     assert looks_like_a_number(written)
-    assert numbers([written], decimal)[0][0] == pytest.approx(value, rel=1e-9, abs=1e-6)
+    assert number(written, decimal) == pytest.approx(value, rel=1e-9, abs=1e-6)
 
 
 MARKS = [

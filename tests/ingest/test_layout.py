@@ -9,7 +9,7 @@ from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, ki
 
 from winchcascade import Rig, read_run
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.layout import find_encoding
+from winchcascade.ingest.formats.text import find_encoding
 
 GLUED = [header.replace(" ", "") for header in HEAD]
 NO_TIME = [row[1:] for row in ROWS]

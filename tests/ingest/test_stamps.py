@@ -12,7 +12,8 @@ from daily import daily
 from loops import failures
 
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.cells import looks_like_a_stamp, seconds, waveform
+from winchcascade.ingest.cells import looks_like_a_stamp, seconds
+from winchcascade.ingest.layout import waveform
 
 COARSE = 0.002
 """Stamps of a tenth or a whole second leave a few hundredths of a second open."""

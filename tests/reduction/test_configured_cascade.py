@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from msgspec.structs import astuple
 
 from winchcascade.core.cascade import PAPER
 from winchcascade.core.errors import RigError
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import read_rig
+from winchcascade.core.rig_toml import parse_rig, read_rig
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.content import Table
 from winchcascade.report.frames import write_parquet
 from winchcascade.report.records import reduction_json
@@ -124,8 +125,63 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("power", "watts"),
+    [
+        ("vdc * idc + 60 * charge", 2.0 * 3.0 + 60.0 * 5.0),
+        ("60 * charge - vdc*idc", 60.0 * 5.0 - 2.0 * 3.0),
+        (" - force * velocity - 1.5e1 * power_ac", -11.0 * 13.0 - 15.0 * 7.0),
+        ("0.5 * torque * speed + 4", 0.5 * 17.0 * 19.0 + 4.0),
+        ("torque * velocity + power_mech", 17.0 * 13.0 / 0.13 + 23.0),
+    ],
+)
+def test_a_power_is_a_sum_of_products_of_channels_and_constants(power: str, watts: float) -> None:
+    names = ("vdc", "idc", "charge", "power_ac", "force", "velocity", "torque", "speed", "power_mech")
+    channels = {name: np.full(2, x) for name, x in zip(names, (2, 3, 5, 7, 11, 13, 17, 19, 23), strict=True)}
+    text = f'[channels.charge]\nunit = "A"\n[stage.own]\npower = "{power}"\n[cascade]\nstages = ["line", "own"]\n'
+    stage = parse_rig('name = "bench"\n' + text, "rig.toml").cascade.stages[1]
+    assert stage.watts(channels, 0.13) == pytest.approx(watts)
+    again = parse_rig(
+        'name = "bench"\n' + text.replace(power, stage.powers[0].text.replace(" / r_drum", "")), "rig.toml"
+    )
+    assert again.cascade.stages[1].powers == stage.powers
+
+
+def test_what_flows_back_has_its_own_efficiency(tmp_path: Path) -> None:
+    t = np.arange(0.0, 40.0, 0.05)
+    force = 100.0 + 20.0 * np.sin(3.0 * t)
+    v = np.sin(0.25 * np.pi * t)
+    out = force * v * np.where(v > 0.0, 0.8, 1.0 / 0.6)
+    rows = [f"{a:.2f},{b:.9f},{c:.9f},{d:.9f}" for a, b, c, d in zip(t, force, v, out, strict=True)]
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(["Time (s),Force (N),Velocity (m/s),AC power (W)", *rows]))
+    bench = parse_rig('name = "bench"\n[cascade]\nstages = ["line", "ac"]\n', "rig.toml")
+    result = reduce(read_run(log, rig=bench))
+    stages = json.loads(reduction_json(result))["stages"]
+    assert len(result.complete) > 2
+    assert stages["efficiency_out"]["eta_line_ac"] == pytest.approx(0.8, rel=1e-3)
+    assert stages["efficiency_back"]["eta_line_ac"] == pytest.approx(0.6, rel=1e-3)
+    cycles = [c.net for c in result.complete]
+    rest = [np.interp(np.linspace(c.begin, c.end, 9999), t, force * v).mean() * (c.end - c.begin) for c in cycles]
+    assert stages["energy_out_j"]["line"] + stages["energy_back_j"]["line"] == pytest.approx(sum(rest), abs=0.5)
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
+        *(
+            (f'[stage.hyd]\npower = "{power}"\n', "power")
+            for power in (
+                "",
+                "2",
+                "vdc idc",
+                "vdc * * idc",
+                "(vdc * idc)",
+                "1e999 * vdc",
+                "0 * vdc",
+                "3 * displacement",
+                "vdc +",
+            )
+        ),
         (
             '[cascade]\nstages = ["line", "shaft"]\n',
             "'shaft' is no stage; expected names among line, mech, gen, hyd, ac",
@@ -139,7 +195,7 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
         ('[stage.hyd_2]\npower = "power_ac"\n', "a name of letters and digits"),
         ('[stage.net]\npower = "power_ac"\n', "a name of letters and digits"),
         ('[stage.hyd]\npower = "force * velocity * vdc"\n', "is no power"),
-        ('[stage]\nhyd = "force * velocity"\n', "[stage.hyd]"),
+        ('[stage]\nhyd = "force * velocity"\n', "stage is"),
     ],
 )
 def test_a_wrong_cascade_is_one_sentence(tmp_path: Path, text: str, words: str) -> None:
@@ -189,7 +245,7 @@ def test_a_whole_record_states_what_flows_both_ways_and_bears_a_short_gap(tmp_pa
     result = reduce(read_run(log, rig=bench), rig=bench)
     fine = np.arange(0.0, 200.0, 1e-3)
     power = (2.0 * np.sin(0.8 * fine) + 0.3) * 3.0 * np.sin(0.8 * fine + 1.2)
-    forth, back = result.both_ways["mech"]
+    forth, back = astuple(result.both_ways["mech"])
     assert len(result.complete) == 1
     assert forth == pytest.approx(float(np.maximum(power, 0.0).sum() * 1e-3), rel=0.02)
     assert back == pytest.approx(float(np.minimum(power, 0.0).sum() * 1e-3), rel=0.03)

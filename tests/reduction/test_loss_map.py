@@ -56,11 +56,11 @@ def points_at(torque: np.ndarray, speed: np.ndarray, noise: np.ndarray) -> LossP
     columns, n = columns_at(torque, speed), torque.size
     power_in = torque * speed
     power_out = power_in - columns @ TRUE + noise
-    products = (TWO.stages[0].powers[-1], TWO.stages[1].powers[-1])
+    made_of = (TWO.stages[0].powers[-1], TWO.stages[1].powers[-1])
     return LossPoints(
         ("mech", "gen"), torque, speed, power_in, power_out, np.zeros(n), columns,
         {"torque": torque, "speed": speed, "vdc": np.full(n, 100.0), "idc": power_out / 100.0},
-        products, np.full(n, 2.0), np.arange(n), np.zeros(n, dtype=np.intp), ("bench.csv",), {},
+        made_of, np.full(n, 2.0), np.arange(n), np.zeros(n, dtype=np.intp), ("bench.csv",), {},
     )  # fmt: skip
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeAlias
+from operator import add, mul
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 from msgspec.structs import replace
@@ -15,66 +16,100 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Signal: TypeAlias = NDArray[np.float64]
+    Index: TypeAlias = NDArray[np.intp]
 
 Stream: TypeAlias = "Callable[[slice | NDArray[np.intp]], Signal]"
 """Gives the signal for some rows of a log."""
 
 
-class Product(msgspec.Struct, frozen=True):
-    """A power as one logged power or as the product of two channels, divided by the drum radius with `by_radius`.
+class Term(msgspec.Struct, frozen=True):
+    """A product of channels and a constant that is a power, divided by the drum radius with `by_radius`.
 
-    `sign` is -1 where the log counts the power against the direction of the cascade.
+    The constant has the unit that the channels lack: 60 of a current is a voltage of 60 V. It is negative where the power
+    subtracts the term.
     """
 
     channels: tuple[str, ...]
+    constant: float = 1.0
     by_radius: bool = False
-    sign: float = 1.0
-
-    def as_read(self, turned: Collection[str]) -> Product:
-        """The product for channels of which some have another sign than in the log."""
-        odd = sum(name in turned for name in self.channels) % 2 == 1
-        return replace(self, sign=1.0) if self.sign < 0 and odd else self
 
     @property
     def text(self) -> str:
-        """The product as a rig file writes it."""
-        return "-" * (self.sign < 0) + " * ".join(self.channels) + (" / r_drum" if self.by_radius else "")
+        """The term as a rig file writes it, without its sign."""
+        factors = (
+            self.channels
+            if abs(self.constant) == 1.0 and self.channels
+            else (f"{abs(self.constant):g}", *self.channels)
+        )
+        return " * ".join(factors) + (" / r_drum" if self.by_radius else "")
 
     def scale(self, r_drum: float | None) -> float:
-        """Factor that turns the product of the channels into the power. [1, or 1/m with the drum radius]"""
-        return self.sign / r_drum if self.by_radius and r_drum is not None else self.sign
+        """Factor that turns the product of the channels into the power. [SI unit of the power over those of the channels]"""
+        return self.constant / r_drum if self.by_radius and r_drum is not None else self.constant
+
+    def watts(self, channels: Mapping[str, Signal], r_drum: float | None, part: slice | Index) -> Signal:
+        """Power in some rows of a log, all of its channels being there. [W]"""
+        factors: list[Any] = [channels[name][part] for name in self.channels]
+        scale = self.scale(r_drum)
+        if scale != 1.0 or not factors:
+            factors.append(scale)
+        watts: Signal = reduce(mul, factors)
+        return watts
+
+
+class Power(msgspec.Struct, frozen=True):
+    """A power as a sum of terms, at least one of which has a channel; what is linear in it is worked out term by term."""
+
+    terms: tuple[Term, ...]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels of all terms."""
+        return tuple(dict.fromkeys(name for term in self.terms for name in term.channels))
+
+    @property
+    def text(self) -> str:
+        """The power as a rig file writes it."""
+        signed = "".join(f" {'-' if term.constant < 0 else '+'} {term.text}" for term in self.terms)
+        return signed.removeprefix(" + ") if signed.startswith(" +") else "-" + signed.removeprefix(" - ")
+
+    def known(self, channels: Collection[str], r_drum: float | None) -> bool:
+        """Whether log and rig have what the power needs."""
+        radius = r_drum is not None or not any(term.by_radius for term in self.terms)
+        return radius and all(name in channels for name in self.channels)
+
+    def stream(self, channels: Mapping[str, Signal], r_drum: float | None) -> Stream:
+        """Power as a function of the rows of the log. [W]"""
+        return lambda part: reduce(add, [term.watts(channels, r_drum, part) for term in self.terms])
+
+    def as_read(self, turned: Collection[str]) -> Power:
+        """The power for channels of which some have another sign than in the log.
+
+        The minus sign of a single term speaks of the log: where one of its channels was turned, it is done already.
+        """
+        odd = sum(name in turned for name in self.channels) % 2 == 1
+        done = len(self.terms) == 1 and self.terms[0].constant < 0 and odd
+        return Power((replace(self.terms[0], constant=-self.terms[0].constant),)) if done else self
 
 
 class Stage(msgspec.Struct, frozen=True):
-    """One stage of a cascade. Of its `powers` the first counts whose channels the log has.
+    """One stage of a cascade. Of its `powers` the first counts that log and rig have all of.
 
     `where` describes the place at which the power flows.
     """
 
     name: str
-    powers: tuple[Product, ...]
+    powers: tuple[Power, ...]
     where: str = ""
 
-    def power(self, channels: Mapping[str, Signal], r_drum: float | None) -> Product | None:
-        """Product that gives the power of this stage, None where log or rig lack what it needs."""
-        for product in self.powers:
-            if all(name in channels for name in product.channels) and not (product.by_radius and r_drum is None):
-                return product
-        return None
+    def power(self, channels: Collection[str], r_drum: float | None) -> Power | None:
+        """What the power of this stage is made of, None where log or rig lack what it needs."""
+        return next((power for power in self.powers if power.known(channels, r_drum)), None)
 
     def stream(self, channels: Mapping[str, Signal], r_drum: float | None) -> Stream | None:
         """Power as a function of the rows of the log, None where log or rig lack what it needs. [W]"""
-        product = self.power(channels, r_drum)
-        if product is None:
-            return None
-        sign, (x, *others) = product.sign, (channels[name] for name in product.channels)
-        if not others:
-            return x.__getitem__ if sign > 0 else lambda part: -x[part]
-        y = others[0]
-        if product.by_radius and r_drum is not None:
-            signed = sign * r_drum
-            return lambda part: x[part] * (y[part] / signed)
-        return (lambda part: x[part] * y[part]) if sign > 0 else lambda part: -x[part] * y[part]
+        power = self.power(channels, r_drum)
+        return None if power is None else power.stream(channels, r_drum)
 
     def watts(self, channels: Mapping[str, Signal], r_drum: float | None) -> Signal | None:
         """Power over the whole log, (n,), None where log or rig lack what it needs. [W]"""
@@ -82,18 +117,21 @@ class Stage(msgspec.Struct, frozen=True):
         return None if stream is None else stream(slice(None))
 
 
+def _built_in(name: str, where: str, *terms: Term) -> Stage:
+    """A stage whose power may be made of any of some terms."""
+    return Stage(name, tuple(Power((term,)) for term in terms), where)
+
+
+_SHAFT = Term(("power_mech",)), Term(("torque", "velocity"), by_radius=True), Term(("torque", "speed"))
+
 BUILT_IN: dict[str, Stage] = {
     stage.name: stage
     for stage in (
-        Stage("line", (Product(("force", "velocity")),), "the line (force times speed)"),
-        Stage(
-            "mech",
-            (Product(("power_mech",)), Product(("torque", "velocity"), by_radius=True), Product(("torque", "speed"))),
-            "the shaft",
-        ),
-        Stage("gen", (Product(("vdc", "idc")),), "the DC link (Vdc times Idc)"),
-        Stage("hyd", (Product(("pressure", "flow")),), "the hydraulic circuit (pressure times flow)"),
-        Stage("ac", (Product(("power_ac",)),), "the AC terminals"),
+        _built_in("line", "the line (force times speed)", Term(("force", "velocity"))),
+        _built_in("mech", "the shaft", *_SHAFT),
+        _built_in("gen", "the DC link (Vdc times Idc)", Term(("vdc", "idc"))),
+        _built_in("hyd", "the hydraulic circuit (pressure times flow)", Term(("pressure", "flow"))),
+        _built_in("ac", "the AC terminals", Term(("power_ac",))),
     )
 }
 """Stages that a rig file need not define."""
@@ -127,7 +165,7 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
     @property
     def channels(self) -> tuple[str, ...]:
         """Channels that the powers may be made of, and the line velocity."""
-        factors = (name for stage in self.stages for product in stage.powers for name in product.channels)
+        factors = (name for stage in self.stages for power in stage.powers for name in power.channels)
         return tuple(dict.fromkeys(("velocity", *factors)))
 
     @property
@@ -190,12 +228,10 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
         return self.metrics + self.net_metrics
 
     def as_read(self, turned: Collection[str]) -> Cascade:
-        """The cascade for channels of which some have another sign than in the log.
-
-        A minus sign of a rig file speaks of the log: where a channel of the product was turned, the minus sign is done already.
-        """
-        stages = tuple(replace(stage, powers=tuple(p.as_read(turned) for p in stage.powers)) for stage in self.stages)
-        return self if stages == self.stages else replace(self, stages=stages)
+        """The cascade for channels of which some have another sign than in the log."""
+        return replace(
+            self, stages=tuple(replace(s, powers=tuple(p.as_read(turned) for p in s.powers)) for s in self.stages)
+        )
 
     def between(self, efficiency: str) -> tuple[str, str]:
         """Stages that an efficiency leads from and to."""

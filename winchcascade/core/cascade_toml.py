@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Product, Stage
+from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Power, Stage, Term
 from winchcascade.core.channels import Channel
 from winchcascade.core.errors import RigError
 
@@ -25,6 +26,11 @@ _FACTORS = (
 )
 """Dimensions of two channels whose product is a power."""
 
+_FACTOR = r"\s*([A-Za-z]\w*|\d+(\.\d*)?([eE][+-]?\d+)?)\s*"
+
+_TERM = re.compile(rf"\s*(?P<sign>[+-]?)(?P<factors>{_FACTOR}(\*{_FACTOR})*)")
+"""One term of a power: its sign, and its factors, which are names of channels and numbers."""
+
 
 class CascadeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Table [cascade]: stages in the direction in which power flows."""
@@ -33,7 +39,7 @@ class CascadeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StageTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Table [stage.NAME]: power as a channel or a product of two, and the place where it flows."""
+    """Table [stage.NAME]: power as `read_power` reads it, and the place where it flows."""
 
     power: str
     where: str = ""
@@ -70,29 +76,75 @@ def read_cascade(
 
 
 def _stage(name: str, table: StageTable, known: Mapping[str, Channel], place: str) -> Stage:
+    """The stage of a table [stage.NAME]."""
     if _NAME.fullmatch(name) is None or name in _RESERVED:
         raise RigError(
             f"{place}: expected a name of letters and digits that is none of {', '.join(_RESERVED)}, such as hyd."
         )
-    text, sign = table.power.strip(), 1.0
-    if text.startswith("-"):
-        text, sign = text[1:].strip(), -1.0
-    channels = tuple(part.strip() for part in text.split("*"))
+    power = read_power(table.power, known, f"{place}: power = {table.power!r}")
+    return Stage(name, (power,), table.where or (BUILT_IN[name].where if name in BUILT_IN else power.text))
+
+
+def read_power(text: str, known: Mapping[str, Channel], place: str) -> Power:
+    """Read a power: terms joined by + and -, each a product of channels and constants.
+
+    Parameters
+    ----------
+    known : channels by name
+    place : of the text in the rig file, for messages
+
+    Raises
+    ------
+    RigError : another text, an unknown channel, or a term that is no power
+
+    Examples
+    --------
+    >>> from winchcascade.core.channels import CHANNELS
+    >>> read_power("vdc * idc - 60 * idc", CHANNELS, "rig.toml").terms[1]
+    Term(channels=('idc',), constant=-60.0, by_radius=False)
+    """
+    terms: list[Term] = []
+    end = 0
+    while end < len(text) or not terms:
+        found = _TERM.match(text, end)
+        if found is None or (terms and not found["sign"]):
+            raise RigError(
+                f"{place}: {text[end:].strip()[:40]!r} is no term of a power; expected products of channels and constants, "
+                'joined by + and -, such as "vdc * idc + 60 * charge".'
+            )
+        terms.append(_term(found["sign"] == "-", found["factors"], known, place))
+        end = found.end()
+    if not any(term.channels for term in terms):
+        raise RigError(f"{place} is no power; expected at least one channel.")
+    return Power(tuple(terms))
+
+
+def _term(negative: bool, text: str, known: Mapping[str, Channel], place: str) -> Term:
+    """One term of a power; RigError for an unknown channel and for a product that is no power."""
+    factors = [factor.strip() for factor in text.split("*")]
+    channels = tuple(factor for factor in factors if not factor[0].isdigit())
+    constant = math.prod(float(factor) for factor in factors if factor[0].isdigit())
     for channel in channels:
         if channel not in known:
             raise RigError(
-                f"{place}: power = {table.power!r} needs a channel {channel!r}, which is unknown; expected one of "
-                f'{", ".join(known)}. Define your own as [channels.NAME] with unit = "...".'
+                f"{place} needs a channel {channel!r}, which is unknown; expected one of {', '.join(known)}. Define your own "
+                'as [channels.NAME] with unit = "...".'
             )
-    product = Product(channels, by_radius=set(channels) == {"torque", "velocity"}, sign=sign)
-    if not _is_power([known[channel].dimension for channel in channels]) and not product.by_radius:
+    by_radius = set(channels) == {"torque", "velocity"} and len(channels) == 2
+    dimensions = [known[channel].dimension for channel in channels]
+    if (
+        not (by_radius or _is_power(dimensions, with_constant=len(factors) > len(channels)))
+        or not 0.0 < constant < math.inf
+    ):
         raise RigError(
-            f"{place}: power = {table.power!r} is no power; expected a channel in W, or force * velocity, torque * speed, a "
-            "voltage times a current, or a pressure times a flow."
+            f"{place}: {text.strip()!r} is no power; expected a channel in W, force * velocity, torque * speed, a voltage "
+            "times a current, or a pressure times a flow, one of which may be a constant in SI units."
         )
-    return Stage(name, (product,), table.where or (BUILT_IN[name].where if name in BUILT_IN else product.text))
+    return Term(channels, -constant if negative else constant, by_radius)
 
 
-def _is_power(dimensions: Sequence[str]) -> bool:
-    """Whether channels of these dimensions give a power."""
+def _is_power(dimensions: Sequence[str], *, with_constant: bool) -> bool:
+    """Whether channels of these dimensions give a power, also with a constant in place of all or of one of two."""
+    if with_constant and len(dimensions) < 2:
+        return not dimensions or dimensions[0] in {"power"}.union(*_FACTORS)
     return list(dimensions) == ["power"] or (len(dimensions) == 2 and set(dimensions) in _FACTORS)

@@ -5,6 +5,7 @@ Inside the program every number is in SI units; other units appear only where fi
 
 from __future__ import annotations
 
+import re
 import unicodedata
 
 import msgspec
@@ -33,57 +34,80 @@ class Unit(msgspec.Struct, frozen=True):
 
 _SPELLED: dict[tuple[str, float], str] = {
     ("time", 1.0): "s sec secs second seconds 秒 sek с",
-    ("time", 1e-3): "ms msec millisecond milliseconds 毫秒",
-    ("time", 1e-6): "us µs μs microsecond microseconds",
-    ("time", 1e-9): "ns",
+    ("time", 1e-3): "ms msec millis millisecond milliseconds 毫秒",
+    ("time", 1e-6): "us µs μs usec microsecond microseconds",
+    ("time", 1e-9): "ns nsec nanosecond",
     ("time", 60.0): "min minute minutes",
     ("time", 3600.0): "h hr hour hours",
     ("time", 86400.0): "d day days",
     ("length", 1.0): "m meter metre meters metres 公尺 米 м",
     ("length", 1e-2): "cm 公分 厘米",
     ("length", 1e-3): "mm millimeter millimetre 公釐 毫米",
+    ("length", 1e3): "km",
     ("length", 0.0254): "in inch inches",
     ("length", 0.3048): "ft foot feet",
-    ("velocity", 1.0): "m/s mps m/sec ms-1 m.s-1 m_s m_per_s 公尺/秒 米/秒 м/с",
+    ("length", 0.9144): "yd yds yard yards",
+    ("velocity", 1.0): "m/s mps m/sec ms-1 m.s-1 meter/second metre/second meter/sec 公尺/秒 米/秒 м/с",
     ("velocity", 1e-2): "cm/s cm/sec",
-    ("velocity", 1e-3): "mm/s mm/sec mmps mm_s",
+    ("velocity", 1e-3): "mm/s mm/sec mmps",
     ("velocity", 1.0 / 60.0): "m/min mpm",
-    ("velocity", 1.0 / 3.6): "km/h kmh kph",
-    ("velocity", 0.3048): "ft/s fps",
-    ("pressure", 1.0): "Pa",
+    ("velocity", 1.0 / 3.6): "km/h km/hr km/hour kmh kph kmph",
+    ("velocity", 0.0254): "in/s in/sec ips",
+    ("velocity", 0.3048): "ft/s ft/sec fps",
+    ("velocity", 0.3048 / 60.0): "ft/min fpm",
+    ("velocity", 0.9144): "yd/s yd/sec",
+    ("velocity", 0.44704): "mph",
+    ("velocity", 1852.0 / 3600.0): "kt knot knots",
+    ("pressure", 1.0): "Pa N/m2 N.m-2 pascal",
     ("pressure", 1e2): "hPa mbar",
-    ("pressure", 1e3): "kPa",
-    ("pressure", 1e6): "MPa Mpa MPA N/mm2",
+    ("pressure", 1e3): "kPa kilopascal",
+    ("pressure", 1e6): "MPa Mpa MPA N/mm2 N/(mm2) megapascal",
     ("pressure", 1e5): "bar barg bar(g) bar_g bargauge",
-    ("pressure", 6894.757293168): "psi psig psi(g) lbf/in2",
+    ("pressure", 6894.757293168): "psi psig psi(g) lbf/in2 lbf/sq.in",
+    ("pressure", 101325.0 / 760.0): "mmHg torr",
+    ("pressure", 3386.389): "inHg",
     ("pressure", KGCM2): "kg/cm2 kgf/cm2 kg/cm2g kgf/cm2g kg/cm2(g) kgcm2 kgfcm2 kg_cm2 kgf.cm-2 kg.cm-2"
     " kg/sq.cm kgf/sq.cm at 公斤/平方公分 кгс/см2",
     ("force", 1.0): "N newton newtons 牛頓 牛 Н",
+    ("force", 1e-3): "mN",
     ("force", 10.0): "daN",
-    ("force", 1e3): "kN",
+    ("force", 1e3): "kN kilonewton",
+    ("force", 1e6): "MN",
+    ("force", KGF * 1e-3): "gf",
     ("force", KGF): "kgf kg kp 公斤 公斤力",
     ("force", KGF * 1e3): "tf t tonf ton tonne",
-    ("force", 4.4482216152605): "lbf lb lbs",
-    ("torque", 1.0): "N.m Nm N-m N_m newtonmeter 牛頓米 牛米 Н.м",
+    ("force", 4.4482216152605): "lbf lb lbs pound pounds poundforce",
+    ("force", 4448.2216152605): "kip klbf",
+    ("force", 0.27801385095378): "ozf oz",
+    ("torque", 1.0): "N.m Nm N-m N_m newtonmeter newtonmetre newton-meter 牛頓米 牛米 Н.м",
     ("torque", 1e-3): "mN.m mNm N.mm Nmm",
     ("torque", 1e-2): "cN.m cNm N.cm Ncm",
     ("torque", 1e3): "kN.m kNm kN-m",
     ("torque", KGF): "kgf.m kgfm kg.m kgm kgf-m kg-m",
     ("torque", KGF * 1e-2): "kgf.cm kg.cm kgf-cm",
-    ("torque", 1.3558179483314): "lbf.ft ft.lbf ft.lb lb.ft lbft ftlb lb-ft ft-lb",
+    ("torque", KGF * 1e-5): "gf.cm g.cm gf-cm",
+    ("torque", 1.3558179483314): "lbf.ft ft.lbf ft.lb lb.ft lbft ftlb lb-ft ft-lb footpound footpoundforce",
     ("torque", 0.1129848290276): "lbf.in in.lbf in.lb lb.in lb-in in-lb",
+    ("torque", 0.0070615518142261): "ozf.in oz.in oz-in ozin in.oz",
     ("voltage", 1.0): "V volt volts Vdc VDC V_dc voltdc 伏特 伏 В",
     ("voltage", 1e-3): "mV",
     ("voltage", 1e3): "kV",
     ("current", 1.0): "A amp amps ampere amperes Adc ADC 安培 安 А",
-    ("current", 1e-3): "mA MA ma",
+    ("current", 1e-3): "mA MA ma milliamp",
+    ("current", 1e-6): "uA µA μA",
+    ("current", 1e3): "kA",
     ("power", 1e-6): "uW µW μW",
     ("power", 1e-3): "mW",
     ("power", 1.0): "W watt watts 瓦 瓦特",
-    ("power", 1e3): "kW",
+    ("power", 1e3): "kW kilowatt",
+    ("power", 745.6998715822702): "hp",
+    ("power", 735.49875): "PS",
     ("power", 1e6): "MW",
-    ("rotation", 1.0): "rad/s rads rad.s-1",
-    ("rotation", 0.10471975511965977): "rpm r/min 1/min min-1 rev/min U/min Umin tr/min giri/min omw/min об/мин obr/min"
+    ("rotation", 1.0): "rad/s rad/sec rads rad.s-1 radian/second",
+    (
+        "rotation",
+        0.10471975511965977,
+    ): "rpm rpms r/min 1/min min-1 rev/min U/min Umin revolution/minute tr/min giri/min omw/min об/мин obr/min"
     " 轉/分 转/分 回転/分",
     ("rotation", 0.017453292519943295): "deg/s °/s deg.s-1",
     ("rotation", TURN): "rev/s r/s rps U/s tr/s giri/s",
@@ -108,7 +132,8 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("flow", 1e-3): "L/s l/s dm3/s",
     ("flow", 1e-3 / 60.0): "L/min l/min lpm dm3/min",
     ("flow", 1e-3 / 3600.0): "L/h l/h",
-    ("flow", 1e-6): "cm3/s mL/s",
+    ("flow", 1e-6): "cm3/s mL/s cc/s",
+    ("flow", 1e-6 / 60.0): "cm3/min mL/min cc/min",
     ("mass_flow", 1.0): "kg/s",
     ("mass_flow", 1.0 / 60.0): "kg/min",
     ("mass_flow", 1.0 / 3600.0): "kg/h",
@@ -164,7 +189,7 @@ UNITS: dict[str, Unit] = {
     )
     for name in names.split()
 }
-"""Every unit that a log or a rig file may name without an import of pint; pressures are gauge unless named as absolute."""
+"""Every unit that a log or a rig file may name; pressures are gauge unless named as absolute."""
 
 _FOLDED_CASE: dict[str, Unit | None] = {}
 for _name, _unit in UNITS.items():
@@ -175,13 +200,21 @@ for _name, _unit in UNITS.items():
 def find_unit(text: str) -> Unit | None:
     """Find a unit in the table, in another case if only one fits then; None for one it does not hold.
 
-    >>> find_unit("kgf/cm²").dimension, find_unit("N·m").factor, find_unit("furlong")
-    ('pressure', 1.0, None)
+    >>> find_unit("kgf/cm²").dimension, find_unit("N·m").factor, find_unit("meters per second").factor, find_unit("furlong")
+    ('pressure', 1.0, 1.0, None)
     """
     plain = _plain(text)
     if plain == "mPa":
         return None
-    return UNITS.get(plain) or _FOLDED_CASE.get(plain.casefold())
+    spelled = (plain, _PER.sub("/", text), plain.replace("_", "/"))
+    forms = dict.fromkeys((*map(_plain, spelled), *(_PLURAL.sub("", _plain(form)) for form in spelled)))
+    exact = (UNITS[form] for form in forms if form in UNITS)
+    return next(exact, None) or next(filter(None, (_FOLDED_CASE.get(form.casefold()) for form in forms)), None)
+
+
+_PER = re.compile(r"[\s_]+per[\s_]+", re.IGNORECASE)
+_PLURAL = re.compile(r"(?<=[a-z]{3})s(?=/|$)", re.IGNORECASE)
+"""An s behind a spelled unit, as in kilonewtons and meters/second."""
 
 
 def read_as(unit: Unit | None, dimension: str) -> Unit | None:

@@ -11,7 +11,6 @@ from datetime import date
 import numpy as np
 
 from winchcascade.core.integrate import median
-from winchcascade.core.quantity import find_unit
 from winchcascade.core.run import Signal
 
 NOT_NUMBERS = (
@@ -21,31 +20,27 @@ NOT_NUMBERS = (
 )  # fmt: skip
 """Cells that loggers write where they have no number."""
 
+CELL_LENGTH_MAX = 400
+"""No number has more characters: the largest float has 309 digits. A search in longer ones would take long."""
+
 _NUMBER = re.compile(
     r"""\s*["']?[-+\u2212\u2013]?(?:\d{1,3}(?:[.,'’ \xa0\u202f]\d{3})+(?:[.,]\d*)?|\d+[.,]?\d*|[.,]\d+)
     (?:[eEdD][-+]?\d+)?["']?\s*$""",
     re.VERBOSE,
 )
-_PLAIN_NUMBERS = re.compile(r"(?:[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?\0)+")
-_PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
+_PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 _GROUPED = {
     ".": re.compile(r"([-+]?[1-9]\d{0,2}(?:[,'’ \xa0\u202f]\d{3})+)(\.\d*)?$"),
     ",": re.compile(r"([-+]?[1-9]\d{0,2}(?:[.'’ \xa0\u202f]\d{3})+)(,\d*)?$"),
 }
 """Digits in groups of three, by the decimal sign of the file."""
 
-LONGEST = 400
-"""No number has more characters: the largest float has 309 digits. A search in longer ones would take long."""
-
 _MINUS = str.maketrans("\u2212\u2013\u2010\u2011\uff0d\ufe63", "------")
-_BLANKS = re.compile(r"[ \t]+")
 
 
 def split_row(line: str, delimiter: str) -> list[str]:
-    """Cells of one row, quotes taken off; a blank as delimiter stands for any run of blanks."""
+    """Cut one row into cells, quotes taken off; a blank as delimiter stands for any run of blanks."""
     line = line.rstrip("\r\n")
-    if '"' not in line and line.split() == [line]:  # without blanks, as most rows are
-        return line.split(delimiter)
     if '"' in line and line.count('"') % 2 == 0:
         import csv
 
@@ -53,67 +48,57 @@ def split_row(line: str, delimiter: str) -> list[str]:
             row = next(csv.reader([line.strip(" ")], delimiter=delimiter, skipinitialspace=True))
             return [cell.strip() for cell in row]
     line = line.replace('"', "")
-    if delimiter == " ":
-        return _BLANKS.split(line.strip())
-    return [cell.strip() for cell in line.split(delimiter)]
+    return re.split(r"[ \t]+", line.strip()) if delimiter == " " else [cell.strip() for cell in line.split(delimiter)]
 
 
 def looks_like_a_number(cell: str) -> bool:
     """Whether a cell is a number in any way of writing one."""
-    return len(cell) <= LONGEST and _NUMBER.match(cell) is not None
-
-
-def count_numbers(cells: Sequence[str]) -> int:
-    """How many cells are numbers in any way of writing one."""
-    text = "\0".join([*cells, ""])
-    if len(text) <= LONGEST and _PLAIN_NUMBERS.fullmatch(text) is not None:
-        return len(cells)  # found at once, as in most logs
-    return sum(map(looks_like_a_number, cells))
+    return len(cell) <= CELL_LENGTH_MAX and _NUMBER.match(cell) is not None
 
 
 def is_value(cell: str) -> bool:
     """Whether a cell holds what a column of data holds: a number, a mark for none, or a stamp."""
-    return looks_like_a_number(cell) or cell in NOT_NUMBERS or is_stamp(cell)
+    return looks_like_a_number(cell) or cell in NOT_NUMBERS or looks_like_a_stamp(cell)
 
 
-def is_stamp(cell: str) -> bool:
-    """Whether a cell is a date with a time, or a time of day."""
-    if ":" not in cell and cell[8:9] != "T" and "時" not in cell and "时" not in cell:
-        return False  # at no cost for the cells of a table of numbers
-    return looks_like_a_stamp(cell)
+def looks_like_a_stamp(cell: str) -> bool:
+    """Whether a cell is a date with a time, or a time of day.
+
+    >>> looks_like_a_stamp("2026-04-18T10:00:00.040"), looks_like_a_stamp("12.5")
+    (True, False)
+    """
+    timed = (
+        ":" in cell or cell[8:9] == "T" or "時" in cell or "时" in cell
+    )  # at no cost for the cells of a table of numbers
+    return timed and len(cell) < STAMP_LENGTH_MAX and re.match(_STAMP, cell, re.VERBOSE) is not None
 
 
-def _quick(cell: str, decimal: str) -> float:
-    """A number in its plain form; ValueError for any other text."""
-    if "_" in cell or (decimal == "," and "," not in cell and "." in cell):
-        raise ValueError
-    return float(cell.replace(",", ".") if decimal == "," else cell)
+def decimal_sign(rows: Sequence[Sequence[str]]) -> str:
+    """Find the decimal sign: a comma if more numbers hold a comma than a point."""
+    cells = [cell for row in rows for cell in row if "," in cell or "." in cell]
+    commas, points = (sum(sign in cell and looks_like_a_number(cell) for cell in cells) for sign in ",.")
+    return "," if commas > points else "."
+
+
+def number(cell: str, decimal: str) -> float:
+    """Read a text as a number in any way of writing one; NaN for one that is none.
+
+    >>> number("1.234,5", ","), number("−0,018", ","), number("OVL", ",")
+    (1234.5, -0.018, nan)
+    """
+    text = cell.strip().strip("\"'").translate(_MINUS)
+    group = _GROUPED[decimal].match(text)
+    if group is not None:
+        text = re.sub(r"[^-+\d]", "", group[1]) + (group[2] or "")
+    text = re.sub("[dD]", "e", text.replace(",", ".", 1)).replace("E", "e")
+    return float(text) if _PLAIN.fullmatch(text) else math.nan
 
 
 def numbers(cells: Sequence[str], decimal: str) -> tuple[Signal, list[str]]:
-    """Numbers of a column of texts, NaN where there is none, and the texts that are none.
-
-    >>> numbers(["1.234,5", "0,018", "OVL"], ",")[0].tolist()
-    [1234.5, 0.018, nan]
-    """
-    values = np.full(len(cells), np.nan)
-    strange: dict[str, None] = {}
-    for k, cell in enumerate(cells):
-        try:
-            values[k] = _quick(cell, decimal)
-            continue
-        except ValueError:
-            pass
-        text = cell.strip().strip("\"'").translate(_MINUS)
-        group = _GROUPED[decimal].match(text)
-        if group is not None:
-            text = re.sub(r"[^-+\d]", "", group[1]) + (group[2] or "")
-        plain = text.replace(",", ".", 1)
-        if _PLAIN.fullmatch(plain):
-            values[k] = float(plain.replace("d", "e").replace("D", "E"))
-        elif text:
-            strange[cell] = None
-    return values, list(strange)
+    """Read a column of texts: its numbers, NaN where there is none, and the texts that are none."""
+    read = {cell: number(cell, decimal) for cell in set(cells)}
+    values = np.array([read[cell] for cell in cells], dtype=np.float64)
+    return values, [cell for cell, value in read.items() if math.isnan(value) and cell.strip()]
 
 
 def is_cut(cell: str, usual: Sequence[str]) -> bool:
@@ -127,15 +112,14 @@ def is_cut(cell: str, usual: Sequence[str]) -> bool:
         return len(cell) < min(map(len, usual), default=0)
     if cell in NOT_NUMBERS and cell in usual:
         return False
-    usual_digits = zip(*map(_digits, like), strict=True)
-    return not looks_like_a_number(cell) or any(a < min(b) for a, b in zip(_digits(cell), usual_digits, strict=True))
+    fewest = map(min, zip(*map(_digits, like), strict=True))
+    return not looks_like_a_number(cell) or any(a < b for a, b in zip(_digits(cell), fewest, strict=True))
 
 
 def _digits(cell: str) -> tuple[int, int]:
-    """Digits after the decimal sign and of the exponent."""
-    part = re.search(r"[.,](\d+)(?!.*[.,])", cell)
-    power = re.search(r"[eEdD][-+]?(\d+)", cell)
-    return len(part[1]) if part else 0, len(power[1]) if power else 0
+    """Count the digits after the decimal sign and of the exponent."""
+    found = re.search(r"(?:[.,](\d*))?(?:[eEdD][-+]?(\d*))?\W*$", cell)
+    return (len(found[1] or ""), len(found[2] or "")) if found else (0, 0)
 
 
 _MONTHS = {
@@ -159,7 +143,7 @@ _STAMP = r"""[\s"'\[]*(?:[^\W\d_]{2,9}\.?,?\s+(?=\S+\s+\S+\s))?                 
 """A stamp, compiled when it is used: most logs have none."""
 
 DAY = 86400.0
-_LONG = 64
+STAMP_LENGTH_MAX = 64
 """A stamp is shorter than this."""
 
 _SERIAL = ((0.0, 1.0), (20000.0, 80000.0), (700_000.0, 780_000.0))
@@ -169,15 +153,6 @@ _SHORTEST_DAY_STEP = 1e-5
 """Stamps this close together would be 100 kHz if they were seconds; as days they are less than a second apart."""
 
 _Day = tuple[str, ...]
-
-
-def looks_like_a_stamp(text: str) -> bool:
-    """Whether a cell is a date with a time, or a time of day.
-
-    >>> looks_like_a_stamp("2026-04-18T10:00:00.040"), looks_like_a_stamp("12.5")
-    (True, False)
-    """
-    return len(text) < _LONG and re.match(_STAMP, text, re.VERBOSE) is not None
 
 
 def seconds(texts: Sequence[str]) -> Signal:
@@ -245,7 +220,7 @@ def _in_day(text: str) -> tuple[float, _Day | None, bool, str | None]:
 
     The zone is empty for a stamp without one, and None for a text that is no stamp.
     """
-    found = re.match(_STAMP, text, re.VERBOSE) if len(text) < _LONG else None
+    found = re.match(_STAMP, text, re.VERBOSE) if len(text) < STAMP_LENGTH_MAX else None
     if found is None:
         return float("nan"), None, False, None
     h, m, s, frac = found.group("h", "m", "s", "frac")
@@ -302,43 +277,3 @@ def serial_days(values: Signal) -> Signal | None:
         return None
     since: Signal = (values - good[0]) * DAY
     return since
-
-
-_STEP_KEYS = frozenset(
-    """deltax dt dts step sampleinterval sampleintervals samplinginterval samplingintervals sampleperiod samplingperiod
-    sampletime samplingtime scaninterval loginterval logginginterval wfincrement timestep timeinterval abtastintervall
-    abtastzeit périodedéchantillonnage 取樣間隔 取樣週期 採樣間隔 採樣週期 采样间隔 采样周期 サンプリング間隔""".split()
-)
-_RATE_KEYS = frozenset(
-    """samplerate samplingrate samplefrequency samplingfrequency samplespersecond scanrate lograte loggingrate datarate
-    acquisitionrate fs rate abtastrate abtastfrequenz messrate fréquencedéchantillonnage 取樣率 取樣頻率 採樣率 採樣頻率
-    采样率 采样频率 サンプリング周波数 サンプリングレート""".split()
-)
-_KEYS = _STEP_KEYS | _RATE_KEYS
-_AMOUNT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)[\s,;]*([^\s,;()\[\]]*)")
-
-
-def waveform(properties: Mapping[str, str]) -> tuple[float | None, float]:
-    """Sampling interval and first stamp that a preamble states. [s]
-
-    >>> waveform({"Sample rate": "25 Hz"}), waveform({"Sampling interval [ms]": "40"})
-    ((0.04, 0.0), (0.04, 0.0))
-    """
-    step, start = None, 0.0
-    for key, value in properties.items():
-        name, _, bracket = re.sub(r"[(\[（]", "\n", key).partition("\n")
-        letters = "".join(c for c in name.casefold() if c.isalnum())
-        known = next((k for k in (letters, letters.removesuffix("hz"), letters.removesuffix("s")) if k in _KEYS), "")
-        amount = _AMOUNT.match(value)
-        if amount is None:
-            continue
-        number, unit = float(amount[1].replace(",", ".")), bracket.strip(" )]）") or amount[2]
-        if known in _STEP_KEYS and number > 0:
-            scale = find_unit(unit or "s")
-            step = number * scale.factor if scale is not None and scale.dimension == "time" else step
-        elif known in _RATE_KEYS and number > 0:
-            small = unit.casefold()  # Hz, kHz, S/s, kS/s, samples per minute
-            step = 1.0 / (number * (1.0 / 60.0 if "min" in small else {"k": 1e3, "m": 1e6}.get(small[:1], 1.0)))
-        elif letters == "x0":
-            start = number
-    return step, start

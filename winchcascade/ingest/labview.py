@@ -6,18 +6,15 @@ import re
 from collections.abc import Mapping, Sequence
 
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.cells import LONGEST, is_value, looks_like_a_number, split_row
+from winchcascade.ingest.cells import decimal_sign, is_value, looks_like_a_number, split_row
 from winchcascade.ingest.dialects import Header
-from winchcascade.ingest.layout import Layout, decimal_sign, preamble_properties, usual_width
+from winchcascade.ingest.layout import SAMPLE_ROWS, Layout, properties_of, usual_width
 
 _END = "***End_of_Header***"
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
-_SEPARATOR = re.compile(r"[\t,;]")
 _AXIS, _REMARKS = "X_Value", "Comment"
-_SAMPLE = 50
-"""Number of rows from which the layout of a file is found."""
 
-_SAME_INTERVAL = 1e-6
+INTERVAL_SHARE_MAX = 1e-6
 """Share by which the sampling intervals of two channels may differ: they are written with seven digits."""
 
 
@@ -32,11 +29,14 @@ def labview_layout(lines: Sequence[str], where: str) -> Layout | None:
     at = next((k + 1 for k in ends if lines[k + 1 : k + 2] and lines[k + 1].startswith(_AXIS)), None)
     if at is None:
         return None
-    head = dict(map(_entry, lines[: ends[0]]))
+    # The first heading separates by tabs or by the separator of the file.
+    head = {
+        key.strip(): rest[0].strip() for key, *rest in (re.split(r"[\t,;]", line) for line in lines[: ends[0]]) if rest
+    }
     delimiter = _DELIMITERS.get(head.get("Separator", "").casefold(), "\t")
     heading = {cells[0]: cells for line in lines[ends[0] : at - 1] if (cells := split_row(line, delimiter))}
     names = split_row(lines[at], delimiter)
-    rows = _rows(lines[at + 1 : at + 1 + _SAMPLE], delimiter)
+    rows = _rows(lines[at + 1 : at + 1 + SAMPLE_ROWS], delimiter)
     if not rows:
         raise LogError(
             f"{where}: a LabVIEW heading but no rows of numbers below it; expected at least a few seconds of samples. Check "
@@ -53,31 +53,17 @@ def labview_layout(lines: Sequence[str], where: str) -> Layout | None:
         (*headers, *[Header("")] * (width - len(headers))),
         len(names) > width,
         at + 1,
-        tuple(map(tuple, rows)),
-        any('"' in line for line in lines[at + 1 :]),
-        preamble_properties([line.replace(delimiter, "\t") for line in lines[:at]]),
+        rows,
+        properties_of([line.replace(delimiter, "\t") for line in lines[:at]]),
         labview=True,
     )
 
 
-def _entry(line: str) -> tuple[str, str]:
-    """Key and value of a line of the first heading, which separates by tabs or by the separator of the file.
-
-    >>> _entry("Decimal_Separator\\t,"), _entry("Separator,Comma,,")
-    (('Decimal_Separator', ','), ('Separator', 'Comma'))
-    """
-    first = _SEPARATOR.search(line)
-    if first is None:
-        return line.strip(), ""
-    key, value = line.split(first[0])[:2]
-    return key.strip(), value.strip()
-
-
-def _rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
+def _rows(lines: Sequence[str], delimiter: str) -> list[Sequence[str]]:
     """Rows of data up to the next heading."""
-    rows = []
+    rows: list[Sequence[str]] = []
     for line in lines:
-        cells = split_row(line[: 100 * LONGEST], delimiter)
+        cells = split_row(line, delimiter)
         if cells[0] and not is_value(cells[0]):
             break
         if any(map(looks_like_a_number, cells)):
@@ -105,7 +91,7 @@ def _require_one_interval(heading: Mapping[str, Sequence[str]], names: Sequence[
             if k and cell and (k >= len(counts) or counts[k] != "0")
         }
         values = [value for value in stated.values() if value is not None]
-        if values and max(values) - min(values) > _SAME_INTERVAL * max(map(abs, values)):
+        if values and max(values) - min(values) > INTERVAL_SHARE_MAX * max(map(abs, values)):
             listed = ", ".join(f"{name} {value:g} s" for name, value in stated.items() if value is not None)
             raise LogError(
                 f"{where}: the channels are {what} different times ({listed}); expected one for all. Save them with "

@@ -1,44 +1,39 @@
-"""Detect the layout of a delimited text file: encoding, delimiter, decimal sign, preamble, names, units, first row of data."""
+"""Find the table among rows of cells, of a text or a sheet: its first row of data, its names and units, and what is above."""
 
 from __future__ import annotations
 
-import codecs
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import msgspec
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
-from winchcascade.ingest.cells import count_numbers, is_value, looks_like_a_number, split_row
+from winchcascade.ingest.cells import is_value, looks_like_a_number
 from winchcascade.ingest.dialects import Header, recognise
 
-_ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251", "cp1250", "euc_jp", "koi8-r", "cp850")
-_BOMS = (
-    (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF32_LE, "utf-32"),
-    (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-)
-_WIDE_BLANKS = re.compile(r"\t| {2,}")
-_AFTER_BRACKET = re.compile(r"(?<=[)\]])\s+")
+Row = Sequence[str]
+
+PREAMBLE_ROWS_MAX = 400
+"""Rows in which the table must begin."""
+
+SAMPLE_ROWS = 50
+"""Rows of data from which the layout of a table is found."""
+
+HEADING_ROWS = 12
+"""Rows right above the data among which names and units stand."""
+
+DATA_SHARE = 0.6
+"""Share of the filled cells of a row of data that are numbers, stamps or marks for none, at least."""
+
 _DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}$")
 _PROPERTY = re.compile(r"\s*[#%]?\s*\"?([^:=;,\t|\"]{1,60}?)\"?\s*[:=;,\t|]\s*([^;\t|]*)")
-_MANY_LINES = 400
-"""A preamble is shorter than this."""
-
-_LONG = 200
-"""A name is shorter than this."""
-
-_SAMPLE = 50
-"""Number of rows from which the layout of a file is found."""
 
 
 class Layout(msgspec.Struct, frozen=True):
-    """Where and how a text file keeps its table.
+    """Where and how a text keeps its table.
 
     Parameters
     ----------
@@ -47,9 +42,8 @@ class Layout(msgspec.Struct, frozen=True):
     more : there are names beyond the last column that rows usually have, of remarks as a rule
     first : index of the first line of data
     rows : cells of the first rows of data
-    quoted : cells may stand in quotation marks
+    properties : what the lines above the table state, keys as written
     labview : the file is a LabVIEW measurement, in which the heading may stand above every segment
-    properties : `key: value` lines of the preamble, keys as written
     """
 
     delimiter: str
@@ -57,236 +51,151 @@ class Layout(msgspec.Struct, frozen=True):
     headers: tuple[Header, ...]
     more: bool
     first: int
-    rows: tuple[tuple[str, ...], ...]
-    quoted: bool
+    rows: list[Row]
     properties: dict[str, str]
     labview: bool = False
 
-    @property
-    def width(self) -> int:
-        """Cells in a row of data."""
-        return len(self.headers)
 
-    def column(self, k: int) -> list[str]:
-        """Cells of one column in the first rows."""
-        return [row[k] for row in self.rows if len(row) > k]
-
-
-def find_encoding(head: bytes) -> str:
-    """Guess the encoding of a file from its beginning: a mark, UTF-8, zeros of UTF-16, else the one that reads best."""
-    for mark, name in _BOMS:
-        if head.startswith(mark):
-            return name
-    if head[:400].count(b"\0") > len(head[:400]) // 4:
-        return "utf-16-le" if head[1:2] == b"\0" else "utf-16-be"
-    try:
-        codecs.getincrementaldecoder("utf-8")().decode(head)
-        return "utf-8"
-    except UnicodeDecodeError:
-        # Letters beyond ASCII stand alone or in twos in European words, in long runs in Chinese, Japanese and Korean.
-        long_runs = re.search(rb"[\x80-\xff]{3}", head[:4096]) is not None
-        order = _ENCODINGS if long_runs else _ENCODINGS[1:] + _ENCODINGS[:1]
-        return max(order, key=lambda name: _readable(head, name))  # the first of equals
-
-
-def _readable(head: bytes, encoding: str) -> int:
-    """Number of headers and units that are recognised under an encoding; -1 for one that cannot decode the text at all."""
-    try:
-        text = codecs.getincrementaldecoder(encoding)().decode(head)
-    except UnicodeDecodeError:
-        return -1
-    cells = {cell[:_LONG] for line in text.splitlines()[:50] for cell in re.split(r"[,;\t|]", line[: 100 * _LONG])}
-    units = sum(find_unit(inside) is not None for c in cells for inside in re.findall(r"[(\[]([^)\]]+)[)\]]", c))
-    return sum(recognise(Header(cell)) is not None for cell in cells if cell.strip()) + units
-
-
-def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> Layout:
-    """Find the table in the first lines of a file; where the columns are `numbered`, it needs no names.
-
-    Raises
-    ------
-    LogError : no rows of numbers, or rows without names above them
-    """
-    # Blanks also stand inside of stamps and names.
-    tables = _tables(lines[:_MANY_LINES], ",;\t|") or _tables(lines[:_MANY_LINES], " ")
-    if not tables:
-        raise LogError(_no_table(lines, where))
-    delimiter, first, rows = max(tables, key=_score) if len(tables) > 1 else tables[0]
-    width = usual_width(rows)
-    headers = _headers(lines[:first], delimiter, rows, where, numbered=numbered)
-    return Layout(
-        delimiter,
-        decimal_sign(rows),
-        headers[:width],
-        len(headers) > width,
-        first,
-        tuple(map(tuple, rows)),
-        '"' in "".join(lines[first:]),
-        preamble_properties(lines[:first]),
-    )
-
-
-_Table = tuple[str, int, list[list[str]]]
-"""A delimiter, the first line of data under it, and the rows from there."""
-
-
-def _tables(lines: Sequence[str], delimiters: str) -> list[_Table]:
-    """Tables that lines hold under some delimiters: two rows of data in a row at least."""
-    return [(delimiter, *data) for delimiter in delimiters if (data := _first_data(lines, delimiter)) is not None]
-
-
-def _score(table: _Table) -> float:
-    """Values in a row, less for a table that begins late."""
-    _, first, rows = table
-    return sum(bool(cell) and is_value(cell) for row in rows for cell in row) / len(rows) - first / (10 * _MANY_LINES)
-
-
-def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[str]]] | None:
-    """First line of data under a delimiter and the rows from there; None without two such rows in a row."""
-    if delimiter != " " and delimiter not in "".join(lines):
-        return None
+def first_data(rows: Sequence[Row]) -> int | None:
+    """Find the first row of data, which most of the next five rows resemble; None without such a row."""
 
     @cache  # most logs show their table in the first lines
-    def row(k: int) -> list[str]:
-        return split_row(lines[k], delimiter)
-
-    @cache
     def data(k: int) -> bool:
-        """Whether a row holds a number or a stamp in most cells that are not empty, and in more than one."""
-        full = [cell for cell in row(k) if cell]
-        count = count_numbers(full)
-        return (
-            count > 0 and len(full) >= 2 and (count >= 0.6 * len(full) or sum(map(is_value, full)) >= 0.6 * len(full))
-        )
+        return _is_data(rows[k])
 
-    for k in range(len(lines)):
-        if not data(k) or _channels(row(k)) > 1:
+    for k in range(len(rows) - 1):
+        if not data(k) or channels_named(rows[k]) > 1:
             continue
-        after = [j for j in range(k + 1, min(k + 6, len(lines))) if row(j) != [""]]
-        width = usual_width([row(j) for j in after if data(j)])
-        alike = sum(data(j) and abs(len(row(j)) - width) <= 1 for j in after) if len(row(k)) >= width - 1 else 0
-        if alike >= max(1, len(after) - 2) and not any(_channels(row(j)) > 1 for j in after if not data(j)):
-            return k, [row(j) for j in range(k, min(k + _SAMPLE, len(lines))) if data(j)]
+        after = [j for j in range(k + 1, min(k + 6, len(rows))) if any(rows[j])]
+        width = usual_width([rows[j] for j in after if data(j)])
+        alike = sum(data(j) and abs(len(rows[j]) - width) <= 1 for j in after) if len(rows[k]) >= width - 1 else 0
+        named = any(channels_named(rows[j]) > 1 for j in after if not data(j))
+        if alike >= max(1, len(after) - 2) and not named:
+            return k
     return None
 
 
-def usual_width(rows: Sequence[Sequence[str]]) -> int:
-    """How many cells most rows have."""
+def _is_data(row: Row) -> bool:
+    """Whether most filled cells of a row, two at least, are numbers, stamps or marks for none, and one is a number."""
+    full = [cell for cell in row if cell]
+    return len(full) >= 2 and sum(map(is_value, full)) >= DATA_SHARE * len(full) and any(map(looks_like_a_number, full))
+
+
+def sample(rows: Sequence[Row], first: int) -> list[Row]:
+    """Take the first rows of data, notes among them left out."""
+    return [row for row in rows[first : first + SAMPLE_ROWS] if _is_data(row)]
+
+
+def usual_width(rows: Sequence[Row]) -> int:
+    """Count the cells that most rows have."""
     lengths = [len(row) for row in rows]
     return max(lengths, key=lengths.count, default=0)
 
 
-def _channels(cells: Sequence[str]) -> int:
-    """How many different channels a row names."""
-    return len({recognise(Header(c)) for c in cells if c and not looks_like_a_number(c)} - {None})
+def columns_of(rows: Sequence[Row]) -> list[list[str]]:
+    """Cells of each column, as far as rows have it."""
+    return [[row[k] for row in rows if len(row) > k] for k in range(usual_width(rows))]
 
 
-def _headers(
-    above: Sequence[str], delimiter: str, rows: list[list[str]], where: str, *, numbered: bool
-) -> tuple[Header, ...]:
-    """Names and units from the lines above the data: the line that names most channels, the line that is all units."""
-    width = usual_width(rows)
-    columns = [[row[k] for row in rows if len(row) > k] for k in range(width)]
+def channels_named(row: Row) -> int:
+    """Count the different channels that a row names."""
+    return len({recognise(Header(cell)) for cell in row if cell and not looks_like_a_number(cell)} - {None})
+
+
+def headers_above(above: Sequence[Row], rows: Sequence[Row], where: str, *, numbered: bool) -> list[Header]:
+    """Find names and units above rows of data: the row that names most channels, and the row that is all units.
+
+    Names beyond the last column of the data come last. A column that only counts rows, or holds nothing below an empty
+    cell, has no name.
+
+    Parameters
+    ----------
+    above : rows of cells above the data, in their order
+    rows : first rows of data
+    numbered : the rig file numbers the columns, so that they need no names
+
+    Raises
+    ------
+    LogError : no row holds names, or one holds more or fewer than there are columns
+    """
+    columns = columns_of(rows)
+    width = len(columns)
     filled = max(k + 1 for k, column in enumerate(columns) if any(column))
-    found = [_names(line, delimiter, width) for line in above[-12:]][::-1]
+    found = [_without_own_units(row, width) for row in above[-HEADING_ROWS:]][::-1]
     near = [row for row in found if sum(map(bool, row)) >= 2 and len(row) >= filled - 1]
-    units = _units(near)
-    names = max((row for row in near if row is not units), key=_channels, default=None)
+    units = _units_row(near)
+    names = max((row for row in near if row is not units), key=channels_named, default=None)
     if names is None and numbered:
-        units = _wide(units, width)
-        return tuple(Header(f"column {k + 1}", units[k] or None) for k in range(width))
+        units = _padded(units, width)
+        return [Header(f"column {k + 1}", unit or None) for k, unit in enumerate(units[:width])]
     if names is None:
         raise LogError(_no_names(found, filled, where))
-    first = "Date" if any(map(_DATE.match, columns[0])) else "" if _counts(columns[0]) else None
+    first = "Date" if any(map(_DATE.match, columns[0])) else "" if _counts_rows(columns[0]) else None
     if len(names) < filled and first is not None:  # rows begin with a number or a date that has no name
         names, units = [first, *names], ["", *units] if len(units) < filled else units
     if any(recognise(Header(name)) for name in names[width:] if name):
         raise LogError(_no_names([names], filled, where))
-    names, units = _wide(names, width), _wide(units, width)
-    return (
-        *(_header(k, names[k], units[k] or None, columns[k]) for k in range(width)),
+    named = zip(_padded(names, width), _padded(units, width), columns, strict=False)
+    return [
+        *(_header(k, name, unit, column) for k, (name, unit, column) in enumerate(named)),
         *map(Header, names[width:]),
-    )
+    ]
 
 
-def _units(near: Sequence[list[str]]) -> list[str]:
-    """The line of units among those above the data, nearest first; empty if there is none.
+def _without_own_units(row: Row, width: int) -> Row:
+    """Put units that follow each name in a cell of their own, as in `Time, s, Force, N`, into brackets."""
+    if len(row) == 2 * width and all(map(find_unit, row[1::2])):
+        return [f"{name} [{unit}]" for name, unit in zip(row[::2], row[1::2], strict=True)]
+    return row
 
-    Single letters are names as well as units: `t,F,V` are tonnes, farads and volts where another line has the names, and the
+
+def _units_row(near: Sequence[Row]) -> Row:
+    """Find the row of units among those above the data, nearest first; empty if there is none.
+
+    Single letters are names as well as units: `t,F,V` are tonnes, farads and volts where another row has the names, and the
     names themselves where none has.
     """
-    alike = [r for k, r in enumerate(near) if _is_units(r) and (k < 4 or "unit" in r[0].casefold())]
-    units = min(alike, key=lambda row: _channels(row) - _known_units(row), default=[])
+    alike = [row for k, row in enumerate(near) if _is_units(row) and (k < 4 or "unit" in row[0].casefold())]
+    units = min(alike, key=lambda row: channels_named(row) - _known_units(row), default=[])
     others = [row for row in near if row is not units]
-    named = {recognise(Header(c)) for c in units if c} - {None}
-    alone = not others or ("time" in named and not any(map(_channels, others)))
+    named = {recognise(Header(cell)) for cell in units if cell} - {None}
+    alone = not others or ("time" in named and not any(map(channels_named, others)))
     return [] if len(named) > _known_units(units) - alone else units
 
 
-def _header(k: int, name: str, unit: str | None, column: Sequence[str]) -> Header:
-    """Name of a column; none for an empty time column, nor for one without a name that only counts rows or is text."""
-    header = Header(name, unit)
-    if name:
-        return header if any(column) or recognise(header) != "time" else Header("")
-    return Header("" if _counts(column) or not any(map(looks_like_a_number, column)) else f"column {k + 1}", unit)
+def _is_units(row: Row) -> bool:
+    """Whether most cells of a row are units or blank, and few are the name of a channel."""
+    full = [text for cell in row if (text := cell.strip("()[]-– "))]
+    named = sum(recognise(Header(text)) is not None and len(text) > 2 for text in full)
+    return _known_units(row) >= max(2, 0.5 * len(full)) and named <= 0.3 * len(full)
 
 
-def _names(line: str, delimiter: str, width: int) -> list[str]:
-    """Cells of a line that may hold names, taken apart in the way that fits the number of columns."""
-    line = line.lstrip("#%") if delimiter == "\t" else line.strip().lstrip("#%").strip()
-    cells = split_row(line, delimiter)
-    if delimiter == " " and len(cells) != width:
-        for other in (_WIDE_BLANKS.split(line), _AFTER_BRACKET.split(line)):
-            if len(other) == width:
-                return [cell.strip() for cell in other]
-    if len(cells) == 2 * width and all(map(find_unit, cells[1::2])):  # Time, s, Force, N
-        return [f"{name} [{unit}]" for name, unit in zip(cells[::2], cells[1::2], strict=True)]
-    return cells
+def _known_units(row: Row) -> int:
+    """Count the cells of a row that are units."""
+    return sum(find_unit(cell.strip("()[] ")) is not None for cell in row if cell.strip("()[]-– "))
 
 
-def _wide(row: list[str], width: int) -> list[str]:
-    return row + [""] * (width - len(row))
+def _padded(row: Row, width: int) -> list[str]:
+    return [*row, *[""] * (width - len(row))]
 
 
-def _counts(column: Sequence[str]) -> bool:
+def _header(k: int, name: str, unit: str, column: Row) -> Header:
+    """Column k; without a name if it is an empty time column, or one without a name that only counts rows or is text."""
+    if not name:
+        name = "" if _counts_rows(column) or not any(map(looks_like_a_number, column)) else f"column {k + 1}"
+    elif not any(column) and recognise(Header(name)) == "time":
+        return Header("")
+    return Header(name, unit.strip("()[]") or None)
+
+
+def _counts_rows(column: Row) -> bool:
     """Whether the cells of a column number the rows."""
     return all(c.isdecimal() and len(c) < 16 for c in column) and all(int(b) == int(a) + 1 for a, b in pairwise(column))
 
 
-def _is_units(row: Sequence[str]) -> bool:
-    """Whether a line is a row of units: most of its cells are units or blank, and none of those is a channel's name."""
-    full = [c.strip("()[] ") for c in row if c.strip("()[]-– ")]
-    named = sum(recognise(Header(c)) is not None and len(c) > 2 for c in full)
-    return _known_units(row) >= max(2, 0.5 * len(full)) and named <= 0.3 * len(full)
-
-
-def _known_units(row: Sequence[str]) -> int:
-    """How many cells of a line are units."""
-    return sum(find_unit(c.strip("()[] ")) is not None for c in row if c.strip("()[]-– "))
-
-
-def decimal_sign(rows: Sequence[Sequence[str]]) -> str:
-    """Decimal sign: a comma if more numbers hold a comma than a point."""
-
-    def numbers_with(sign: str) -> int:
-        return sum(sign in cell and looks_like_a_number(cell) for row in rows for cell in row)
-
-    commas = numbers_with(",") if "," in "".join(chain.from_iterable(rows)) else 0
-    return "," if commas and commas > numbers_with(".") else "."
-
-
-def preamble_properties(above: Sequence[str]) -> dict[str, str]:
-    """Lines of the preamble of the form `key: value`, `key = value` or `key<delimiter>value`."""
-    found: dict[str, str] = {}
-    for parts in filter(None, map(_PROPERTY.match, above)):
-        value = parts[2].strip(' \r\n,"')
-        if value:
-            found.setdefault(parts[1], re.sub(r"^([-+]?\d+),(\d+)(?!\d*,)", r"\1.\2", value))
-    return found
-
-
-def _no_names(found: Sequence[Sequence[str]], filled: int, where: str) -> str:
-    names = next((row for row in found if _channels(row) > 1), None)
+def _no_names(found: Sequence[Row], filled: int, where: str) -> str:
+    """Explain why rows of data have no names."""
+    names = next((row for row in found if channels_named(row) > 1), None)
     if names is None:
         return (
             f"{where}: rows of {filled} numbers but no column names above them; expected a first row such as "
@@ -304,15 +213,50 @@ def _no_names(found: Sequence[Sequence[str]], filled: int, where: str) -> str:
     )
 
 
-def _no_table(lines: Sequence[str], where: str) -> str:
-    named = [line.strip() for line in lines if line.strip()]
-    if any(_channels(split_row(line, delimiter)) > 1 for delimiter in ",;\t" for line in named[:_MANY_LINES]):
-        return (
-            f"{where}: column names but no rows of numbers below them; expected at least a few seconds of samples. "
-            f"Check that the logger wrote its data."
-        )
-    first = named[0][:40] if named else ""
-    return (
-        f"{where}: no table of numbers found (it begins with {first!r}); expected column names and rows of numbers. Check "
-        f"that this is a log."
-    )
+def properties_of(above: Sequence[str]) -> dict[str, str]:
+    """Read the lines above a table that have the form `key: value`, `key = value` or `key<delimiter>value`."""
+    found: dict[str, str] = {}
+    for parts in filter(None, map(_PROPERTY.match, above)):
+        value = parts[2].strip(' \r\n,"')
+        if value:
+            found.setdefault(parts[1], re.sub(r"^([-+]?\d+),(\d+)(?!\d*,)", r"\1.\2", value))
+    return found
+
+
+_STEP_KEYS = frozenset(
+    """deltax dt dts step sampleinterval sampleintervals samplinginterval samplingintervals sampleperiod samplingperiod
+    sampletime samplingtime scaninterval loginterval logginginterval wfincrement timestep timeinterval abtastintervall
+    abtastzeit périodedéchantillonnage 取樣間隔 取樣週期 採樣間隔 採樣週期 采样间隔 采样周期 サンプリング間隔""".split()
+)
+_RATE_KEYS = frozenset(
+    """samplerate samplingrate samplefrequency samplingfrequency samplespersecond scanrate lograte loggingrate datarate
+    acquisitionrate fs rate abtastrate abtastfrequenz messrate fréquencedéchantillonnage 取樣率 取樣頻率 採樣率 採樣頻率
+    采样率 采样频率 サンプリング周波数 サンプリングレート""".split()
+)
+_AMOUNT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)[\s,;]*([^\s,;()\[\]]*)")
+
+
+def waveform(properties: Mapping[str, str]) -> tuple[float | None, float]:
+    """Sampling interval and first stamp that a preamble states. [s]
+
+    >>> waveform({"Sample rate": "25 Hz"}), waveform({"Sampling interval [ms]": "40"})
+    ((0.04, 0.0), (0.04, 0.0))
+    """
+    step, start = None, 0.0
+    for key, value in properties.items():
+        name, _, bracket = re.sub(r"[(\[（]", "\n", key).partition("\n")
+        letters = "".join(c for c in name.casefold() if c.isalnum())
+        spellings = {letters, letters.removesuffix("hz"), letters.removesuffix("s")}
+        amount = _AMOUNT.match(value)
+        if amount is None:
+            continue
+        number, unit = float(amount[1].replace(",", ".")), bracket.strip(" )]）") or amount[2]
+        if spellings & _STEP_KEYS and number > 0:
+            scale = find_unit(unit or "s")
+            step = number * scale.factor if scale is not None and scale.dimension == "time" else step
+        elif spellings & _RATE_KEYS and number > 0:
+            small = unit.casefold()  # Hz, kHz, S/s, kS/s, samples per minute
+            step = 1.0 / (number * (1.0 / 60.0 if "min" in small else {"k": 1e3, "m": 1e6}.get(small[:1], 1.0)))
+        elif letters == "x0":
+            start = number
+    return step, start

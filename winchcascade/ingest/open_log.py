@@ -38,9 +38,9 @@ def open_log(path: Path, table: str | None = None, *, numbered: bool = False) ->
 
         return open_isolated(reader, path, table=table, numbered=numbered)
     reject_sheet(table, path.name)
-    from winchcascade.ingest.formats.delimited import open_delimited
+    from winchcascade.ingest.formats.text import open_text
 
-    return open_delimited(path, numbered=numbered)
+    return open_text(path, numbered=numbered)
 
 
 def reader_of(path: Path) -> str:

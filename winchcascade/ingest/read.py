@@ -21,6 +21,7 @@ from winchcascade.core.arguments import (
     SHEET,
     TEXT,
     UNITS_OF_COLUMNS,
+    Expected,
     check_arguments,
 )
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
@@ -30,13 +31,12 @@ from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.late_module import LateModule
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import CLOCK, Finding, Repairs, Run, Signal
 from winchcascade.core.store import fingerprint
-from winchcascade.core.toml_text import Expected
 from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
 from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
 from winchcascade.ingest.checks.quality import check
@@ -369,11 +369,10 @@ def _with_origin(run: Run, stated: Origin) -> Run:
 def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTable]:
     """The channels, with the clock of a named column or else of the only column without a name that is one.
 
-    A data frame may have its clock in the index, which has no name. Of several columns for one channel the data choose.
+    A data frame may have its clock in the index, which has no name.
     """
     found = assign(source.headers, rig, where)
     wanted = [match.index for match in found.channels.values()]
-    wanted += [match.index for matches in found.candidates.values() for match in matches]
     wanted += [] if found.temperature is None else [found.temperature.index]
     if rig.phases.source == "column":
         from winchcascade.ingest.phase_labels import label_column
@@ -389,10 +388,6 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
             found, table = assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
     if table is None:
         table = source.load(wanted, found.time.index if found.time else None)
-    if found.candidates:
-        from winchcascade.ingest.several_columns import with_chosen
-
-        found = with_chosen(found, table, source.headers, rig, where)
     return found, table
 
 

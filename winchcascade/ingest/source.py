@@ -15,7 +15,7 @@ import numpy as np
 from winchcascade.core.errors import LogError
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.run import Finding, Signal
-from winchcascade.ingest.cells import is_stamp
+from winchcascade.ingest.cells import looks_like_a_stamp
 from winchcascade.ingest.dialects import Header, recognise
 
 MIN_ROWS = 10
@@ -86,7 +86,7 @@ def without_notes(table: LogTable) -> LogTable:
             blank &= np.isnan(column)
     if stamps is not None and not isinstance(stamps, np.ndarray):
         for k in np.flatnonzero(blank).tolist():
-            blank[k] = not is_stamp(stamps[k])
+            blank[k] = not looks_like_a_stamp(stamps[k])
     if not blank.any():
         return table
     rows = np.flatnonzero(~blank)

@@ -173,18 +173,23 @@ def energy_noise(log: PhasedLog, stage: str) -> float:
     In the sum of the power over n samples the noise averages out by the square root of n.
     """
     run, rig = log.phased.run, log.phased.rig
-    product = next(one for one in rig.cascade.stages if one.name == stage).power(run.channels, rig.r_drum)
+    power = next(one for one in rig.cascade.stages if one.name == stage).power(run.channels, rig.r_drum)
     count, square = max(1, int(INDEPENDENT * run.fs + 1e-6)), []
-    for k in log.phased.chosen() if product is not None else ():
+    for k in log.phased.chosen() if power is not None else ():
         cycle, window = log.phased.cycles[k], log.energies.windows[k]
-        names = product.channels if product is not None and window.fault is None else ()
-        parts = []
-        for rows in (log.phased.rows(cycle.onset, cycle.payout_end), log.phased.rows(window.onset, window.cutoff)):
-            parts += [_averaged(run.channels[name][rows], count) for name in names]
-            parts += [np.ones(parts[-1].size)] if len(names) == 1 else []
-        if parts:
-            noise = white_noise(parts[0]) ** 2 * float(parts[3] @ parts[3]) + white_noise(parts[1]) ** 2 * float(parts[2] @ parts[2])
-            square.append(noise / max(float(parts[2] @ parts[3]) ** 2, NOTHING))
+        rows = log.phased.rows(window.onset, window.cutoff)
+        if power is None or window.fault is not None or rows.stop - rows.start < count:
+            continue
+        payout = log.phased.rows(cycle.onset, cycle.payout_end)
+        means = {name: _averaged(run.channels[name][rows], count) for name in power.channels}
+        variance = 0.0
+        for name in power.channels:  # a term is linear in each of its channels
+            terms = [term for term in power.terms if name in term.channels]
+            others = means | {name: np.ones(means[name].size)}
+            slope = sum(term.watts(others, rig.r_drum, slice(None)) for term in terms)
+            variance += white_noise(_averaged(run.channels[name][payout], count)) ** 2 * float(np.sum(slope**2))
+        joules = float(np.sum(power.stream(means, rig.r_drum)(slice(None))))
+        square.append(variance / max(joules**2, NOTHING))
     return math.sqrt(sum(square) / len(square)) if square else 0.0
 
 

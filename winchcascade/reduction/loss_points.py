@@ -5,14 +5,17 @@ A speed below zero is counted as above zero, and the torque with it: a machine t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from functools import reduce
 from itertools import pairwise
+from operator import mul
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import Part
-from winchcascade.core.cascade import Cascade, Product, Stream
+from winchcascade.core.cascade import Cascade, Power, Stream
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.integrate import means, stretches_of
 from winchcascade.core.rig_file import Rig
@@ -58,7 +61,7 @@ class LossPoints(msgspec.Struct, frozen=True):
     stored : rate at which rotor, shaft spring and capacitor take up energy [W]
     columns : (k, 5) means of the columns of the surface
     means : of each channel that the powers are made of, SI units
-    products : of which channels the two powers are made
+    made_of : of which channels the two powers are made
     duration : of each point [s]
     cycle, log : numbers of the cycle and the log of each point; of one log the cycles count on
     logs : names of the logs
@@ -73,7 +76,7 @@ class LossPoints(msgspec.Struct, frozen=True):
     stored: Signal
     columns: Signal
     means: Mapping[str, Signal]
-    products: tuple[Product, Product]
+    made_of: tuple[Power, Power]
     duration: Signal
     cycle: Index
     log: Index
@@ -89,13 +92,15 @@ class LossPoints(msgspec.Struct, frozen=True):
         """The points as they would be if a channel read too much by a share of itself, or by a constant in its unit."""
         error = {channel: size * self.means[channel] if part == "gain" else np.full(self.torque.size, size)}
         powers = []
-        for power, product in zip((self.power_in, self.power_out), self.products, strict=True):
-            others = [name for name in product.channels if name != channel]
-            r_drum = np.abs(self.means["velocity"]) / self.speed if product.by_radius else 1.0
-            factor = np.prod([self.means[name] for name in others], axis=0) if others else np.ones(power.size)
-            hit = channel in product.channels
-            powers.append(power + product.sign * error[channel] * factor / r_drum if hit else power)
-        counted = self._flip * _counted(self.products[0 if self.stages[0] == "mech" else 1])
+        for power, made_of in zip((self.power_in, self.power_out), self.made_of, strict=True):
+            changed = power
+            for term in made_of.terms:
+                if channel in term.channels:
+                    r_drum = np.abs(self.means["velocity"]) / self.speed if term.by_radius else 1.0
+                    others = [self.means[name] for name in term.channels if name != channel]
+                    changed = changed + term.constant * error[channel] * reduce(mul, others, 1.0) / r_drum
+            powers.append(changed)
+        counted = self._flip * _counted(self.made_of[0 if self.stages[0] == "mech" else 1])
         torque = self.torque + (error[channel] * counted if channel == "torque" else 0.0)
         speed = self.speed
         if channel == "speed":
@@ -142,14 +147,14 @@ def loss_points(reduction: Reduction) -> LossPoints:
     stages = stages_of_loss(rig.cascade)
     of = {stage.name: stage for stage in rig.cascade.stages}
     powers = [of[name].stream(run.channels, rig.r_drum) for name in stages]
-    products = [of[name].power(run.channels, rig.r_drum) for name in stages]
+    made_of = [of[name].power(run.channels, rig.r_drum) for name in stages]
     speed = shaft_speed(run, rig)
-    if powers[0] is None or powers[1] is None or products[0] is None or products[1] is None or speed is None:
+    if powers[0] is None or powers[1] is None or made_of[0] is None or made_of[1] is None or speed is None:
         lacking = [name for name, power in zip(stages, powers, strict=True) if power is None] or ["speed of the shaft"]
         raise LogError(f"{run.name}: no loss map, as the log lacks {' and '.join(lacking)}; log the channels of it.")
     spans, cycle = _spans(reduction)
-    stream, product = (powers[0], products[0]) if stages[0] == "mech" else (powers[1], products[1])
-    torque = _torque(run, speed, stream) * _counted(product)
+    stream, shaft = (powers[0], made_of[0]) if stages[0] == "mech" else (powers[1], made_of[1])
+    torque = _torque(run, speed, stream) * _counted(shaft)
     length = spans[:, 1] - spans[:, 0]
     rate = _stored(run, rig, speed, spans) / length
     t = run.t
@@ -164,10 +169,10 @@ def loss_points(reduction: Reduction) -> LossPoints:
         means={
             name: means(t, run.channels[name].__getitem__, spans)
             for name in dict.fromkeys(
-                (*products[0].channels, *products[1].channels, "speed" if "speed" in run.channels else "velocity")
+                (*made_of[0].channels, *made_of[1].channels, "speed" if "speed" in run.channels else "velocity")
             )
         },
-        products=(products[0], products[1]),
+        made_of=(made_of[0], made_of[1]),
         duration=length,
         cycle=cycle,
         log=np.zeros(len(spans), dtype=np.intp),
@@ -218,9 +223,9 @@ def _torque(run: Run, speed: Signal, mech: Stream) -> Signal:
     return np.where(turning, mech(slice(None)) / np.where(turning, speed, 1.0), 0.0)
 
 
-def _counted(product: Product) -> float:
+def _counted(power: Power) -> float:
     """Sign by which a rig file counts a logged torque: that of the power of the shaft made of it."""
-    return product.sign if "torque" in product.channels else 1.0
+    return next((math.copysign(1.0, term.constant) for term in power.terms if "torque" in term.channels), 1.0)
 
 
 def _mean_columns(t: Signal, torque: Signal, speed: Signal, spans: Signal) -> Signal:

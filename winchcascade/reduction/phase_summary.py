@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.cascade import BUILT_IN, Stream
-from winchcascade.core.integrate import extremes, integrals, means_of
+from winchcascade.core.cascade import BUILT_IN
+from winchcascade.core.integrate import extremes, integrals, integrals_of, means_of
 from winchcascade.core.quantity import KGCM2
 from winchcascade.core.run import Signal
-from winchcascade.reduction.phased_run import PhasedRun, span_end
-from winchcascade.reduction.phases import Cycle
+from winchcascade.reduction.phased_run import PhasedRun, whole_cycles
 
 WRITTEN = {
     "begin": "begin_s", "braking": "braking_s", "duration": "duration_s", "travel": "travel_m", "speed": "speed_mps",
     "speed_max": "speed_max_mps", "force": "force_n", "force_min": "force_min_n", "torque": "torque_nm",
     "energy_line": "energy_line_j", "power_line": "power_line_w", "power_mech": "power_mech_w", "power_gen": "power_gen_w",
-    "pressure": "pressure_kgcm2",
 }  # fmt: skip
 """Names of the fields in written files, which have the units in them."""
 
@@ -59,7 +58,7 @@ class HoldSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
     duration: float
     force: float | None
     torque: float | None
-    pressure: float | None
+    pressure_kgcm2: float | None
 
 
 class HaulInSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
@@ -80,8 +79,8 @@ class OperatingPoint(msgspec.Struct, frozen=True, rename=WRITTEN):
 
 
 class BothWays(msgspec.Struct, frozen=True, rename={"positive": "positive_j", "negative": "negative_j"}):
-    """Energies of one stage in a cycle that is a span, while its power is positive and while it is negative; the second is
-    negative. Their difference is the integral of the magnitude. [J]
+    """Energies of one stage in a whole cycle, while its power is positive and while it is negative; the second is negative.
+    Their difference is the integral of the magnitude. [J]
     """
 
     positive: float
@@ -91,8 +90,8 @@ class BothWays(msgspec.Struct, frozen=True, rename={"positive": "positive_j", "n
 class PhaseSummary(msgspec.Struct, frozen=True):
     """The three phases of one cycle; None for one that the log does not hold.
 
-    `point` and, by stage, `both_ways` belong to cycles that are spans, as operating points of a dynamometer or waves; they are
-    unset for others.
+    `point` belongs to cycles that are spans, as operating points of a dynamometer or waves, `both_ways`, by stage, to these and
+    to cycles of a rig file that states its stages; they are unset for others.
     """
 
     payout: PayoutSummary
@@ -102,101 +101,78 @@ class PhaseSummary(msgspec.Struct, frozen=True):
     both_ways: Mapping[str, BothWays] | msgspec.UnsetType = msgspec.UNSET
 
 
-_MEANS = ("velocity", "force", "torque", "power_line", "power_mech", "power_gen")
-"""What is averaged over a plateau, in the order of the fields of its summary."""
-
-
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     """Summarise the phases of every cycle."""
-    run, cycles = phased.run, phased.cycles
-    flat = _windows(cycles, [None if p is None else (p.begin, max(p.braking, p.begin)) for p in phased.plateaus])
-    holds, hauls = _windows(cycles, [c.hold for c in cycles]), _windows(cycles, [c.haul_in for c in cycles])
-    means = _means(phased, (*_MEANS, "pressure"), np.concatenate((flat, holds, hauls)))
-    on_plateau, held, hauled_in = (means[k * len(cycles) : (k + 1) * len(cycles)] for k in range(3))
-    held = [[f, torque, None if pa is None else pa / KGCM2] for _, f, torque, *_, pa in held]
-    known = "velocity" in run.channels
-    plateaus = [
-        None if p is None else PlateauSummary(begin, braking, p.speed if speed is None and known else speed, *rest)
-        for p, (begin, braking), (speed, *rest, _) in zip(phased.plateaus, flat.tolist(), on_plateau, strict=True)
-    ]
+    run, cycles, known = phased.run, phased.cycles, "velocity" in phased.run.channels
+    flat = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in phased.plateaus]
+    phases = flat, [c.hold for c in cycles], [c.haul_in for c in cycles]
+    spans = np.array(
+        [(c.onset, c.onset) if span is None else span for of in phases for c, span in zip(cycles, of, strict=True)]
+    ).reshape(-1, 2)
+    powers = tuple(f"power_{stage}" for stage in ("line", "mech", "gen"))
+    means = _means(phased, ("velocity", "force", "torque", "pressure", *powers), spans)
+    hauls, points, flows = spans[2 * len(cycles) :], _points(phased), _both_ways(phased)
     top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
-    force, line = run.channels.get("force"), BUILT_IN["line"].stream(run.channels, None)
-    nothing: list[float | None] = [None] * len(cycles)
-    minimum = nothing if force is None else extremes(run.t, force, hauls)[0].tolist()
-    energy = nothing if line is None else integrals(run.t, line, hauls).tolist()
-    hauled = zip(top, [force for _, force, *_ in hauled_in], minimum, energy, strict=True)
-    points, flows = _points(phased), _both_ways(phased)
-    return [
-        PhaseSummary(
-            PayoutSummary(
-                _seconds(c.payout_end - c.onset),
-                travel if math.isfinite(travel) else None,
-                speed_max if known else None,
-                plateau,
-            ),
-            None if c.hold is None else HoldSummary(_seconds(c.hold[1] - c.hold[0]), *hold),
-            None
-            if c.haul_in is None
-            else HaulInSummary(_seconds(c.haul_in[1] - c.haul_in[0]), v if known else None, mean, low, joule),
-            point,
-            flow,
-        )
-        for c, travel, speed_max, plateau, hold, (v, mean, low, joule), point, flow in zip(
-            cycles, phased.travel, phased.speed_max, plateaus, held, hauled, points, flows, strict=True
-        )
-    ]
+    minimum = extremes(run.t, run.channels["force"], hauls)[0].tolist() if "force" in run.channels else None
+    line = BUILT_IN["line"].stream(run.channels, None)
+    energy = None if line is None else integrals(run.t, line, hauls).tolist()
+    found = []
+    for k, (c, p) in enumerate(zip(cycles, phased.plateaus, strict=True)):
+        on_plateau, held, hauled = means[k :: len(cycles)]
+        plateau, hold, haul_in = None, None, None
+        if p is not None:
+            begin, braking = spans[k].tolist()
+            speed = p.speed if known and on_plateau["velocity"] is None else on_plateau["velocity"]
+            of_channels = [on_plateau[name] for name in ("force", "torque", *powers)]
+            plateau = PlateauSummary(begin, braking, speed, *of_channels)
+        if c.hold is not None:
+            pressure = None if held["pressure"] is None else held["pressure"] / KGCM2
+            hold = HoldSummary(_lasting(*c.hold), held["force"], held["torque"], pressure)
+        if c.haul_in is not None:
+            speed, force = top[k] if known else None, minimum[k] if minimum else None
+            haul_in = HaulInSummary(_lasting(*c.haul_in), speed, hauled["force"], force, energy[k] if energy else None)
+        travel, speed_max = phased.travel[k], phased.speed_max[k] if known else None
+        duration = _lasting(c.onset, c.payout_end)
+        payout = PayoutSummary(duration, travel if math.isfinite(travel) else None, speed_max, plateau)
+        found.append(PhaseSummary(payout, hold, haul_in, points[k], flows[k]))
+    return found
 
 
 def _points(phased: PhasedRun) -> list[OperatingPoint | msgspec.UnsetType]:
     """Mean speed and torque of each cycle that is a span; unset where payouts are found in a motion."""
     if phased.rig.phases.by_motion or not {"speed", "torque"} & phased.run.channels.keys():
         return [msgspec.UNSET] * len(phased.cycles)
-    return [
-        OperatingPoint(None if omega is None else omega * 30.0 / math.pi, torque)
-        for omega, torque in _means(phased, ("speed", "torque"), _whole_spans(phased))
-    ]
+    means = _means(phased, ("speed", "torque"), whole_cycles(phased))
+    rpm = [None if of["speed"] is None else of["speed"] * 30.0 / math.pi for of in means]
+    return [OperatingPoint(speed, of["torque"]) for speed, of in zip(rpm, means, strict=True)]
 
 
 def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | msgspec.UnsetType]:
-    """Energies of the stages of each cycle that is a span by the sign of the power; unset for cycles found in a motion."""
-    if phased.rig.phases.by_motion:
-        return [msgspec.UNSET] * len(phased.cycles)
-    run, rig, spans = phased.run, phased.rig, _whole_spans(phased)
+    """Energies of the stages of each whole cycle by the sign of the power; unset for payouts and the stages of the paper."""
+    run, rig = phased.run, phased.rig
     found: list[dict[str, BothWays]] = [{} for _ in phased.cycles]
+    if rig.phases.by_motion and not rig.cascade.configured:
+        return [msgspec.UNSET] * len(found)
     for stage in rig.cascade.stages:
         watts = stage.watts(run.channels, rig.r_drum)
-        if watts is None:
-            continue
-        parts = [integrals(run.t, side.__getitem__, spans) for side in (np.maximum(watts, 0.0), np.minimum(watts, 0.0))]
-        for k, (positive, negative) in enumerate(np.transpose(parts).tolist()):
-            found[k][stage.name] = BothWays(positive, negative)
+        if watts is not None:
+            sides = [side.__getitem__ for side in (np.maximum(watts, 0.0), np.minimum(watts, 0.0))]
+            for cycle, both in zip(found, integrals_of(run.t, sides, whole_cycles(phased)).T.tolist(), strict=True):
+                cycle[stage.name] = BothWays(*both)
     return found
 
 
-def _whole_spans(phased: PhasedRun) -> Signal:
-    """Begin and end of each cycle that is a span, (k, 2). [s]"""
-    return np.array([(c.onset, span_end(c, phased.rig)) for c in phased.cycles]).reshape(-1, 2)
+def _lasting(begin: float, end: float) -> float:
+    """Duration without the error of the subtraction of stamps. [s]"""
+    return round(end - begin, 9)
 
 
-def _seconds(duration: float) -> float:
-    """A difference of stamps without the error of their subtraction. [s]"""
-    return round(duration, 9)
-
-
-def _windows(cycles: Sequence[Cycle], spans: Sequence[tuple[float, float] | None]) -> Signal:
-    """Begin and end of a phase in each cycle, (k, 2) [s]; without length where a cycle does not have it."""
-    windows = [(c.onset, c.onset) if span is None else span for c, span in zip(cycles, spans, strict=True)]
-    return np.array(windows).reshape(-1, 2)
-
-
-def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[list[float | None]]:
-    """Time means of channels and powers in each window; None for what is not measured and for a mean over no time."""
-    run = phased.run
-    signals: dict[str, Stream | None] = {name: x.__getitem__ for name, x in run.channels.items()}
-    signals |= {
-        f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum) for stage in phased.rig.cascade.stages
-    }
-    known = {k: x for k, name in enumerate(names) if (x := signals.get(name)) is not None}
-    columns = np.full((len(windows), len(names)), np.nan)
-    columns[:, list(known)] = means_of(run.t, list(known.values()), windows).T
-    return [[value if math.isfinite(value) else None for value in row] for row in columns.tolist()]
+def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[dict[str, Any]]:
+    """Time means of channels and powers in each window by name; None for what is not measured and for a mean over no time."""
+    run, cascade = phased.run, phased.rig.cascade
+    powers = {f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum) for stage in cascade.stages}
+    streams = {name: x.__getitem__ for name, x in run.channels.items()} | {k: x for k, x in powers.items() if x}
+    known = [name for name in names if name in streams]
+    rows = means_of(run.t, [streams[name] for name in known], windows).T.tolist()
+    nothing = dict.fromkeys(names)
+    return [nothing | {name: x for name, x in zip(known, row, strict=True) if math.isfinite(x)} for row in rows]

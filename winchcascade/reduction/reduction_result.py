@@ -13,7 +13,7 @@ from winchcascade.core.viewed import Viewed
 from winchcascade.reduction.bins import Bin
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.energies import NetSpan
-from winchcascade.reduction.phase_summary import PhaseSummary
+from winchcascade.reduction.phase_summary import BothWays, PhaseSummary
 from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
 
@@ -65,17 +65,13 @@ class Reduction(Viewed, frozen=True):
         return f"Reduction({self.run.name!r}, {len(self.complete)} of {len(self.cycles)} cycles complete)"
 
     @property
-    def both_ways(self) -> dict[str, tuple[float, float]]:
-        """What flows with the cascade and, negative, against it, by stage, in all complete cycles together; nothing where
-        cycles are found in a motion. [J]
+    def both_ways(self) -> dict[str, BothWays]:
+        """What flows with the cascade and against it, by stage, in all complete cycles together; nothing where cycles are found
+        in a motion and no rig file states the stages. [J]
         """
-        found = dict.fromkeys(self.rig.cascade.names, (0.0, 0.0))
-        sides = [c.summary.both_ways for c in self.complete if c.summary.both_ways is not msgspec.UNSET]
-        for cycle in sides:
-            for name, side in cycle.items():
-                forth, back = found[name]
-                found[name] = (forth + side.positive, back + side.negative)
-        return {name: both for name, both in found.items() if any(both)}
+        cycles = [c.summary.both_ways for c in self.complete if c.summary.both_ways is not msgspec.UNSET]
+        names = cycles[0] if cycles else ()
+        return {n: BothWays(sum(c[n].positive for c in cycles), sum(c[n].negative for c in cycles)) for n in names}
 
     @property
     def complete(self) -> tuple[CycleResult, ...]:

@@ -163,8 +163,9 @@ class StagesRecord(msgspec.Struct, frozen=True):
     """Numbers of the stages that a rig file configures, by name.
 
     `power` states of which channels the power of a stage is made, null where the log does not have them; `efficiency` from
-    which stage to which an efficiency leads; `both_ways_j` what flows with the cascade and against it, where cycles come from
-    no motion of the line.
+    which stage to which an efficiency leads. `energy_out_j` is what flows with the cascade in all complete cycles, from onset
+    to next onset, `energy_back_j` what flows against it, negative. `efficiency_out` are the ratios of what flows with the
+    cascade, `efficiency_back` those of what flows back, which comes in at the second stage.
     """
 
     order: tuple[str, ...]
@@ -175,14 +176,17 @@ class StagesRecord(msgspec.Struct, frozen=True):
     standard_uncertainty: Numbers
     interval_95: dict[str, Interval95 | None]
     total: Numbers
-    both_ways_j: dict[str, tuple[float, float]]
+    energy_out_j: Numbers = {}
+    energy_back_j: Numbers = {}
+    efficiency_out: Numbers = {}
+    efficiency_back: Numbers = {}
 
 
 Part = Literal["mean", "max_deviation_percent", "standard_uncertainty", "total"]
 
 
 class WavesRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """Energies of waves: of each, of the whole record, and by class, with stages and units in the names of the numbers."""
+    """Energies of waves: of each and of the whole record, with stages and units in the names of the numbers."""
 
     record: dict[str, float]
     mean_power: dict[str, RatioOfSums] = {}
@@ -195,7 +199,6 @@ class WavesRecord(msgspec.Struct, frozen=True, kw_only=True):
     sensors: tuple[EnergyError, ...]
     without_accuracy: dict[str, tuple[str, ...]]
     each: tuple[dict[str, int | float], ...]
-    classes: tuple[dict[str, int | float | tuple[float, float] | None], ...]
 
 
 class CampaignWavesRecord(WavesRecord, frozen=True, kw_only=True):

@@ -16,8 +16,7 @@ from winchcascade.core.files import json_bytes
 from winchcascade.core.quantity import si_unit
 from winchcascade.core.version import __version__
 from winchcascade.reduction.bins import STORES
-from winchcascade.reduction.efficiency import ALL_METRICS, Metrics
-from winchcascade.reduction.montecarlo import Interval, Uncertainty, uncertainty
+from winchcascade.reduction.efficiency import ALL_METRICS, Metrics, ratio
 from winchcascade.reduction.run_record import (
     MAX_SPANS,
     REDUCTION_SCHEMA,
@@ -26,12 +25,13 @@ from winchcascade.reduction.run_record import (
     FindingRecord,
     Interval95,
     LogRecord,
+    Numbers,
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
     WavesRecord,
 )
-from winchcascade.reduction.uncertainty import BudgetRow, shares
+from winchcascade.reduction.uncertainty import BudgetRow, Interval, Uncertainty, shares, uncertainty
 
 if TYPE_CHECKING:
     from winchcascade.core.channels import Channel
@@ -112,8 +112,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
 
 def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
     """Energies of the waves where cycles are waves by the rig file."""
-    from winchcascade.reduction.wave_energies import waves_of
-    from winchcascade.reduction.wave_record import wave_record
+    from winchcascade.reduction.wave_energies import wave_record, waves_of
 
     waves = waves_of(reduction)
     return UNSET if waves is None else wave_record(waves)
@@ -124,18 +123,30 @@ def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetTyp
     cascade, run = reduction.rig.cascade, reduction.run
     if not cascade.configured:
         return UNSET
-    products = {stage.name: stage.power(run.channels, reduction.rig.r_drum) for stage in cascade.stages}
+    powers = {stage.name: stage.power(run.channels, reduction.rig.r_drum) for stage in cascade.stages}
+    out: Numbers = {name: both.positive for name, both in reduction.both_ways.items()}
+    back: Numbers = {name: both.negative for name, both in reduction.both_ways.items()}
+    pairs = {eta: cascade.between(eta) for eta in cascade.ratios}
+    delivered = {e: pair for e, pair in pairs.items() if not (run.open_circuit and cascade.undelivered(e))}
     return StagesRecord(
         order=cascade.names,
-        power={name: None if product is None else product.text for name, product in products.items()},
-        efficiency={eta: cascade.between(eta) for eta in cascade.ratios},
+        power={name: None if power is None else power.text for name, power in powers.items()},
+        efficiency=pairs,
         mean=reduction.mean.fields(cascade.metrics),
         max_deviation_percent=reduction.max_deviation_percent.fields(cascade.metrics),
         standard_uncertainty=found.standard.fields(cascade.metrics),
         interval_95=_intervals(found.interval_95, cascade.metrics),
         total=reduction.total.fields(cascade.metrics),
-        both_ways_j=reduction.both_ways,
+        energy_out_j=out,
+        energy_back_j=back,
+        efficiency_out={eta: ratio(out.get(b), out.get(a)) for eta, (a, b) in delivered.items()},
+        efficiency_back={eta: ratio(_taken(back.get(a)), _taken(back.get(b))) for eta, (a, b) in delivered.items()},
     )
+
+
+def _taken(energy: float | None) -> float | None:
+    """An energy that flows against the cascade, as a positive number. [J]"""
+    return None if energy is None else -energy
 
 
 def _intervals(intervals: Mapping[str, Interval], names: Sequence[str] = ALL_METRICS) -> dict[str, Interval95 | None]:

@@ -98,6 +98,6 @@ def in_places(count: int) -> str:
 
 
 def stages_of(log: LogInCheck) -> list[tuple[str, ...]]:
-    """Channels whose product is the power of each stage that the log has."""
+    """Channels of the products that the powers of the stages are made of, of those that the log has."""
     powers = (stage.power(log.channels, log.rig.r_drum) for stage in log.rig.cascade.stages)
-    return [power.channels for power in powers if power is not None]
+    return [term.channels for power in powers if power is not None for term in power.terms if term.channels]

@@ -117,9 +117,9 @@ def _open(log: Path, table: str | None, *, numbered: bool) -> LogSource:
         raise LogError(f"{log.name}: is an archive within an archive; expected one log; unpack the inner one.")
     if reader == "delimited":
         reject_sheet(table, log.name)
-        from winchcascade.ingest.formats.delimited import open_delimited
+        from winchcascade.ingest.formats.text import open_text
 
-        return open_delimited(log, numbered=numbered)
+        return open_text(log, numbered=numbered)
     from winchcascade.ingest.isolated import opener_of
 
     return opener_of(reader, numbered=numbered)(log, table=table)

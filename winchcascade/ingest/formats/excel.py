@@ -20,7 +20,7 @@ from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.run import Signal
-from winchcascade.ingest.cells import is_stamp
+from winchcascade.ingest.cells import looks_like_a_stamp
 from winchcascade.ingest.dialects import Header, recognise
 from winchcascade.ingest.source import MIN_ROWS, LogSource, LogTable, choose, damage_reported, moves, without_notes
 
@@ -322,5 +322,5 @@ def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> LogTa
     texts = [str(cell) for cell in cells]
     names = [text for text, cell in zip(texts, cells, strict=True) if is_name(cell)]  # stamps, or notes among numbers
     filled = sum(text.strip() != "" for text in texts)
-    stamped = any(map(is_stamp, names)) or 0 < len(names) == filled
+    stamped = any(map(looks_like_a_stamp, names)) or 0 < len(names) == filled
     return without_notes(LogTable(values, stamps=texts if stamped else cell_numbers(cells)))

@@ -43,12 +43,8 @@ def opposed_powers(log: PhasedLog) -> Iterator[Fault]:
         together = float(x @ y) / size if size > 0.0 else 0.0
         if together <= -OPPOSED and math.atanh(max(together, -0.999999)) * math.sqrt(x.size) <= -CERTAIN:
             made = [stage.power(run.channels, rig.r_drum) for stage in (one, other)]
-            names = [" * ".join(product.channels) if product else "" for product in made]
-            yield Fault(
-                "opposed",
-                None,
-                {"one": one.name, "other": other.name, "first": names[0], "second": names[1], "share": together},
-            )
+            texts = dict(zip(("first", "second"), [power.text if power else "" for power in made], strict=True))
+            yield Fault("opposed", None, {"one": one.name, "other": other.name, "share": together, **texts})
 
 
 def odd_ratios(log: PhasedLog) -> Iterator[Fault]:

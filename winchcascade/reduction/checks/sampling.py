@@ -204,7 +204,7 @@ def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
         product = stage.power(run.channels, phased.rig.r_drum)
         if product is None or max(joules[stage.name] or [0.0]) <= NOTHING or (stage.name in ELECTRICAL and idle):
             continue
-        for name, other in zip(product.channels, product.channels[::-1], strict=True):
+        for name, other in [both for term in product.terms for both in zip(term.channels, term.channels[::-1], strict=True)]:
             x, weight = run.channels[name], run.channels[other] if other != name else np.ones(run.t.size)
             of_windows = [abs(float(x[r] @ weight[r])) / max(float(np.abs(weight[r]).sum()), NOTHING) for r in chosen]
             levels[name] = min(median(np.array(of_windows)), levels.get(name, math.inf))

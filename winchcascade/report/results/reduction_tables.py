@@ -12,9 +12,9 @@ from msgspec.structs import replace
 from winchcascade.core.quantity import si_unit
 from winchcascade.core.run import Finding
 from winchcascade.reduction.bins import STORES, Bin
-from winchcascade.reduction.montecarlo import Uncertainty
+from winchcascade.reduction.phase_summary import BothWays
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, budgeted, shares
+from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, Uncertainty, budgeted, shares
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -139,15 +139,17 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table[CycleResult] | 
     )  # fmt: skip
 
 
-def directions_table(reduction: Reduction) -> Table[tuple[str, tuple[float, float]]] | None:
+def directions_table(reduction: Reduction) -> Table[tuple[str, BothWays]] | None:
     """Stages whose power changes its direction: what flows with the cascade and against it."""
     decimals = decimals_of(reduction, reduction.rig.cascade.energies)
-    columns: list[Column[tuple[str, tuple[float, float]]]] = [
+    columns: list[Column[tuple[str, BothWays]]] = [
         Column("stage", lambda row: row[0]),
-        Column("with the cascade", lambda row: row[1][0], "J", decimals),
-        Column("against it", lambda row: row[1][1], "J", decimals),
+        Column("with the cascade", lambda row: row[1].positive, "J", decimals),
+        Column("against it", lambda row: row[1].negative, "J", decimals),
     ]
-    both = [row for row in reduction.both_ways.items() if min(row[1][0], -row[1][1]) >= 0.5 * 10.0**-decimals]
+    both = [
+        row for row in reduction.both_ways.items() if min(row[1].positive, -row[1].negative) >= 0.5 * 10.0**-decimals
+    ]
     return table("directions", "Energies in both directions, all complete cycles together.", columns, both)
 
 

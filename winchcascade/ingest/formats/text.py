@@ -1,0 +1,399 @@
+"""CSV and similar texts: comma, semicolon, tab, bar or blanks, decimal point or comma, any encoding, preamble and units row.
+
+The text is read in blocks that end where lines end, so that a log of many hours needs no more memory than its numbers. Arrow
+parses each block with all cores; only a block with an unusual cell or row is parsed row by row.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from winchcascade.core.errors import LogError
+from winchcascade.core.quantity import find_unit
+from winchcascade.core.run import Finding, Signal
+from winchcascade.ingest.cells import (
+    NOT_NUMBERS,
+    decimal_sign,
+    is_cut,
+    is_value,
+    looks_like_a_number,
+    looks_like_a_stamp,
+    numbers,
+    serial_days,
+    split_row,
+)
+from winchcascade.ingest.dialects import Header, read_header, recognise
+from winchcascade.ingest.layout import (
+    PREAMBLE_ROWS_MAX,
+    Layout,
+    Row,
+    channels_named,
+    columns_of,
+    first_data,
+    headers_above,
+    properties_of,
+    sample,
+    usual_width,
+    waveform,
+)
+from winchcascade.ingest.source import LogSource, LogTable, without_notes
+
+HEAD_BYTES = 1 << 18
+"""Beginning of a file in which its layout is found. [bytes]"""
+
+BLOCK_BYTES, THREAD_BYTES = 1 << 22, 1 << 20
+"""Text that is parsed at a time, and the part of it that a thread parses. [bytes]"""
+
+LINE_BYTES_MAX = 1 << 24
+"""A longer line is no row of a few numbers. [bytes]"""
+
+GROWTH = 1.1
+"""Factor by which the memory of a column grows: more would be reserved in vain at the end."""
+
+MARKS_MAX = 200
+"""Texts for "no number" that Arrow is given; a file with more of them is read row by row."""
+
+RAGGED_ROWS_MAX, RAGGED_SHARE_MAX = 10, 0.5
+"""Rows with cells too many or too few that a table may have: the larger of a number and a share of the other rows."""
+
+_BOMS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF32_BE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+_ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251", "cp1250", "euc_jp", "koi8-r", "cp850")
+_LABVIEW_HEADING = re.compile(rb"^(?!nan\b|inf)(?:[*]{3}End_|[a-z])[^\n]*\n?", re.IGNORECASE | re.MULTILINE)
+"""A line of the heading that LabVIEW repeats above each segment; a row of data begins with a number or an empty cell."""
+
+
+def open_text(path: Path, *, numbered: bool = False) -> LogSource:
+    """Open a text log; where the columns are `numbered`, it needs no names.
+
+    Raises
+    ------
+    LogError : no table of numbers with column names in it
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    encoding = find_encoding(head)
+    text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(head).rstrip("\0")
+    if not text or text.count("\0") > len(text) // 20:
+        raise LogError(
+            f"{path.name}: is a binary file of no known format; expected CSV, TDMS, MATLAB, Parquet or Excel. Check that "
+            f"this is a log."
+        )
+    lines = text.split("\n" if "\n" in text else "\r", 2 * PREAMBLE_ROWS_MAX)  # as _blocks counts them
+    if len(head) == HEAD_BYTES and len(lines) < 4:
+        raise LogError(
+            f"{path.name}: lines of more than {HEAD_BYTES // 4 >> 10} kB; expected a log with a few dozen columns. Check "
+            f"that this is a log."
+        )
+    layout = find_layout(lines, path.name, numbered=numbered)
+    step, start = waveform(layout.properties)
+    return LogSource(
+        headers=layout.headers,
+        load=partial(_load, path, encoding, layout, step),
+        time_step=step,
+        time_start=start,
+        properties=dict(layout.properties),
+        texts=lambda column, beside: _load(path, encoding, layout, step, beside, column).stamps or [],  # type: ignore[arg-type,return-value]
+    )
+
+
+def find_encoding(head: bytes) -> str:
+    """Guess the encoding of a file from its beginning: a mark, UTF-8, zeros of UTF-16, else the one that reads best."""
+    marked = next((name for mark, name in _BOMS.items() if head.startswith(mark)), None)
+    if marked is not None:
+        return marked
+    if head[:400].count(b"\0") > len(head[:400]) // 4:
+        return "utf-16-le" if head[1:2] == b"\0" else "utf-16-be"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+        return "utf-8"
+    except UnicodeDecodeError:
+        # Letters beyond ASCII stand alone or in twos in European words, in long runs in Chinese, Japanese and Korean.
+        long_runs = re.search(rb"[\x80-\xff]{3}", head[:4096]) is not None
+        order = _ENCODINGS if long_runs else _ENCODINGS[1:] + _ENCODINGS[:1]
+        return max(order, key=partial(_recognised, head))  # the first of equals
+
+
+def _recognised(head: bytes, encoding: str) -> int:
+    """Count headers and units that are recognised under an encoding; -1 for one that cannot decode the text at all."""
+    try:
+        text = codecs.getincrementaldecoder(encoding)().decode(head)
+    except UnicodeDecodeError:
+        return -1
+    cells = {cell[:200] for line in text.splitlines()[:50] for cell in re.split(r"[,;\t|]", line[:20_000])}
+    units = sum(find_unit(inside) is not None for c in cells for inside in re.findall(r"[(\[]([^)\]]+)[)\]]", c))
+    return sum(recognise(Header(cell)) is not None for cell in cells if cell.strip()) + units
+
+
+def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> Layout:
+    """Find the table in the first lines of a file, under the delimiter that gives most values in a row.
+
+    Raises
+    ------
+    LogError : no rows of numbers, or rows without names above them
+    """
+    if any(line.startswith("***End_of_Header***") for line in lines):
+        from winchcascade.ingest.labview import labview_layout
+
+        found = labview_layout(lines, where)
+        if found is not None:
+            return found
+    head = lines[:PREAMBLE_ROWS_MAX]
+    # Blanks also stand inside of stamps and names.
+    tables = _tables(head, ",;\t|") or _tables(head, " ")
+    if not tables:
+        raise LogError(_no_table(head, where))
+    delimiter, first, rows = max(tables, key=_score)
+    width = usual_width(rows)
+    above = [_name_cells(line, delimiter, width) for line in lines[:first]]
+    headers = headers_above(above, rows, where, numbered=numbered)
+    properties = properties_of(lines[:first])
+    return Layout(delimiter, decimal_sign(rows), tuple(headers[:width]), len(headers) > width, first, rows, properties)
+
+
+def _tables(lines: Sequence[str], delimiters: str) -> list[tuple[str, int, list[Row]]]:
+    """Tables that lines hold under some delimiters: the delimiter, the first line of data, and the first rows."""
+    found = []
+    for delimiter in delimiters:
+        if delimiter == " " or any(delimiter in line for line in lines):
+            rows = [split_row(line, delimiter) for line in lines]
+            first = first_data(rows)
+            found += [] if first is None else [(delimiter, first, sample(rows, first))]
+    return found
+
+
+def _score(table: tuple[str, int, list[Row]]) -> float:
+    """Values in a row, less for a table that begins late."""
+    _, first, rows = table
+    return sum(bool(cell) and is_value(cell) for row in rows for cell in row) / len(rows) - first / 4000
+
+
+def _name_cells(line: str, delimiter: str, width: int) -> list[str]:
+    """Cut a line that may hold names in the way that fits the number of columns."""
+    line = line.lstrip("#%") if delimiter == "\t" else line.strip().lstrip("#%").strip()
+    cells = split_row(line, delimiter)
+    if delimiter == " " and len(cells) != width:
+        for apart in (r"\t| {2,}", r"(?<=[)\]])\s+", ",", ";"):
+            other = [cell.strip() for cell in re.split(apart, line)]
+            if len(other) == width:
+                return other
+    return cells
+
+
+def _no_table(lines: Sequence[str], where: str) -> str:
+    """Explain what a file without rows of numbers holds."""
+    named = [line.strip() for line in lines if line.strip()]
+    if any(channels_named(split_row(line, delimiter)) > 1 for delimiter in ",;\t" for line in named):
+        return (
+            f"{where}: column names but no rows of numbers below them; expected at least a few seconds of samples. "
+            f"Check that the logger wrote its data."
+        )
+    return (
+        f"{where}: no table of numbers found (it begins with {(named or [''])[0][:40]!r}); expected column names and rows of "
+        f"numbers. Check that this is a log."
+    )
+
+
+def _load(
+    path: Path, encoding: str, layout: Layout, step: float | None, wanted: Sequence[int], time: int | None
+) -> LogTable:
+    """Read the wanted columns as numbers, and the time column as numbers too or as texts."""
+    text = time if time is not None and _is_text(columns_of(layout.rows)[time]) else None
+    parser = _Parser(layout, [*wanted, *([] if time is None else [time])], text)
+    for block in _blocks(path, encoding, layout.first):
+        parser.parse(block)
+    table = parser.table(path.name)
+    stamps, stamped = table.stamps, False
+    if time is not None and text is None:
+        stamps, stamped = _stamps(layout, step, time, table.values[time])
+    return msgspec.structs.replace(table, values={k: table.values[k] for k in wanted}, stamps=stamps, stamped=stamped)
+
+
+def _is_text(cells: Sequence[str]) -> bool:
+    """Whether a column holds stamps or other texts."""
+    return any(map(looks_like_a_stamp, cells)) or (any(cells) and not any(map(looks_like_a_number, cells)))
+
+
+def _stamps(layout: Layout, step: float | None, time: int, stamps: Signal) -> tuple[Signal | None, bool]:
+    """The time column, and whether it is in seconds; None if it is empty, or counts rows beside a stated interval."""
+    first = stamps[:1000]
+    empty = stamps.size == 0 or (np.isnan(first).all() and np.isnan(stamps).all())
+    counts = bool(np.all(np.diff(first) == 1.0)) and read_header(layout.headers[time]).unit is None
+    if (empty and not any(columns_of(layout.rows)[time])) or (step is not None and (empty or counts)):
+        return None, False
+    days = serial_days(stamps) if first.size > 1 and 0 < first[1] - first[0] < 1e-4 else None
+    return (stamps, False) if days is None else (days, True)
+
+
+def _blocks(path: Path, encoding: str, skip: int) -> Iterator[bytes]:
+    """Text of a file from line `skip` on in UTF-8, cut where lines end; an unfinished line comes last."""
+    decoder = None if encoding == "utf-8" else codecs.getincrementaldecoder(encoding)(errors="replace")
+    rest, old_mac = b"", False
+    with path.open("rb", buffering=0) as file:
+        while data := file.read(BLOCK_BYTES):
+            if data[0] == 0 and not data.strip(b"\0"):
+                data = data[:1]  # one byte suffices for the megabytes that a logger reserved and never wrote
+            if decoder is not None:
+                data = decoder.decode(data).encode()
+            if old_mac or (b"\n" not in data and b"\r" in data):
+                old_mac, data = True, data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            data = rest + data
+            begin = 0
+            while skip and (at := data.find(b"\n", begin)) >= 0:
+                begin, skip = at + 1, skip - 1
+            end = data.rfind(b"\n") + 1
+            if begin < end:
+                yield data[begin:end]
+            rest = data[max(begin, end) :]
+            if len(rest) > LINE_BYTES_MAX:
+                raise LogError(
+                    f"{path.name}: a line of more than {LINE_BYTES_MAX >> 20} MB; expected rows of a few numbers."
+                )
+    if rest and not skip:
+        yield rest
+
+
+class _Parser:
+    """The used columns of a text, which grow block by block, and what could not be read on the way.
+
+    Parameters
+    ----------
+    used : indices of the columns that are read, as numbers
+    text : index of the one among them that is read as texts
+    """
+
+    def __init__(self, layout: Layout, used: Sequence[int], text: int | None) -> None:
+        self.layout, self.width, self.last = layout, len(layout.headers), max(used, default=0)
+        self.columns = {k: np.empty(0) for k in used if k != text}
+        self.text, self.texts = text, list[str]()
+        self.samples, self.ragged, self.cut, self.marks = 0, 0, list[str](), list(NOT_NUMBERS)
+
+    def parse(self, block: bytes) -> None:
+        """Read whole lines as numbers, those of a block with odd rows or cells row by row; an unfinished line comes last."""
+        if not block.endswith(b"\n"):
+            block = self._last_line(block)
+        if self.layout.labview:
+            block = _LABVIEW_HEADING.sub(b"", block)
+        if self.layout.delimiter == " ":
+            block = b"\n".join(re.sub(rb"[ \t]+", b" ", line.strip()) for line in block.splitlines())
+        if not block:
+            return
+        try:
+            self._by_arrow(block)
+        except pa.ArrowInvalid:
+            self._by_row(block)
+
+    def _by_arrow(self, block: bytes) -> None:
+        types = {str(k): pa.float64() for k in self.columns} | (
+            {} if self.text is None else {str(self.text): pa.binary()}
+        )
+        long = len(block) > THREAD_BYTES
+        table = csv.read_csv(
+            pa.BufferReader(block),
+            read_options=csv.ReadOptions(
+                column_names=[str(k) for k in range(self.width)],
+                block_size=THREAD_BYTES if long else len(block),
+                use_threads=long,
+            ),
+            parse_options=csv.ParseOptions(delimiter=self.layout.delimiter, quote_char='"' if b'"' in block else False),
+            convert_options=csv.ConvertOptions(
+                include_columns=list(types),
+                column_types=types,
+                null_values=self.marks,
+                decimal_point=self.layout.decimal,
+                check_utf8=False,
+            ),
+            memory_pool=pa.system_memory_pool(),  # the default pool starts slowly, and keeps memory that is not used
+        )
+        for k in self.columns:
+            column = table.column(str(k))
+            self._append(k, (column.fill_null(np.nan) if column.null_count else column).chunks)
+        if self.text is not None:
+            cells = table.column(str(self.text)).to_pylist()
+            self.texts += [(cell or b"").decode("utf-8", "replace") for cell in cells]
+        self.samples += table.num_rows
+
+    def _append(self, k: int, chunks: Sequence[Any]) -> None:
+        """Write the numbers of a block behind those of a column, which grows in place where the system can do that."""
+        start, column = self.samples, self.columns[k]
+        end = start + sum(map(len, chunks))
+        if end > column.size:
+            column.resize(max(end, int(GROWTH * column.size)), refcheck=False)
+        for chunk in chunks:
+            column[start : start + len(chunk)] = np.from_dlpack(chunk)
+            start += len(chunk)
+
+    def _by_row(self, block: bytes) -> None:
+        """Read rows with as many cells as the others, or whose cells too many or too few are not wanted."""
+        rows = []
+        for line in block.splitlines():
+            cells = split_row(line.decode("utf-8", "replace"), self.layout.delimiter)
+            unread = self.last < min(self.width - 1, len(cells))
+            remark = len(cells) > self.width and (self.layout.more or not any(cells[self.width :]))
+            if b"\0" in line:
+                self.cut.append("lines hold NUL bytes, as a loss of power leaves them")
+            elif len(cells) == self.width or unread or remark:
+                rows.append(cells)
+            else:
+                self.ragged += is_value(cells[0]) and len(cells) > 1
+        for k in self.columns:
+            values, strange = numbers([row[k] for row in rows], self.layout.decimal)
+            self._append(k, [values])
+            # Known from now on, so that Arrow reads the blocks to come.
+            self.marks += [mark for mark in strange if mark not in self.marks][: max(0, MARKS_MAX - len(self.marks))]
+        if self.text is not None:
+            self.texts += [row[self.text] for row in rows]
+        self.samples += len(rows)
+
+    def _last_line(self, block: bytes) -> bytes:
+        """The last line of a file, which no line end closes, if it is whole."""
+        text = block.rstrip(b"\0")
+        if len(text) < len(block):
+            self.cut.append("the file ends in NUL bytes, as a loss of power leaves it")
+        text = text.rstrip(b"\x1a")
+        cells = split_row(text.decode("utf-8", "replace"), self.layout.delimiter)
+        columns = columns_of(self.layout.rows)
+        last = max(k for k, column in enumerate(columns) if any(column))
+        if cells == [""] or (len(cells) == 1 and cells[0][:1].isalpha()):  # a remark
+            return b""
+        if (
+            len(cells) <= last
+            or (len(cells) == last + 1 and is_cut(cells[last], columns[last]))
+            or text.count(b'"') % 2
+        ):
+            self.cut.append("the file is cut off inside a row")
+            return b""
+        return text
+
+    def table(self, where: str) -> LogTable:
+        """The columns, the one of texts as stamps, with what could not be read; LogError if that is too much."""
+        columns = {k: column[: self.samples] for k, column in self.columns.items()}
+        findings = []
+        if self.ragged > max(RAGGED_ROWS_MAX, RAGGED_SHARE_MAX * self.samples):
+            raise LogError(
+                f"{where}: {self.ragged} rows do not have {self.width} cells like the first one; expected one table with rows "
+                f"of equal length. Check the delimiter."
+            )
+        if self.ragged:
+            message = f"{self.ragged} line{'s do' if self.ragged > 1 else ' does'} not have {self.width} cells like the others"
+            findings.append(Finding("dropped_samples", message, "left out", count=self.ragged, removed=self.ragged))
+        if self.cut:
+            lost = sum("ends" not in why for why in self.cut)
+            action = f"{lost} row{'s' * (lost > 1)} left out" if lost else "nothing was lost"
+            findings.append(Finding("truncated", " and ".join(dict.fromkeys(self.cut)), action, removed=lost))
+        return without_notes(LogTable(columns, None if self.text is None else self.texts, findings=tuple(findings)))
