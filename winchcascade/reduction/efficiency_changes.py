@@ -71,7 +71,7 @@ def changed_efficiencies(log: PhasedLog) -> Iterator[Fault]:
 
 
 def largest_change(log: PhasedLog, metric: str, given: Sequence[int], metrics: int) -> Fault | None:
-    """The most significant change of an efficiency over the cycles, None where chance, speed, gaps, zeros or sampling explain it.
+    """The most significant change of an efficiency, None where chance, speed, gaps, zeros or sampling explain it.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _cycles(numbers: Sequence[int]) -> str:
 
 
 def sampling_error(log: PhasedLog, stages: Sequence[str]) -> Signal:
-    """What the sampling may change of an efficiency in each complete cycle, (k,): a third of what thinning changes (Richardson). [1]"""
+    """What sampling may change of an efficiency in each whole cycle, (k,): a third of what thinning does (Richardson). [1]"""
     changes = [log.thinned[stage][:2] for stage in stages if stage in log.thinned]
     if len(changes) < 2:
         return np.zeros(sum(c.complete for c in log.results))

@@ -36,7 +36,7 @@ SAME_NOISE = 0.9
 
 UNSTATED = 0.05
 """Smallest zero of a torque sensor without a stated accuracy that is reported, as a share of the usual torque; a current that
-is a smaller share of its usual value holds no torque, and a shaft rests below a fifth of this share of its largest speed. [1]"""
+is a smaller share of its usual value holds no torque, and a shaft rests below a fifth of it, of its top speed. [1]"""
 
 
 class Rest(NamedTuple):
@@ -74,8 +74,8 @@ def rests_of(log: PhasedLog) -> dict[str, list[Rest]]:
 def waits_of(log: PhasedLog) -> dict[str, float]:
     """Channels that read nothing at rest, and the time after which they do. [s]
 
-    Vdc and Idc do not in open circuit, where the bleed resistance alone discharges the capacitor over many seconds, nor does the
-    torque of a rig whose file states no one-way clutch.
+    Vdc and Idc do not in open circuit, where the bleed resistance alone discharges the capacitor over many seconds, nor does
+    the torque of a rig whose file states no one-way clutch.
     """
     rig, load = log.phased.rig, log.phased.run.load
     inertia, drag, capacity = rig.drivetrain.inertia_rotor, rig.drivetrain.b_rotor, rig.dc_link.c_dc
@@ -150,9 +150,7 @@ def computed_current(log: PhasedLog) -> Iterator[Fault]:
 
 
 def forces_at_rest(log: PhasedLog, rests: Sequence[Rest]) -> Mapping[Span, tuple[float, float]]:
-    """Median line tension in each rest, and the one that holds the gas without friction (Sec. 2.1.2); none without a model of the
-    restoring module. [N]
-    """
+    """Median line tension in each rest, and the one that holds the gas without friction (Sec. 2.1.2). [N]"""
     rig = log.phased.rig
     part, radius, found = rig.restoring, rig.r_drum, {}
     if radius is None or part.lead is None or part.area_piston is None or not log.phased.u_zero("force"):
@@ -211,14 +209,14 @@ def force_drift(log: PhasedLog) -> Iterator[Fault]:
             read.append((force * usual / balanced, begin, end))
     if len(read) < 3:
         return
-    matrix, force = np.array(columns), np.array(read)[:, 0]
+    matrix, forces = np.array(columns), np.array(read)[:, 0]
     matrix = matrix[:, np.any(matrix, axis=0)]
     t = log.phased.run.t
     matrix[:, -1] = (matrix[:, -1] - t[0]) / (t[-1] - t[0])
-    weight, *_ = np.linalg.lstsq(matrix, force)
-    residual = force - matrix @ weight
+    weight, *_ = np.linalg.lstsq(matrix, forces)
+    residual = forces - matrix @ weight
     scatter = math.hypot(
-        log.phased.u_zero("force"), float(np.linalg.norm(residual)) / math.sqrt(max(force.size - 3, 1))
+        log.phased.u_zero("force"), float(np.linalg.norm(residual)) / math.sqrt(max(forces.size - 3, 1))
     )
     u = scatter * math.sqrt(np.linalg.pinv(matrix.T @ matrix)[-1, -1])
     if abs(weight[-1]) > max(log.zero_limit("force"), CERTAIN * u):

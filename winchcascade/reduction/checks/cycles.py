@@ -26,7 +26,7 @@ STROKE = 0.01
 """Repeatability of a stroke: standard deviation of travel, and of travel over speed in a window, by a crane. [1]"""
 
 NOISY = 0.5
-"""Share of the fourth differences of a channel that reverse the one before, from which it has noise: smooth ones hardly do. [1]"""
+"""Share of the fourth differences that reverse the one before, from which a channel has noise: smooth ones hardly do. [1]"""
 
 
 def opposed_powers(log: PhasedLog) -> Iterator[Fault]:
@@ -127,28 +127,27 @@ def has_noise(x: Signal) -> bool:
 
 
 def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
-    """Payouts with a stop in their windows that the others do not have; with the window payout also those of another travel.
+    """Payouts with a stop in their windows that the others do not have; with the window payout those of another travel.
 
-    The line slows down where it moves at less than half of the speed that it had reached in the window.
+    A stop costs a share of the travel that the line would have had, had it kept the speed that it had reached. The others
+    deviate by no more than their repeatability, of a crane or in the log itself.
     """
     phased, results = log.phased, [c for c in log.results if c.complete]
-    windows = [(c.window.onset, c.window.cutoff) for c in results]
-    travel = np.array(phased.travel)
-    if travel.size > 3 and GAUSS * median(np.abs(travel / median(travel) - 1.0)) > 10.0 * STROKE:
+    windows, travel = [(c.window.onset, c.window.cutoff) for c in results], np.array(phased.travel)
+    if len(results) < 2 or (travel.size > 3 and GAUSS * median(np.abs(travel / median(travel) - 1.0)) > 10.0 * STROKE):
         return  # strokes that never repeat, as of waves
-    slow = []
-    for rows in (phased.rows(*window) for window in windows):
-        v = phased.v_smooth[rows]
-        slow.append(np.count_nonzero(v < 0.5 * np.maximum.accumulate(v)) / phased.run.fs)
-    compared = [("stopped", np.array(slow), phased.rig.thresholds.smoothing, 0.0)]
     if phased.rule == "payout":
-        compared.append(("other_stroke", np.array(travel_in(phased.run, np.reshape(windows, (-1, 2)))), 0.0, STROKE))
-    for fault, x, least, share in compared if len(results) > 1 else ():
-        others = [np.delete(x, k) for k in range(x.size)]
-        usual = np.array([median(other) for other in others])
-        scatter = np.array([GAUSS * median(np.abs(other - middle)) for other, middle in zip(others, usual, strict=True)])
-        odd = np.flatnonzero(np.abs(x - usual) > np.maximum(least, CERTAIN * np.maximum(scatter, share * usual)))
-        if odd.size:
-            worst = odd[np.argmax(np.abs(x - usual)[odd])]
-            values = {"all": x.size, "cycle": results[worst].cycle, "value": x[worst], "usual": usual[worst]}
-            yield Fault(fault, None, values, spans=[windows[k] for k in odd])
+        fault, x = "other_stroke", np.array(travel_in(phased.run, np.reshape(windows, (-1, 2))))
+    else:
+        speeds = [phased.v_smooth[phased.rows(*window)] for window in windows]
+        fault, x = (
+            "stopped",
+            np.array([float(v.sum()) / max(float(np.maximum.accumulate(v).sum()), 1e-9) for v in speeds]),
+        )
+    usual = np.array([median(np.delete(x, k)) for k in range(x.size)])
+    scatter = np.array([GAUSS * median(np.abs(np.delete(x, k) - middle)) for k, middle in enumerate(usual)])
+    odd = np.flatnonzero(np.abs(x - usual) > CERTAIN * np.maximum(scatter, STROKE * usual))
+    if odd.size:
+        worst = odd[np.argmax(np.abs(x - usual)[odd])]
+        values = {"all": x.size, "cycle": results[worst].cycle, "value": x[worst], "usual": usual[worst]}
+        yield Fault(fault, None, values, spans=[windows[k] for k in odd])

@@ -124,11 +124,11 @@ def shaft_power(log: PhasedLog) -> Iterator[Fault]:
     given, shaft, speed = np.array(flat).T
     omega = speed * ((rig.rpm_per_velocity or 0.0) * math.pi / 30.0)
     mesh, drag = rig.drivetrain.eta_mesh, rig.drivetrain.b_rotor
-    needed = (given + losses(rig, points.mean[1, usable], omega)) / (mesh.value if mesh else 1.0)
-    known = (rig.generator.v_diode, rig.generator.r_s, mesh, rig.rpm_per_velocity)
-    complete = (
-        drag is not None and None not in known and bool(np.all(drag.value * omega**2 / mesh.value <= DRAG * shaft))
-    )
+    efficiency = mesh.value if mesh else 1.0
+    needed = (given + losses(rig, points.mean[1, usable], omega)) / efficiency
+    known = drag is not None and None not in (rig.generator.v_diode, rig.generator.r_s, mesh, rig.rpm_per_velocity)
+    dragged = drag.value * omega**2 / efficiency if drag else np.zeros(omega.size)
+    complete = known and bool(np.all(dragged <= DRAG * shaft))
     ratio, u_ratio = median_and_error(needed / shaft)
     plateau = points.plateaus[usable[0]]
     torque = plateau.torque if plateau is not None else None

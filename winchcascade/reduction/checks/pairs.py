@@ -17,11 +17,11 @@ import numpy as np
 from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.channels import CHANNELS
-from winchcascade.core.integrate import largest, white_noise
+from winchcascade.core.integrate import largest, median, white_noise
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.load import losses
+from winchcascade.reduction.checks.phased_log import MIN_SAMPLES, REPORTED, Fault, PhasedLog, Span
 from winchcascade.reduction.phases import Plateau
-from winchcascade.reduction.checks.phased_log import MIN_SAMPLES, REPORTED, Fault, PhasedLog
 
 SAME_TIME = 0.1
 """Smallest lag that is reported between channels without a physical lag: energies change by more than 0.5 %. [s]"""
@@ -40,15 +40,15 @@ FOLLOWS = 0.1
 leaves less than five times this share of it. [1]"""
 
 FAR = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
-"""Lags from which the search starts where the signals do not follow each other without one; none is longer than the last. [s]"""
+"""Lags from which the search starts where the signals do not follow each other without one; the last is the longest. [s]"""
 
 LOWEST = 0.1
-"""Lowest level of a step, as a share of the largest value, and its distance from that: lower ones are zeros, higher ones noise of
-the plateau; twice that for torque and line tension, below which friction reverses. [1]"""
+"""Lowest level of a step, as a share of the largest value, and its distance from that: beyond are zeros, and noise of the
+plateau. [1]"""
 
 
 class Pair(NamedTuple):
-    """Two channels of one payout: names, lag that physics explains [s], stamps [s], signals, and what else y depends on, (n,) each.
+    """Two channels of one payout: names, lag that physics explains [s], stamps [s], signals, what else y depends on, (n,) each.
 
     `degree` is that of the polynomial of x that y follows but for steps, 0 where the two are not compared for steps.
     """
@@ -130,9 +130,7 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
 
 
 def at_lag(pair: Pair, applied: float) -> tuple[float, float, Fitted] | None:
-    """Lag of y behind x and its standard error [s] by one regression after a lag has been applied; None where the two do not rise
-    together.
-    """
+    """Lag of y behind x and its standard error [s] by one regression after a lag; None where they do not rise alike."""
     half = max(1, round(SLOPE * (pair.t.size - 1) / max(float(np.ptp(pair.t)), 1e-9))) if pair.t.size else 1
     inner = slice(half, -half)
     t = pair.t[inner]
@@ -145,22 +143,26 @@ def at_lag(pair: Pair, applied: float) -> tuple[float, float, Fitted] | None:
     return applied - float(found.weight[1] / found.weight[0]), float(found.error[1] / found.weight[0]), found
 
 
-def late(log: PhasedLog) -> Iterator[Fault]:
-    """Channels that were recorded late against each other, in each payout; no channel is shifted.
-
-    Both move by more than their noise. The lag is certain, and explains most of the difference of the two.
-    """
+def groups(log: PhasedLog) -> Iterator[tuple[list[Pair], list[Span], list[Plateau | None]]]:
+    """Each pair of channels in all checked payouts whose onset the log holds, with their spans and plateaus."""
     cycles = [k for k in log.phased.chosen() if not log.phased.cycles[k].begins_inside]
-    for group in zip(*(pairs_of(log, k) for k in cycles), strict=False):
-        limit = max(group[0].limit, 1.0 / log.phased.run.fs)
-        if any(follows_late(group[at], 0.5 * limit) for at in {0, len(group) - 1}):
-            lags = [(k, lag) for k, pair in zip(cycles, group, strict=True) if (lag := lag_of(pair, limit)) is not None]
-            if lags:
-                seconds, u = max((lag for _, lag in lags), key=lambda lag: abs(lag[0]))
-                behind, ahead = (group[0].second, group[0].first) if seconds > 0.0 else group[0][:2]
-                values = {"late": behind, "early": ahead, "seconds": abs(seconds), "u": max(u, 0.001), "limit": limit}
-                spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k, _ in lags]
-                yield Fault("late", behind if behind in CHANNELS else None, values, spans=spans)
+    spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in cycles]
+    for group in zip(*(pairs_of(log, k) for k in cycles), strict=True):
+        yield list(group), spans, [log.phased.plateaus[k] for k in cycles]
+
+
+def late(log: PhasedLog) -> Iterator[Fault]:
+    """Channels that were recorded late against each other, in each payout; no channel is shifted."""
+    for group, spans, _ in groups(log):
+        pair, limit = group[0], max(group[0].limit, 1.0 / log.phased.run.fs)
+        if not any(follows_late(one, 0.5 * limit) for one in (pair, group[-1])):
+            continue
+        found = [(lag, span) for one, span in zip(group, spans, strict=True) if (lag := lag_of(one, limit)) is not None]
+        if found:
+            seconds, u = max((lag for lag, _ in found), key=lambda lag: abs(lag[0]))
+            behind, ahead = (pair.second, pair.first) if seconds > 0.0 else (pair.first, pair.second)
+            values = {"late": behind, "early": ahead, "seconds": abs(seconds), "u": max(u, 0.001), "limit": limit}
+            yield Fault("late", behind if behind in CHANNELS else None, values, spans=[span for _, span in found])
 
 
 def follows_late(pair: Pair, limit: float) -> bool:
@@ -199,78 +201,75 @@ def lag_of(pair: Pair, limit: float) -> tuple[float, float] | None:
 def smoothed(log: PhasedLog) -> Iterator[Fault]:
     """A velocity that was smoothed before it was logged, beside the displacement: it begins too early and ends too late.
 
-    A symmetric mean over w changes a signal by its second derivative times w^2 / 24. The displacement is the one that follows;
-    both sides of the regression are averaged over `SLOPE`.
+    A symmetric mean over w changes a signal by its second derivative times w^2 / 24.
     """
-    cycles = [k for k in log.phased.chosen() if not log.phased.cycles[k].begins_inside]
-    widths = []
-    for k, pair in ((k, next(pairs_of(log, k), None)) for k in cycles):
-        if pair is None or pair.first != "displacement":
-            return
-        half = max(1, round(SLOPE * log.phased.run.fs))
-        inner = slice(half, -half)
-        if pair.t.size <= 2 * half + MIN_SAMPLES:
-            continue
-        x, step = pair.x, pair.t[2 * half :] - pair.t[: -2 * half]
-        slope = (x[2 * half :] - x[: -2 * half]) / step
-        bend = (x[2 * half :] - 2.0 * x[inner] + x[: -2 * half]) / (0.5 * step) ** 2
-        found = fit(np.array([x[inner], slope, bend, pair.t[inner]]), pair.y[inner])
-        if found is not None and found.weight[2] > CERTAIN * found.error[2]:
-            widths.append((math.sqrt(24.0 * found.weight[2] / found.weight[0]), k))
-    if widths and (width := float(np.median([w for w, _ in widths]))) > 2.0 * SLOPE and 2 * len(widths) > len(cycles):
-        spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in cycles]
-        yield Fault("smoothed", "velocity", {"width": width}, spans=spans)
+    run, widths = log.phased.run, []
+    half = max(1, round(SLOPE * run.fs))
+    group, spans, _ = next(groups(log), ([], [], []))
+    for pair in group if "displacement" in run.channels else ():
+        if pair.t.size > 2 * half + MIN_SAMPLES:
+            x, inner, step = pair.x, slice(half, -half), 0.5 * (pair.t[2 * half :] - pair.t[: -2 * half])
+            slope = 0.5 * (x[2 * half :] - x[: -2 * half]) / step
+            bend = (x[2 * half :] - 2.0 * x[inner] + x[: -2 * half]) / step**2
+            found = fit(np.array([x[inner], slope, bend, pair.t[inner]]), pair.y[inner])
+            if found is not None and found.weight[2] > CERTAIN * found.error[2]:
+                widths.append(math.sqrt(24.0 * found.weight[2] / found.weight[0]))
+    if 2 * len(widths) > len(group) and median(np.array(widths)) > max(2.0 * SLOPE, 4.0 / run.fs):
+        yield Fault("smoothed", "velocity", {"width": median(np.array(widths))}, spans=spans)
 
 
 def stepped(log: PhasedLog) -> Iterator[Fault]:
-    """A channel that steps at a level which its partner passes smoothly: it changed its range, or has an offset under load."""
-    cycles = [k for k in log.phased.chosen() if not log.phased.cycles[k].begins_inside]
-    for group in zip(*(pairs_of(log, k) for k in cycles), strict=False):
-        pair = group[0]
+    """A channel that steps at a level which its partner passes smoothly: it changed its range, or has an offset under load.
+
+    In open circuit friction alone makes the torque. The more certain of the steps of both channels counts.
+    """
+    for group, spans, plateaus in groups(log):
+        pair, settle, steps = group[0], log.phased.rig.thresholds.settle, []
         if pair.degree == 0 or log.phased.run.open_circuit:
             continue
-        ramps = [ramp_of(one, log.phased.plateaus[k], log.phased.rig.thresholds.settle) for k, one in zip(cycles, group, strict=True)]
+        ramps = [ramp_of(one, plateau, settle) for one, plateau in zip(group, plateaus, strict=True)]
         x, y, x_slope, y_slope, *beside = np.concatenate(ramps, axis=1)
-        steps = [
-            (*largest_step(y, x, [x_slope, *beside], pair.degree, log.zero_limit(pair.second)), pair.second, pair.first, largest(y)),
-            (*largest_step(x, y, [y_slope, *beside], pair.degree, log.zero_limit(pair.first)), pair.first, pair.second, largest(x)),
-        ] if y.size else []  # fmt: skip
-        for certain, size, level, channel, partner, top in sorted(steps)[-1:]:
-            if certain >= CERTAIN + 1.0:  # as one of many levels
-                values = {"partner": partner, "share": size / top}
-                spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in cycles]
-                yield Fault("stepped", channel, values, {"step": size, "level": level}, spans)
+        for channel, partner, own, other, slope in (
+            (pair.second, pair.first, y, x, x_slope),
+            (pair.first, pair.second, x, y, y_slope),
+        ):
+            found = largest_step(own, other, [slope, *beside], pair.degree, log.zero_limit(channel))
+            steps.append((*found, channel, partner))
+        certain, share, change, level, channel, partner = max(steps)
+        if certain >= CERTAIN + 1.0:  # as one of many levels
+            yield Fault(
+                "stepped", channel, {"partner": partner, "share": share}, {"change": change, "level": level}, spans
+            )
 
 
-def largest_step(y: Signal, x: Signal, beside: list[Signal], degree: int, zero: float) -> tuple[float, float, float]:
-    """The most certain step of y at a level: in standard errors, its size, and the level.
+def largest_step(
+    y: Signal, x: Signal, beside: Sequence[Signal], degree: int, zero: float
+) -> tuple[float, float, float, float]:
+    """The most certain step of y: in standard errors, as a share of the largest value, its size, and its level; else zeros.
 
     The ramps of all payouts together are fitted by a polynomial of x, its slope, and a step at the level by which the residual
     divides most; on a plateau noise alone would set the slope. The level is that which the polynomial gives, so that noise of y
-    chooses no side. Noise of x flattens the polynomial, by its share of what x varies on either side of the level. At half of the
-    scale, a gain is twice its step. A step that the zero of a sensor explains is none.
+    chooses no side; that of x does, and a step of its size is none, nor is one that the zero of a sensor explains. At half of
+    the scale, a gain is twice its step.
     """
-    top = largest(y)
-    smooth = np.array([*((x / max(largest(x), 1e-30)) ** power for power in range(1, degree + 1)), *beside])
+    nothing = 0.0, 0.0, 0.0, 0.0
+    if y.size < MIN_SAMPLES:
+        return nothing
+    top, smooth = largest(y), np.array([*(x**power for power in range(1, degree + 1)), *beside])
     course = fit(smooth, y)
     if course is None or course.residual > FOLLOWS:
-        return 0.0, 0.0, 0.0
+        return nothing
     level = course.weight @ smooth
     level += float(np.mean(y - level))
-    order = np.argsort(level)
-    place = np.arange(1, y.size)
-    between = (level[order[1:]] > LOWEST * degree * top) & (level[order[1:]] < (1.0 - LOWEST) * top)
-    weight = np.sqrt(place * (y.size - place)) * between
-    best = int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / np.where(weight > 0.0, weight, np.inf)))
-    above = level >= level[order[best + 1]]
-    found = fit(np.vstack((smooth, above)), y)
-    if found is None:
-        return 0.0, 0.0, 0.0
-    varies = sum(float(np.var(x[side])) * np.count_nonzero(side) for side in (above, ~above))
-    size = float(found.weight[-1])
-    if abs(size) < max((0.5 * REPORTED + 2.0 * x.size * white_noise(x) ** 2 / varies) * top, zero):
-        return 0.0, 0.0, 0.0
-    return abs(size / float(found.error[-1])), size, float(level[order[best + 1]])
+    order, place = np.argsort(level), np.arange(1, y.size)
+    between = (level[order[1:]] > LOWEST * top) & (level[order[1:]] < (1.0 - LOWEST) * top)
+    weight = np.where(between, np.sqrt(place * (y.size - place)), np.inf)
+    best = level[order[int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / weight)) + 1]]
+    found = fit(np.vstack((smooth, level >= best)), y)
+    change = 0.0 if found is None else float(found.weight[-1])
+    if found is None or abs(change) < max(0.5 * REPORTED * top, 2.0 * white_noise(level), zero):
+        return nothing
+    return abs(change / float(found.error[-1])), change / top, change, float(best)
 
 
 def ramp_of(pair: Pair, plateau: Plateau | None, settle: float) -> Signal:

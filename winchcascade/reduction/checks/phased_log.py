@@ -1,4 +1,4 @@
-"""What the checks over phases compare, and what each of them gives: a fault by its name, with the numbers that its words need."""
+"""What the checks over phases compare, and what each gives: a fault by its name, with the numbers that its words need."""
 
 from __future__ import annotations
 

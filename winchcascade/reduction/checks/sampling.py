@@ -6,7 +6,7 @@ log itself (Richardson), that to every third sample eight times. Where the sampl
 motion is a kink between two of them, the interpolated onset errs in proportion to the interval: the changes are then once and
 twice the error of the log.
 
-A logger that rounds errs by up to half a step where the noise of a channel is smaller than half a step; larger noise averages out.
+A logger that rounds errs by up to half a step where the noise of a channel is smaller than that; larger noise averages out.
 """
 
 from __future__ import annotations
@@ -121,6 +121,10 @@ def coarse_sampling(log: PhasedLog) -> Iterator[Fault]:
             lost = np.isnan(part).all(axis=0)
             mean = np.nanmean(np.where(lost, 0.0, part), axis=0)
             error = max(error, 1.0 if over == by_second and lost.any() else float(np.sqrt(np.mean(mean**2))) / over)
+            if (
+                within < 5.0 and part.shape[0] == 2
+            ):  # fewer are not smoothed: what cycles do not share is noise of both logs
+                error = max(error, float(np.max(np.abs(mean - mean.mean()))) / math.sqrt(2.0))
     if error >= REPORTED:
         yield Fault(
             "coarse_sampling", None, {"rate": run.fs, "extreme": extreme, "error": min(error, extreme)}, spans=whole
@@ -181,7 +185,8 @@ def update_interval(change: Signal) -> int:
         return 1
     at = np.flatnonzero(size > max(6.0 * quantile(size, 0.4), 1e-6 * float(size.max())))
     apart = np.diff(at).astype(np.float64)
-    steady, apart = 2 * np.count_nonzero(apart == 1.0) > 1.2 * apart.size, apart[apart > 1.0]  # a value between two samples bends twice
+    steady = 2 * np.count_nonzero(apart == 1.0) > 1.2 * apart.size
+    apart = apart[apart > 1.0]  # a value between two samples bends twice
     if steady or apart.size < STRAIGHT or np.sum(size[at] ** 2) < EVEN * np.sum(size**2):
         return 1
     every = median(apart)
@@ -190,7 +195,7 @@ def update_interval(change: Signal) -> int:
 
 
 def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
-    """Channels whose step is coarse for an energy that is evaluated, beside their noise; in open circuit Vdc and Idc are in none.
+    """Channels whose step is coarse for an energy that is evaluated; in open circuit Vdc and Idc are in none.
 
     The mean of a channel is weighted by the other factor of its power: an error divided by it is the share of the energy that
     the error changes.
@@ -204,21 +209,23 @@ def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
         product = stage.power(run.channels, phased.rig.r_drum)
         if product is None or max(joules[stage.name] or [0.0]) <= NOTHING or (stage.name in ELECTRICAL and idle):
             continue
-        for name, other in [both for term in product.terms for both in zip(term.channels, term.channels[::-1], strict=True)]:
+        for name, other in [
+            both for term in product.terms for both in zip(term.channels, term.channels[::-1], strict=True)
+        ]:
             x, weight = run.channels[name], run.channels[other] if other != name else np.ones(run.t.size)
             of_windows = [abs(float(x[r] @ weight[r])) / max(float(np.abs(weight[r]).sum()), NOTHING) for r in chosen]
             levels[name] = min(median(np.array(of_windows)), levels.get(name, math.inf))
     for name, level in levels.items():
         by_onset = OF_ONSET * phased.rig.thresholds.v_onset if name == "velocity" else math.inf
         step = recorded_step(phased, name, min(2.0 * REPORTED * level, by_onset))
-        if step > 0.0 and step < 1e9 * level:
+        if 2.0 * REPORTED * level < step < 1e9 * level or step >= by_onset:
             moves = "; the onset moves too, which may raise or lower them" if step >= by_onset else ""
             values = {"share": step / level, "error": 0.5 * step / level, "moves": moves}
             yield Fault("coarse_resolution", name, values, {"step": step})
 
 
 def recorded_step(phased: PhasedRun, name: str, minimum: float) -> float:
-    """Step in which a channel is recorded in payouts, 0 where it has none, one below `minimum`, or noise that rounding averages.
+    """Step in which a channel is recorded in payouts, 0 where it has none, one below `minimum`, or noise beyond it.
 
     The step explains nearly all changes between the samples that were logged, so that a bridged or repaired value does not pass
     for a fine resolution. A channel that holds two values, as a friction or a brake does, has none. [SI unit of the channel]
@@ -232,7 +239,7 @@ def recorded_step(phased: PhasedRun, name: str, minimum: float) -> float:
     every = np.concatenate([np.diff(course) for course in courses])
     changes = np.abs(every[every != 0.0])
     changes = changes[changes > 1e-9 * float(np.max(np.abs(x)))]
-    if changes.size < MIN_SAMPLES // 2 or 1.4 * (small := quantile(changes, 0.05)) < minimum:
+    if changes.size < MIN_SAMPLES // 2 or 1.4 * (small := float(np.sort(changes)[int(0.05 * changes.size)])) < minimum:
         return 0.0
     step = float(np.mean(changes[(changes > 0.7 * small) & (changes < 1.4 * small)]))
     few = changes[changes < 4.5 * step] / step  # of more steps, the error of the step is too large
