@@ -20,6 +20,7 @@ from winchcascade.core.arguments import (
     SHEET,
     TEXT,
     UNITS_OF_COLUMNS,
+    Expected,
     check_arguments,
 )
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
@@ -29,13 +30,12 @@ from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.late_module import LateModule
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import CLOCK, Finding, Repairs, Run, Signal
 from winchcascade.core.store import fingerprint
-from winchcascade.core.toml_text import Expected
 from winchcascade.ingest.assign import Assignment, assign, load_column, of_machine
 from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock
