@@ -35,9 +35,9 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.limits import SECONDS_SETTING
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.audits import audit_report

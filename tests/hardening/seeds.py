@@ -22,8 +22,8 @@ from scipy.io import savemat
 
 from winchcascade.core.rig_toml import built_in_text
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.records import reduction_json
 
 ROOT = Path(__file__).parents[2]

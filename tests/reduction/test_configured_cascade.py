@@ -13,9 +13,9 @@ from winchcascade.core.errors import RigError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import parse_rig, read_rig
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.content import Table
 from winchcascade.report.frames import write_parquet
 from winchcascade.report.records import reduction_json

@@ -186,8 +186,7 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
     """
     phased = find_phases(run, rig, window_rule(rig.thresholds.window if window is None else window))
     if phased.cycles:
-        top, end = float(phased.v_smooth.max()), float(run.t[-1])
-        span = find_window(phased.cycles[0], phased.plateaus[0], top, end, phased.rule, rig.thresholds)
+        span = find_window(phased, 0)
         if span.fault is None:
             return metrics_within(run, rig, np.array([[span.onset, span.cutoff]]))[0]
     return Metrics((), rig.cascade.all_metrics)

@@ -23,8 +23,8 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.campaign_record import runs_by_load
 from winchcascade.reduction.campaign_reduction import CampaignReduction
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report import frames
 from winchcascade.rig.simulate import Simulation
 from winchcascade.tables.audit import Audit
