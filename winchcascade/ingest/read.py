@@ -35,13 +35,8 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import CLOCK, Finding, Repairs, Run, Signal
 from winchcascade.core.store import fingerprint
-<<<<<<< HEAD
 from winchcascade.core.viewed import LateModule
-from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
-from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
-=======
 from winchcascade.ingest.assign import Assignment, assign, load_column, of_machine
->>>>>>> rebuild
 from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock
 from winchcascade.ingest.dialects import nameless
