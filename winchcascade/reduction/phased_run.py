@@ -182,10 +182,16 @@ def find_window(phased: PhasedRun, k: int) -> Window:
 
 
 def whole_cycles(phased: PhasedRun) -> Signal:
-    """Begin and end of each whole cycle, (k, 2): from onset to next onset or end of the log, or of a span its own. [s]"""
-    ends = [*(c.onset for c in phased.cycles[1:]), phased.next_onset or float(phased.run.t[-1])]
-    if not phased.rig.phases.by_motion:
-        ends = [span_end(c, phased.rig) for c in phased.cycles]
+    """Begin and end of each whole cycle, (k, 2): from onset to next onset, or of a span its own. [s]"""
+    if phased.rig.phases.by_motion:
+        return onsets(phased)
+    return np.array([(c.onset, span_end(c, phased.rig)) for c in phased.cycles]).reshape(-1, 2)
+
+
+def onsets(phased: PhasedRun) -> Signal:
+    """Onset of each cycle and onset of the next one, or the end of the log, (k, 2). [s]"""
+    last = float(phased.run.t[-1]) if phased.next_onset is None else phased.next_onset
+    ends = [*(c.onset for c in phased.cycles[1:]), last]
     return np.array([(c.onset, end) for c, end in zip(phased.cycles, ends, strict=False)]).reshape(-1, 2)
 
 
