@@ -46,7 +46,7 @@ def all_gaps(run: Run, channels: Sequence[str]) -> Signal:
 
 def gaps_of(run: Run, channels: Sequence[str]) -> Signal:
     """Gaps that touch any of the channels, (k, 2) in order of time [s]."""
-    return np.clip(all_gaps(run, channels) + np.array([-TOUCH, TOUCH]), run.t[0], run.t[-1])
+    return np.asarray(np.clip(all_gaps(run, channels) + np.array([-TOUCH, TOUCH]), run.t[0], run.t[-1]))
 
 
 def overlapped_windows(gaps: Signal, windows: Signal) -> tuple[Index, Index]:

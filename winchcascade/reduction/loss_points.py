@@ -200,8 +200,9 @@ def _shaft_speed(run: Run, rig: Rig) -> Signal | None:
     """Speed of the shaft with the torque sensor, (n,) [rad/s]: as logged, else of the drum; None where neither is known."""
     if "speed" in run.channels:
         return run.channels["speed"]
-    known = "velocity" in run.channels and rig.r_drum is not None
-    return run.channels["velocity"] / rig.r_drum if known else None
+    if "velocity" in run.channels and rig.r_drum is not None:
+        return run.channels["velocity"] / rig.r_drum
+    return None
 
 
 def _counted(power: Power) -> float:
@@ -239,18 +240,13 @@ def _apart(rig: Rig) -> bool:
 def _stored(run: Run, rig: Rig, speed: Signal, spans: Signal) -> Signal:
     """Change of the energy of rotor, shaft spring and DC-link capacitor over each span, (k,) [J]; 0 for what is not known."""
     spring, capacitor = rig.drivetrain.k_shaft, rig.dc_link.c_dc
-    torque, vdc = run.channels.get("torque"), run.channels.get("vdc")
-    stores = [(_shaft_inertia(rig), speed)]
-    if spring is not None and spring.value > 0.0:
-        stores.append((1.0 / spring.value, torque))
-    if capacitor is not None and "gen" in stages_of_loss(rig.cascade):
-        stores.append((capacitor.value, vdc))
-    energy = np.zeros(len(spans))
-    for size, x in stores:
-        if size is not None and x is not None:
-            ends = _at_ends(run, rig, x, spans)
-            energy += 0.5 * size * (ends[:, 1] ** 2 - ends[:, 0] ** 2)
-    return energy
+    stores = [(_shaft_inertia(rig) or 0.0, speed)]
+    if spring is not None and spring.value > 0.0 and "torque" in run.channels:
+        stores.append((1.0 / spring.value, run.channels["torque"]))
+    if capacitor is not None and "vdc" in run.channels and "gen" in stages_of_loss(rig.cascade):
+        stores.append((capacitor.value, run.channels["vdc"]))
+    squares = [(size, _at_ends(run, rig, x, spans) ** 2) for size, x in stores]
+    return np.asarray(sum(0.5 * size * (ends[:, 1] - ends[:, 0]) for size, ends in squares))
 
 
 def _at_ends(run: Run, rig: Rig, x: Signal, spans: Signal) -> Signal:
