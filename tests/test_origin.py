@@ -24,8 +24,8 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import SIMULATED_HEADERS
 from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.records import reduction_record
 from winchcascade.report.render.page import page_text
 from winchcascade.report.results.check_record import check_record

@@ -219,7 +219,5 @@ def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(book: Path
 @pytest.mark.parametrize("sheet", ["true", "1.5", '""', '["a"]'])
 def test_a_sheet_that_is_no_name_is_reported(tmp_path: Path, sheet: str) -> None:
     (tmp_path / "campaign.toml").write_text(f'[[run]]\nfile = "a.xlsx"\nsheet = {sheet}\n')
-    with pytest.raises(
-        CampaignError, match=r"run 1: sheet is .*; expected the name or the number of a table in the file"
-    ):
+    with pytest.raises(CampaignError, match="run 1: sheet is"):
         make_plan([str(tmp_path)])

@@ -3,7 +3,6 @@
 import hashlib
 import os
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -71,16 +70,6 @@ def test_a_log_that_changes_each_time_is_rejected(log: Path, monkeypatch: pytest
     change_after(monkeypatch, log, append, 9)
     with pytest.raises(LogError, match="changed each of 3 times while it was read; expected a file that is complete"):
         read_run(log)
-
-
-def test_a_change_within_one_step_of_the_file_systems_time_is_seen(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stamps that do not move at all, as of two changes within one step."""
-    fixed = (0, 0, 0, time.time_ns() + 10**12, 1)
-    monkeypatch.setattr(read._Seen, "_stamps", lambda _: fixed)
-    change_after(monkeypatch, log, rewrite, 1)
-    run = read_run(log)
-    assert run.samples == SAMPLES["r9ohm.csv"]
-    assert run.sha256 == hashlib.sha256(log.read_bytes()).hexdigest()
 
 
 def test_a_log_that_nobody_changes_is_parsed_once(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import msgspec
 
 from winchcascade.core.rig_file import Rig, Sensor
 
-Part = Literal["zero", "gain"]
+Part = Literal["zero", "gain", "gap"]
 Shape = Literal["rectangular", "normal"]
 Basis = Literal["calibration_in_place", "limits", "expanded_uncertainty", "standard_uncertainty", "resampling"]
 """What an error is known by: `u_zero` and `u_gain` of a sensor, limits of a maker, an accuracy with a coverage factor, `u` of a

@@ -5,15 +5,24 @@ from __future__ import annotations
 import math
 import operator
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from numbers import Real
+from typing import Any
+
+import msgspec
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import is_load
-from winchcascade.core.toml_text import Expected
 
 _LONGEST_NAME, _LONGEST_PATH = 255, 4000
 """Longest name and path that the usual file systems take. [bytes]"""
+
+
+class Expected(msgspec.Struct, frozen=True):
+    """A condition on an argument; `words` completes the sentence of a fault, "load is 0; expected ..."."""
+
+    words: str
+    holds: Callable[[Any], object]
 
 
 def is_number(value: object) -> bool:

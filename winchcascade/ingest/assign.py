@@ -176,12 +176,12 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
         elif channel in ("velocity", "time"):
             raise LogError(
                 f"{where}: no column {column.name!r}, which the rig {rig.name} names for {channel}; "
-                f"{_near(column.name, headers)}. Correct [columns] in the rig file or choose the rig with --rig."
+                f"{near_columns(column.name, headers)}. Correct [columns] in the rig file or choose the rig with --rig."
             )
     return found
 
 
-def _near(name: str, headers: Sequence[Header]) -> str:
+def near_columns(name: str, headers: Sequence[Header]) -> str:
     """Which columns resemble a name, or which there are, for a sentence."""
     names = [header.name.strip() for header in headers]
     near = get_close_matches(name, names, NEAR_MATCHES)
@@ -258,7 +258,9 @@ def _absent(named: Mapping[str, int], taken: Mapping[str, int], headers: Sequenc
     for channel, column in rig.columns.items():
         if channel not in named:
             done = f"{headers[taken[channel]].name.strip()!r} read instead" if channel in taken else "not read"
-            message = f"no column {column.name!r}, which the rig names for {channel}; {_near(column.name, headers)}"
+            message = (
+                f"no column {column.name!r}, which the rig names for {channel}; {near_columns(column.name, headers)}"
+            )
             findings.append(Finding("missing_channel", message, done, channel))
     for channel in rig.channels:
         if channel not in taken and channel not in rig.sensors and channel not in rig.columns:

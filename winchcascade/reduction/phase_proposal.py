@@ -11,10 +11,9 @@ from msgspec.structs import replace
 from winchcascade.core.integrate import median
 from winchcascade.core.rig_file import PhaseRule, Rig
 from winchcascade.core.run import Finding, Run
-from winchcascade.reduction.phase_sources import Motion, find_waves, smoothed_motion
+from winchcascade.reduction.phase_sources import Motion, find_steps, find_waves, smoothed_motion
 from winchcascade.reduction.phased_run import PhasedRun
 from winchcascade.reduction.reduction_result import CycleResult
-from winchcascade.reduction.steps import find_steps
 
 FEW_WAVES = 2
 """Smallest number of waves that shows a reciprocating motion."""

@@ -186,7 +186,7 @@ Part = Literal["mean", "max_deviation_percent", "standard_uncertainty", "total"]
 
 
 class WavesRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """Energies of waves: of each, of the whole record, and by class, with stages and units in the names of the numbers."""
+    """Energies of waves: of each and of the whole record, with stages and units in the names of the numbers."""
 
     record: dict[str, float]
     mean_power: dict[str, RatioOfSums] = {}
@@ -199,7 +199,6 @@ class WavesRecord(msgspec.Struct, frozen=True, kw_only=True):
     sensors: tuple[EnergyError, ...]
     without_accuracy: dict[str, tuple[str, ...]]
     each: tuple[dict[str, int | float], ...]
-    classes: tuple[dict[str, int | float | tuple[float, float] | None], ...]
 
 
 class CampaignWavesRecord(WavesRecord, frozen=True, kw_only=True):

@@ -17,7 +17,6 @@ from winchcascade.core.quantity import si_unit
 from winchcascade.core.version import __version__
 from winchcascade.reduction.bins import STORES
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics, ratio
-from winchcascade.reduction.montecarlo import Interval, Uncertainty, uncertainty
 from winchcascade.reduction.run_record import (
     MAX_SPANS,
     REDUCTION_SCHEMA,
@@ -32,7 +31,7 @@ from winchcascade.reduction.run_record import (
     UncertaintyRecord,
     WavesRecord,
 )
-from winchcascade.reduction.uncertainty import BudgetRow, shares
+from winchcascade.reduction.uncertainty import BudgetRow, Interval, Uncertainty, shares, uncertainty
 
 if TYPE_CHECKING:
     from winchcascade.core.channels import Channel
@@ -113,8 +112,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
 
 def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
     """Energies of the waves where cycles are waves by the rig file."""
-    from winchcascade.reduction.wave_energies import waves_of
-    from winchcascade.reduction.wave_record import wave_record
+    from winchcascade.reduction.wave_energies import wave_record, waves_of
 
     waves = waves_of(reduction)
     return UNSET if waves is None else wave_record(waves)

@@ -21,7 +21,7 @@ from winchcascade.reduction.campaign_record import (
     window_rules,
 )
 from winchcascade.reduction.run_record import FindingRecord
-from winchcascade.reduction.wave_record import CampaignWaves, waves_from_record
+from winchcascade.reduction.wave_energies import CampaignWaves, waves_from_record
 from winchcascade.report.content import Column, Note, Picture, Report, Section, Tile, section, shown, table
 from winchcascade.report.glossary import metric
 from winchcascade.report.results.campaign_tables import (

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.core.store import fingerprint
-from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import Uncertainty
 from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 from winchcascade.report.content import (
     Measured,

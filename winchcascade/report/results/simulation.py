@@ -8,9 +8,9 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction

@@ -10,8 +10,7 @@ import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.wave_bootstrap import DRAWS, SEED, RatioOfSums
-from winchcascade.reduction.wave_energies import WaveEnergies
-from winchcascade.reduction.wave_record import CampaignWaves, LogWaves
+from winchcascade.reduction.wave_energies import CampaignWaves, LogWaves, WaveEnergies
 from winchcascade.report.content import (
     Block,
     Cell,
