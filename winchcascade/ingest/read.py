@@ -35,13 +35,8 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import CLOCK, Finding, Repairs, Run, Signal
 from winchcascade.core.store import fingerprint
-<<<<<<< HEAD
 from winchcascade.core.viewed import LateModule
-from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
-from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
-=======
 from winchcascade.ingest.assign import Assignment, assign, load_column, of_machine
->>>>>>> rebuild
 from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock
 from winchcascade.ingest.dialects import nameless
@@ -291,7 +286,8 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
         raise LogError(
             f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
         )
-    lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2), checked.clock))
+    gaps = clock.gaps if rows else np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2)
+    lost = np.concatenate((gaps, checked.clock))
     return Run(
         name=one_line(where),
         t=sealed(checked.t),
