@@ -286,7 +286,8 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
         raise LogError(
             f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
         )
-    lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2), checked.clock))
+    gaps = clock.gaps if rows else np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2)
+    lost = np.concatenate((gaps, checked.clock))
     return Run(
         name=one_line(where),
         t=sealed(checked.t),
