@@ -14,7 +14,7 @@ from winchcascade.batch.campaign_findings import log_efficiency
 from winchcascade.core.accuracy import CERTAIN, part_uncertainty
 from winchcascade.reduction.checks.lag import OF_THE_MACHINE, OF_THE_ROTOR, SAME_TIME
 from winchcascade.reduction.checks.zeros import KNOWN
-from winchcascade.reduction.efficiency_between_runs import _chances, _left_out, _rows
+from winchcascade.reduction.efficiency_between_runs import _distance, _rows
 from winchcascade.reduction.efficiency_changes import ALPHA, CycleComparison, compare_cycles
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import RunRecord
@@ -140,8 +140,9 @@ def campaign_reason(name: str, results: Path) -> Reason | None:
         k = [log.name for log in logs].index(f"{name}.csv")
         if rows is None:
             return None
-        off, speed, _ = (float(x[k] / rows.y[k] ** 2) for x in _left_out(rows, left))
-        chance = float(_chances(rows, left)[0][k]) * len(logs) * len(METRICS)
+        distance = _distance(rows, left, (k,))
+        off, speed = (float(x[0] / (rows.y[k] * rows.sd[k]) ** 2) for x in (distance.off, distance.allowed))
+        chance = distance.chance * len(logs) * len(METRICS)
         words = f"{metric} {abs(off):.3f} from what the other logs predict; {speed:.3f} by speed, and the rest with a "
         found.append((chance, words + f"probability of {min(chance, 1.0):.2g} by chance ({ALPHA:g} is reported)"))
     if min(found)[0] <= ALPHA:
