@@ -167,7 +167,7 @@ def _significant(rows: _Rows, left: Sequence[int], metrics: int) -> dict[tuple[i
     square by which the others agree better without them."""
     if len(left) <= rows.terms.shape[1]:
         return {}
-    single = {(k,): _distance(rows, left, (k,)) for k in left}
+    single: dict[tuple[int, ...], _Distance] = {(k,): _distance(rows, left, (k,)) for k in left}
     found = {logs: d.square for logs, d in single.items() if d.chance * len(left) * metrics < ALPHA}
     if found or not 2 * MAX_FAR <= len(left) <= MAX_PAIRED:
         return found
