@@ -21,23 +21,17 @@ from winchcascade.core.errors import RigError, check_type
 from winchcascade.core.quantity import Calibrated, Quantity, Unit, find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
-    DcLink,
-    Drivetrain,
     EffectNumber,
     Finite,
-    Generator,
     Measure,
-    ModelAccuracy,
-    PhaseRule,
-    Restoring,
     Rig,
     Sensor,
     StatedEffect,
     Thresholds,
-    Winch,
+    kinds_of_rig,
     measures,
 )
-from winchcascade.core.toml_file import Table, convert, read_toml, toml_values
+from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
@@ -110,8 +104,7 @@ def given_rig(call: str, rig: Rig | None, usual: Rig | None = None) -> Rig:
 ERRORS = "errors"
 """Table under [sensors] with effects that are errors of sensors."""
 
-_Column = dict[str, object] | str
-_Name = Annotated[str, Meta(min_length=1, description='the name of the rig, such as name = "my rig"')]
+_Text = Annotated[str, Meta(min_length=1, description='the name of the rig, such as name = "my rig"')]
 
 
 class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -120,28 +113,26 @@ class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sample_rate_hz: Annotated[float, Meta(gt=0.0, lt=1e300)] | None = None
 
 
-class _RigFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A rig file as written: texts, and tables that are read one by one."""
+class _RigFile(msgspec.Struct, frozen=True):
+    """What a rig file has beside the tables of the parts, and tables that are read one by one."""
 
-    name: _Name
+    name: _Text
     title: str = ""
     source: str = ""
     note: str = ""
-    winch: Table = {}
-    restoring: Table = {}
     drivetrain: Table = {}
-    generator: Table = {}
-    dc_link: Table = {}
-    thresholds: Table = {}
     sensors: dict[str, Table] = {}
-    columns: dict[str, _Column] = {}
+    columns: dict[str, Table | str] = {}
     channels: dict[str, Table] = {}
     effects: dict[str, Table] = {}
     cascade: Table | None = None
     stage: dict[str, Table] = {}
-    log: Table = {}
-    model: Table = {}
-    phases: Table = {}
+
+
+_PARTS = {
+    name: kind for name, kind in kinds_of_rig().items() if issubclass(kind, msgspec.Struct) and kind is not Cascade
+}
+"""Tables of a rig file that a struct declares whole."""
 
 
 def parse_rig(text: str, where: str) -> Rig:
@@ -155,6 +146,7 @@ def parse_rig(text: str, where: str) -> Rig:
         if base not in BUILT_IN:
             raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
         raw = _merged(toml_values(built_in_text(str(base)), str(base), RigError), raw)
+    check_keys(raw, dict.fromkeys((*_RigFile.__struct_fields__, *_PARTS, "log")), f"{where}:", RigError)
     file: _RigFile = convert(raw, _RigFile, f"{where}:", RigError)
     own = {name: _channel(name, table, f"{where}: [channels.{name}]") for name, table in file.channels.items()}
     known = {**CHANNELS, **own}
@@ -163,12 +155,6 @@ def parse_rig(text: str, where: str) -> Rig:
         title=file.title,
         source=file.source,
         note=file.note,
-        winch=_part(file.winch, Winch, f"{where}: [winch]"),
-        restoring=_part(file.restoring, Restoring, f"{where}: [restoring]"),
-        drivetrain=_part(file.drivetrain, Drivetrain, f"{where}: [drivetrain]"),
-        generator=_part(file.generator, Generator, f"{where}: [generator]"),
-        dc_link=_part(file.dc_link, DcLink, f"{where}: [dc_link]"),
-        thresholds=_part(file.thresholds, Thresholds, f"{where}: [thresholds]"),
         sensors={
             name: _sensor(table, _channel_of(name, known, f"{where}: [sensors.{name}]"), f"{where}: [sensors.{name}]")
             for name, table in file.sensors.items()
@@ -178,10 +164,9 @@ def parse_rig(text: str, where: str) -> Rig:
         channels=own,
         effects=_effects(file, where),
         cascade=_cascade(file, known, where),
-        sample_rate=_part(file.log, _Log, f"{where}: [log]").sample_rate_hz,
-        model=_part(file.model, ModelAccuracy, f"{where}: [model]"),
-        phases=_part(file.phases, PhaseRule, f"{where}: [phases]"),
+        sample_rate=_part(raw.get("log", {}), _Log, f"{where}: [log]").sample_rate_hz,
         path=where,
+        **{name: _part(raw.get(name, {}), kind, f"{where}: [{name}]") for name, kind in _PARTS.items()},
     )
 
 
@@ -201,8 +186,9 @@ def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
     return merged
 
 
-def _part(table: Table, kind: Any, place: str) -> Any:
+def _part(raw: object, kind: Any, place: str) -> Any:
     """Read a table by the struct that declares its entries: numbers with a unit first, then all others."""
+    table: Table = convert(raw, Table, place, RigError)
     _check_replaced(table, place)
     numbers = {
         name: number_of(table[name], f"{place} {name}", measure, plain=kind is Thresholds)

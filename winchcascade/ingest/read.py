@@ -29,13 +29,13 @@ from winchcascade.core.checked_run import sealed, sealed_channels
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
-from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import CLOCK, Finding, Repairs, Run, Signal
 from winchcascade.core.store import fingerprint
+from winchcascade.core.viewed import LateModule
 from winchcascade.ingest.assign import Assignment, assign, load_column, of_machine
 from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock
@@ -286,7 +286,8 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
         raise LogError(
             f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
         )
-    lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2), checked.clock))
+    gaps = clock.gaps if rows else np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2)
+    lost = np.concatenate((gaps, checked.clock))
     return Run(
         name=one_line(where),
         t=sealed(checked.t),

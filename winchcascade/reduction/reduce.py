@@ -11,12 +11,12 @@ from msgspec.structs import replace
 from winchcascade.core.arguments import CYCLES, check_arguments
 from winchcascade.core.cascade import Stage
 from winchcascade.core.errors import LogError, OptionError, check_type
-from winchcascade.core.integrate import integrals_of, largest
+from winchcascade.core.integrate import integrals_of
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
-from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed, stored_powers
+from winchcascade.reduction.bins import Bin, bins_of
 from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings, measured_load, operating_points
 from winchcascade.reduction.checks.ratios import ratio_findings, sign_findings
@@ -35,9 +35,6 @@ from winchcascade.reduction.phase_proposal import no_cycles, other_source
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
 from winchcascade.reduction.phased_run import PhasedRun, Window, check_lengths, find_phases, find_window, find_windows
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-
-MAX_BINS = 20_000
-"""Maximum number of bins of generator speed: more show an error in a rig file."""
 
 
 def window_rule(word: str | float) -> WindowRule:
@@ -261,7 +258,9 @@ def _energies_and_bins(
     phased: PhasedRun, windows: Sequence[Window], nets: Sequence[NetSpan]
 ) -> tuple[Energies, tuple[Bin, ...]]:
     energy = integrate_energies(phased, windows, nets)
-    return energy, _bins(phased, energy.windows)
+    counted = [k for k, window in enumerate(energy.windows) if window.fault is None]
+    cycles, plateaus = [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted]
+    return energy, bins_of(phased.run, phased.rig, cycles, plateaus)
 
 
 def _results(
@@ -300,24 +299,3 @@ def _results(
         results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
     findings += ratio_findings(results, odd, phased.run, phased.rig)
     return results
-
-
-def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
-    """Bins over the payouts of the complete cycles; none where the speed of the generator is unknown."""
-    run, rig = phased.run, phased.rig
-    found = generator_speed(run, rig)
-    if found is None:
-        return ()
-    speed, rpm = found
-    maximum = largest(speed) * rpm / rig.thresholds.rpm_bin
-    if maximum > MAX_BINS:
-        raise OptionError(
-            f"{run.name}: {maximum:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
-            f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
-        )
-    counted = [k for k, window in enumerate(windows) if window.fault is None]
-    driven = engaged(run, [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted], rig)
-    powers = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
-    powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
-    powers |= {store: watts.__getitem__ for store, watts in stored_powers(run, rig).items()}
-    return bin_powers(speed, rpm, driven, powers, rig.thresholds.rpm_bin)
