@@ -190,11 +190,16 @@ def _part(raw: object, kind: Any, place: str) -> Any:
     """Read a table by the struct that declares its entries: numbers with a unit first, then all others."""
     table: Table = convert(raw, Table, place, RigError)
     _check_replaced(table, place)
-    numbers = {
-        name: number_of(table[name], f"{place} {name}", measure, plain=kind is Thresholds)
-        for name, measure in measures(kind).items()
-        if name in table
-    }
+    numbers: Table = {}
+    for name, measure in measures(kind).items():
+        if (stated := table.get(name)) is None:
+            continue
+        if kind is not Thresholds:
+            numbers[name] = _quantity(stated, f"{place} {name}", measure)
+        elif isinstance(stated, dict):
+            numbers[name] = _quantity(stated, f"{place} {name}", measure).value
+        else:
+            numbers[name] = _possible(convert(stated, Finite, f"{place} {name}", RigError), f"{place} {name}", measure)
     return convert({**table, **numbers}, kind, place, RigError)
 
 
@@ -221,20 +226,12 @@ UNCERTAINTIES = ("u", "u_percent", "limits", "limits_percent")
 """Keys of the uncertainty of a number, of which one is stated: a standard uncertainty, or the maker's +- limits."""
 
 
-class _Prior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A number before its first calibration, in the unit of the number."""
-
-    value: Finite
-    u: _Uncertainty | None = None
-    source: str = ""
-
-
 class _Calibrated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where a calibrated number comes from."""
 
     log: str
     sha256: _Digest
-    prior: _Prior | None = None
+    prior: Table | None = None
 
 
 class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -255,52 +252,35 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if len(stated) > 1:
             raise ValueError(f"{' and '.join(stated)} are both there; expected one of them, leave the others out.")
 
-    @property
-    def percent(self) -> float:
-        """Uncertainty or limits in percent of the value."""
-        return self.u_percent or self.limits_percent or 0.0
 
-
-def number_of(raw: object, place: str, measure: Measure, *, plain: bool = False) -> Quantity | float:
-    """Read a number with unit, source and uncertainty in SI units; one of `plain` numbers may be written without a unit.
+def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
+    """Read a number with unit, source and uncertainty in SI units; limits are those of a rectangular distribution.
 
     Raises
     ------
     RigError : it cannot be used, or is not possible for what it measures
     """
-    if plain and not isinstance(raw, dict):
-        return _possible(convert(raw, Finite, place, RigError), place, measure)
-    if isinstance(raw, dict):
-        _check_replaced(raw, place)
+    _check_replaced(raw if isinstance(raw, dict) else {}, place)
     number: _Number = convert(raw, _Number, place, RigError)
     unit = find_unit(number.unit)
     if unit is None or unit.dimension != measure.dimension:
         raise RigError(f"{place}: the unit {number.unit!r} is none of {str(measure.dimension).replace('_', ' ')}.")
-    found = _quantity(number, unit, place, measure)
-    if plain:
-        return found.value
-    if number.calibrated is None:
-        return found
-    record = number.calibrated
-    prior = (
-        None if record.prior is None else _Number(record.prior.value, number.unit, record.prior.source, record.prior.u)
-    )
-    before = None if prior is None else _quantity(prior, unit, f"{place} calibrated prior", measure)
-    return replace(found, calibrated=Calibrated(record.log, record.sha256, before))
-
-
-def _quantity(number: _Number, unit: Unit, place: str, measure: Measure) -> Quantity:
-    """A number in SI units, its limits as the standard uncertainty of a rectangular distribution."""
     value = _possible(number.value * unit.factor + unit.offset, place, measure)
-    limits = number.limits is not None or number.limits_percent is not None
-    half = next((size * unit.factor for size in (number.u, number.limits) if size is not None), None)
-    if number.u_percent is not None or number.limits_percent is not None:
-        half = number.percent * abs(value) / 100.0
-    if half is not None and half > HUGE:
-        raise RigError(f"{place}: its uncertainty is {half:g} in SI units; check it and its unit.")
-    return Quantity(
-        value, number.unit, number.source, half / math.sqrt(3.0) if limits and half else half, rectangular=limits
-    )
+    key = next((key for key in UNCERTAINTIES if getattr(number, key) is not None), None)
+    u, limits = None, key is not None and key.startswith("limits")
+    if key is not None:
+        half = getattr(number, key) * (abs(value) / 100.0 if key.endswith("_percent") else unit.factor)
+        u = half / math.sqrt(3.0) if limits else half
+        if u > HUGE:
+            raise RigError(f"{place} {key} gives {u:g} in SI units; check it and its unit.")
+    calibrated = None
+    if (record := number.calibrated) is not None:
+        prior, where = None, f"{place} calibrated prior"
+        if record.prior is not None:
+            check_keys(record.prior, ("value", "u", "source"), where, RigError)
+            prior = _quantity({"unit": number.unit, **record.prior}, where, measure)
+        calibrated = Calibrated(record.log, record.sha256, prior)
+    return Quantity(value, number.unit, number.source, u, calibrated, limits)
 
 
 def _possible(value: float, place: str, measure: Measure) -> float:

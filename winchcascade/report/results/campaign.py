@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import UNSET
 
-from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.cascade import field_of
 from winchcascade.core.plain_text import first_of, one_line
 from winchcascade.reduction.best_load import Best, motion_words, rank_loads
@@ -36,7 +35,7 @@ from winchcascade.report.results.campaign_tables import (
 )
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import banner, load_words, origin_words
 
 MAX_RESULTS_TEXT = 800
 """A list of result files up to this length is given in full. [characters]"""
