@@ -18,7 +18,8 @@ from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, o
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage
 from winchcascade.core.version import __version__
 from winchcascade.core.viewed import Viewed
-from winchcascade.reduction.run_record import CampaignWavesRecord, FindingRecord, Interval95, Numbers, RunRecord
+from winchcascade.reduction.run_record import FindingRecord, Interval95, Numbers, RunRecord
+from winchcascade.reduction.wave_energies import CampaignWavesRecord
 
 CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
 

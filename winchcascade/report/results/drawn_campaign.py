@@ -17,7 +17,7 @@ from winchcascade.reduction.campaign_record import (
     runs_by_load,
     unlike_motion,
 )
-from winchcascade.reduction.wave_energies import campaign_waves
+from winchcascade.reduction.campaign_waves import campaign_waves
 from winchcascade.report.content import Picture, Report, Section, picture
 from winchcascade.report.figures import campaign_figures as figures
 from winchcascade.report.figures.style import house_style
