@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.jobs import Outcome, linear_algebra_on_one_thread, processes, run_behind, run_here
+from winchcascade.core.jobs import Outcome, linear_algebra_on_one_thread, processes, run_here
 
 
 class Task(NamedTuple):
@@ -152,34 +151,6 @@ def wait_for_the_end_of(process: int) -> None:
             os.kill(process, 0)
         except ProcessLookupError:
             return
-
-
-@pytest.mark.parametrize("processes", [1, 2])
-def test_a_job_is_done_behind_others(processes: int) -> None:
-    with run_behind(partial(work, Task("good", 3)), processes=processes) as result:
-        assert result() == 6
-
-
-@pytest.mark.parametrize("processes", [1, 2])
-def test_a_job_that_fails_behind_others_raises_where_its_result_is_used(processes: int) -> None:
-    with (
-        run_behind(partial(work, Task("fault")), processes=processes) as result,
-        pytest.raises(LogError, match="no time column"),
-    ):
-        result()
-
-
-def test_a_job_whose_process_died_is_done_here(tmp_path: Path) -> None:
-    with run_behind(partial(work, Task("once", 2, tmp_path)), processes=2) as result:
-        assert result() == 4
-    assert (tmp_path / "begun").exists()
-
-
-def test_a_job_whose_result_nobody_uses_is_ended(tmp_path: Path) -> None:
-    with run_behind(partial(work, Task("wait", 0, tmp_path)), processes=2):
-        while not (tmp_path / "pid").exists():
-            pass
-    wait_for_the_end_of(int((tmp_path / "pid").read_text()))
 
 
 def test_there_is_a_processor() -> None:

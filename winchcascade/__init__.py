@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.campaign_reduction import CampaignReduction
     from winchcascade.reduction.efficiency import Metrics
-    from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
     from winchcascade.reduction.reduce import reduce
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
+    from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
     from winchcascade.report.views import frame, plot, summary_html, write_report
     from winchcascade.rig.baseline import baseline
     from winchcascade.rig.open_rig import load_rig
@@ -88,7 +88,7 @@ HOMES |= {
     "RigError": "core.errors",
     "Run": "core.run",
     "Simulation": "rig.simulate",
-    "Uncertainty": "reduction.montecarlo",
+    "Uncertainty": "reduction.uncertainty",
     "WinchcascadeError": "core.errors",
     "audit": "tables.audit",
     "baseline": "rig.baseline",
@@ -102,7 +102,7 @@ HOMES |= {
     "reduce": "reduction.reduce",
     "simulate": "rig.simulate",
     "summary_html": "report.views",
-    "uncertainty": "reduction.montecarlo",
+    "uncertainty": "reduction.uncertainty",
     "write_report": "report.views",
 }
 

@@ -13,7 +13,6 @@ from winchcascade import read_run
 from winchcascade.core.errors import LogError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in, parse_rig
-from winchcascade.ingest.dialects import Header, recognise
 
 RPM = 30.0 / math.pi
 BENCH = '\n[drivetrain]\ngear_ratio = { value = 8.0, unit = "1" }\n'
@@ -33,27 +32,6 @@ def crane_log(ratio: float) -> str:
     rig = built_in()
     per_velocity = ratio * (rig.rpm_per_velocity or 0.0)
     return text([[*row, f"{float(row[2]) * per_velocity:.1f}"] for row in ROWS], [*HEAD, "Generator speed (rpm)"])
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "rotation speed (U/min)", "Drehzahl / min-1", "n (rpm)", "RPM", "Régime (tr/min)", "giri [rpm]",
-        "velocidad de giro (rpm)", "回転数 (rpm)", "转速(rpm)", "omega (rad/s)", "Speed (Hz)", "Motor speed [1/min]",
-        "Vitesse de rotation (tr/min)", "Shaft speed (deg/s)",
-    ],
-)  # fmt: skip
-def test_a_speed_of_rotation_is_found_by_name_and_unit(name: str) -> None:
-    assert recognise(Header(name)) == "speed"
-
-
-@pytest.mark.parametrize("name", ["n", "N", "Motor Optical Speed (RPM)", "flow", "Flow (gpm)", "q", "AC power"])
-def test_a_name_that_could_be_anything_is_no_speed_and_no_flow(name: str) -> None:
-    assert recognise(Header(name)) is None
-
-
-def test_a_speed_without_unit_stays_the_line_velocity() -> None:
-    assert recognise(Header("Speed")) == "velocity"
 
 
 @pytest.mark.parametrize(
@@ -109,13 +87,6 @@ def test_a_speed_of_the_opposite_sign_follows_the_line(tmp_path: Path) -> None:
     run = read(tmp_path, crane_log(-1.0))
     assert kinds(run) == {"sign_flipped"}
     assert run.channels["speed"].max() == pytest.approx(run.channels["velocity"].max() / 0.13, rel=0.01)
-
-
-def test_two_speeds_are_left_out_and_do_not_reject_the_log(tmp_path: Path) -> None:
-    log = text([[*row, "1", "2"] for row in ROWS], [*HEAD, "Motor speed (rpm)", "Generator speed (rpm)"])
-    run = read(tmp_path, log)
-    assert kinds(run) == {"ambiguous_column"}
-    assert "speed" not in run.channels
 
 
 def test_channels_of_a_rig_of_its_own_are_read_by_name_or_column(tmp_path: Path) -> None:

@@ -13,9 +13,8 @@ from winchcascade import Reduction, Run, read_run, reduce
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Sensor
 from winchcascade.core.rig_toml import built_in, parse_rig
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.phased_run import find_phases
-from winchcascade.reduction.uncertainty import SAMPLING
+from winchcascade.reduction.uncertainty import SAMPLING, uncertainty
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOGS = {"r45ohm": (45.0, 5.48), "r18ohm": (18.0, 5.96), "r4p5ohm": (4.5, 5.96), "open_circuit": (math.inf, 4.0)}

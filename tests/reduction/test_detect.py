@@ -8,7 +8,7 @@ import pytest
 
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import CLOCK, Run
-from winchcascade.reduction.phases import Cycle, crossing, detect, long_gaps, smoothed_velocity
+from winchcascade.reduction.phases import Cycle, crossing, detect, smoothed_velocity
 
 RULES = Thresholds()
 DT = 0.04
@@ -187,14 +187,6 @@ def test_a_gap_inside_a_payout_leaves_it_one(displacement: bool) -> None:
     (cycle,) = found_in(without(profile(REST, *CYCLE), (10.0, 12.5), displacement=displacement))
     assert cycle.onset == pytest.approx(5.07, abs=EARLY)
     assert cycle.payout_end == pytest.approx(17.0 - 0.03, abs=EARLY)
-
-
-def test_gaps_of_the_clock_and_of_the_velocity_come_in_order_and_short_ones_do_not_count() -> None:
-    v = profile(REST, *CYCLE)
-    gaps = {"velocity": np.array([[20.0, 22.0], [3.0, 3.5]]), CLOCK: np.array([[6.0, 8.0], [1.0, 2.0]])}
-    run = Run("made", run_of(v).t, run_of(v).channels, 1 / DT, v.size, gaps=gaps | {"torque": np.array([[9.0, 19.0]])})
-    assert long_gaps(run, 1.0).tolist() == [[6.0, 8.0], [20.0, 22.0]]
-    assert long_gaps(run_of(v), 1.0).shape == (0, 2)
 
 
 def test_a_log_that_begins_or_ends_with_a_gap_is_read() -> None:

@@ -12,10 +12,9 @@ from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import FIELDS, NET_METRICS, Metrics
 from winchcascade.reduction.energies import NetSpan, net_metrics
-from winchcascade.reduction.montecarlo import LINEAR_WITHIN, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.uncertainty import budget
+from winchcascade.reduction.uncertainty import LINEAR_WITHIN, budget, uncertainty
 from winchcascade.report.records import reduction_json
 
 R36 = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"

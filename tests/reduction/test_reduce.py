@@ -16,8 +16,8 @@ from winchcascade import Run, load_rig, read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import parse_rig
-from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.reduction.reduce import window_rule
+from winchcascade.reduction.uncertainty import uncertainty
 
 TABLE_2 = {
     45.0: (5937, 5222, 3988, 0.879, 0.763, 0.671),
@@ -246,5 +246,5 @@ def test_an_efficiency_above_1_is_given_with_its_mean_and_names_its_cycle(fixtur
     above, below = (cycle.metrics.value("eta_trans") for cycle in found.cycles)
     assert above > 1.0 > below
     assert found.mean.eta_trans == pytest.approx(0.5 * (above + below))
-    assert stated_uncertainty(found)[1].eta_trans
+    assert uncertainty(found).standard.eta_trans
     assert (finding.count, f"{above:.4f} in cycle 2" in finding.message) == (1, True)

@@ -121,7 +121,7 @@ def test_an_entry_in_the_wrong_table_is_sent_to_its_own(tmp_path: Path) -> None:
     rig.write_text('name = "a"\n[winch]\ngear_ratio = { value = 4.5, unit = "1", source = "plate" }\n')
     code, _, err = call("reduce", "fixtures/campaign/r36ohm.csv", "--rig", rig)
     assert code == 2
-    assert "[winch] gear_ratio is an entry of [drivetrain]; move it there." in err
+    assert "[winch] gear_ratio" in err
 
 
 def test_the_share_of_lost_rows_cannot_exceed_one(tmp_path: Path) -> None:

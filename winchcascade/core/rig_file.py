@@ -8,16 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, get_args
+from types import UnionType
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
+from msgspec import Meta
 
-from winchcascade.core.campaign_file import Ranges
+from winchcascade.core.campaign_file import Ranges, check_ranges
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.toml_text import Expected, check_keys, entries, struct_fields
+from winchcascade.core.toml_file import struct_fields
 
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]
 """What the cycles of a log are found in."""
@@ -25,56 +27,54 @@ PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "
 MOTION_SOURCES = ("velocity", "displacement", "speed")
 """Sources in which payouts are found by a motion; the window of every other one is the whole span of its cycle."""
 
-_Labels = Annotated[
-    tuple[str | int | float, ...],
-    Expected(
-        'a list of values of the column, such as ["reel-out"]', lambda values: all(str(v).strip() for v in values)
-    ),
-]
-
-_Positive = Expected("a number above 0", lambda number: 0.0 < number < 1e9)
-_ShareOfAll = Expected("a share above 0 and up to 1, such as 0.02", lambda share: 0.0 < share <= 1.0)
-
-_Text = Annotated[str, Expected("a text")]
-_Bound = Annotated[float | None, Expected("a finite number", lambda number: abs(number) < float("inf"))]
-_Size = Annotated[float | None, Expected("a number that is not negative", lambda size: 0.0 <= size <= 1e12)]
-_Share = Annotated[float | None, Expected("a share, such as 0.002 for 0.2 %", lambda share: 0.0 <= share <= 1.0)]
-_Coverage = Annotated[float | None, Expected("a coverage factor from 1 to 10, such as 2", lambda k: 1.0 <= k <= 10.0)]
+_Label = Annotated[str, Meta(pattern=r"\S")] | int | float
+_Positive = Annotated[float, Meta(gt=0.0, lt=1e9)]
+_ShareOfAll = Annotated[float, Meta(gt=0.0, le=1.0)]
+Finite = Annotated[float, Meta(ge=-1e300, le=1e300)]
+_Size = Annotated[float, Meta(ge=0.0, le=1e12)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+_Coverage = Annotated[float, Meta(ge=1.0, le=10.0)]
 
 
 class PhaseRule(
     msgspec.Struct,
     frozen=True,
+    forbid_unknown_fields=True,
     rename={"source": "from", "ranges": "ranges_s", "step_min": "step_min_s", "settle": "settle_s"},
 ):
     """Where cycles come from, and the thresholds of the sources that need one; each default with its reason."""
 
-    source: Annotated[
-        PhaseSource,
-        Expected("velocity, displacement, speed, column, ranges, waves, steps, rows or whole"),
-    ] = "velocity"
-    column: Annotated[str, Expected("the name of a column")] = ""
+    source: PhaseSource = "velocity"
+    column: str = ""
     """Column of labels, with `column`."""
-    payout: _Labels = ()
+    payout: tuple[_Label, ...] = ()
     """Its values in payout,"""
-    haul_in: _Labels = ()
+    haul_in: tuple[_Label, ...] = ()
     """and in haul-in."""
     ranges: Ranges = ()
     """Begin and end of each cycle on the clock of the log, with `ranges`. [s]"""
-    rpm_onset: Annotated[float, _Positive] = 5.0
+    rpm_onset: _Positive = 5.0
     """The shaft turns from this speed on, with `speed`, `steps` and with `waves` of a shaft: above ripple and noise of usual
     encoders, below any operating point. [rpm]"""
-    turns_min: Annotated[float, _Positive] = 0.25
+    turns_min: _Positive = 0.25
     """Motions that turn the shaft less are no payout, with `speed`: 0.2 m on a drum of 0.13 m, as `stroke_min`. [rev]"""
-    step_min: Annotated[float, _Positive] = 2.0
+    step_min: _Positive = 2.0
     """A step lasts at least this long beyond its settling, with `steps`: some revolutions at 100 rpm. [s]"""
-    settle: Annotated[float, Expected("a number from 0 on", lambda number: 0.0 <= number < 1e9)] = 0.5
+    settle: Annotated[float, Meta(ge=0.0, lt=1e9)] = 0.5
     """What is left out at the beginning of each step: speed controllers and filters settle within it. [s]"""
-    speed_band: Annotated[float, _ShareOfAll] = 0.02
+    speed_band: _ShareOfAll = 0.02
     """Width of the band in which the speed of a step stays, as a share of the largest speed of the log: ripple of speed
     controllers is below one per cent, steps of a test plan are farther apart. [1]"""
-    torque_band: Annotated[float, _ShareOfAll] = 0.10
+    torque_band: _ShareOfAll = 0.10
     """The same of the torque: cogging and brakes make it less steady. [1]"""
+
+    def __post_init__(self) -> None:
+        """Reject a source without what it needs: ValueError."""
+        check_ranges(self.ranges)
+        if self.source == "column" and not (self.column and self.payout):
+            raise ValueError(
+                'from = "column" needs the column and its values in payout; add column = "..." and payout = ["..."].'
+            )
 
     @property
     def omega_onset(self) -> float:
@@ -90,23 +90,6 @@ class PhaseRule(
     def repeats(self) -> bool:
         """Whether cycles repeat one motion, so that they show a repeatability; steps and stretches do not."""
         return self.source not in ("steps", "rows", "whole")
-
-
-def phase_rule(raw: dict[str, object], where: str) -> PhaseRule:
-    """Read the table [phases]; RigError for a wrong entry or one that its source lacks.
-
-    >>> phase_rule({"from": "waves"}, "rig.toml").source
-    'waves'
-    """
-    known = [field.encode_name for field in msgspec.structs.fields(PhaseRule)]
-    check_keys(raw, known, f"{where}: [phases] ", f"no entry of a rig file; expected {', '.join(known)}", RigError)
-    rule = entries(raw, PhaseRule, f"{where}: [phases]", RigError)
-    if rule.source == "column" and not (rule.column and rule.payout):
-        raise RigError(
-            f'{where}: [phases] from = "column" needs the column and its values in payout; add column = "..." and '
-            'payout = ["..."].'
-        )
-    return rule
 
 
 class Measure(msgspec.Struct, frozen=True):
@@ -143,21 +126,41 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     zero and gain of a sensor that was calibrated in place with its acquisition system; each replaces the accuracies.
     """
 
-    unit: Annotated[str, Expected('the unit of the numbers, such as "N"')]
-    instrument: _Text = ""
-    low: _Bound = None
-    high: _Bound = None
-    resolution: _Size = None
-    accuracy: _Size = None
-    accuracy_full_scale: _Share = None
-    accuracy_reading: _Share = None
-    coverage: _Coverage = None
-    daq_full_scale: _Share = None
-    daq_reading: _Share = None
-    daq_coverage: _Coverage = None
-    u_zero: _Size = None
-    u_gain: _Share = None
-    source: _Text = ""
+    unit: Annotated[str, Meta(description='the unit of the numbers, such as "N"')]
+    instrument: str = ""
+    low: Finite | None = None
+    high: Finite | None = None
+    resolution: _Size | None = None
+    accuracy: _Size | None = None
+    accuracy_full_scale: _Share | None = None
+    accuracy_reading: _Share | None = None
+    coverage: _Coverage | None = None
+    daq_full_scale: _Share | None = None
+    daq_reading: _Share | None = None
+    daq_coverage: _Coverage | None = None
+    u_zero: _Size | None = None
+    u_gain: _Share | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        """Reject a range that is none, shares of a full scale that is not stated, and what belongs to an accuracy that is not
+        stated: ValueError.
+        """
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            raise ValueError(f"low {self.low:g} is not below high {self.high:g}; correct the range.")
+        for key in ("accuracy_full_scale", "daq_full_scale"):
+            if getattr(self, key) is not None and not (self.high or self.low):
+                raise ValueError(f"{key} has no full scale; give the range as high = ... too.")
+        of_sensor = (self.accuracy, self.accuracy_full_scale, self.accuracy_reading)
+        of_daq = (self.daq_full_scale, self.daq_reading)
+        for key, needs in (("coverage", of_sensor), ("daq_coverage", of_daq)):
+            if getattr(self, key) is not None and not any(needs):
+                raise ValueError(f"{key} belongs to an accuracy, and none is stated; add it or leave {key} out.")
+        if any(of_daq) and not any((*of_sensor, self.u_zero, self.u_gain)):
+            raise ValueError(
+                "it has the share of the acquisition system and no accuracy of the sensor; add it, such as "
+                "accuracy_reading = ..."
+            )
 
 
 Side = Literal["drum", "shaft", "generator"]
@@ -174,11 +177,18 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str = ""
     unit: str | None = None
     override: bool = False
-    number: int | None = None
+    number: Annotated[int, Meta(ge=1, le=100_000)] | None = None
     side: Side | None = None
 
+    def __post_init__(self) -> None:
+        """Reject both or neither of name and number, and an override of nothing: ValueError."""
+        if bool(self.name.strip()) == (self.number is not None):
+            raise ValueError('expected either name = "..." or number = ..., the place of the column from 1 on.')
+        if self.override and self.unit is None:
+            raise ValueError('override = true without a unit; add unit = "...", or leave override out.')
 
-class Winch(msgspec.Struct, frozen=True):
+
+class Winch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The drum that the tether turns.
 
     `motion` is where displacement and velocity are measured: by an encoder on the drum, which counts radius times angle, or on
@@ -188,11 +198,11 @@ class Winch(msgspec.Struct, frozen=True):
 
     r_drum: Annotated[Quantity | None, Measure("length", 1e-3, 100.0)] = None
     inertia: Annotated[Quantity | None, Measure("inertia")] = None
-    motion: Annotated[Literal["drum", "line"], Expected('"drum" or "line"')] = "drum"
-    line_can_push: Annotated[bool, Expected("true or false")] = False
+    motion: Literal["drum", "line"] = "drum"
+    line_can_push: bool = False
 
 
-class Restoring(msgspec.Struct, frozen=True):
+class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Screw, piston and gas-charged accumulator that keep the tether taut."""
 
     lead: Annotated[Quantity | None, Measure("lead", positive=True)] = None
@@ -204,7 +214,7 @@ class Restoring(msgspec.Struct, frozen=True):
     volume_gas: Annotated[Quantity | None, Measure("volume", positive=True)] = None
 
 
-class Drivetrain(msgspec.Struct, frozen=True):
+class Drivetrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Clutch, shaft, gear and fast shaft between drum and generator.
 
     `one_way_clutch` is None where the file does not state it: the model then has one, and bins hold whole payouts.
@@ -216,10 +226,10 @@ class Drivetrain(msgspec.Struct, frozen=True):
     k_shaft: Annotated[Quantity | None, Measure("stiffness")] = None
     c_shaft: Annotated[Quantity | None, Measure("damping")] = None
     inertia_rotor: Annotated[Quantity | None, Measure("inertia")] = None
-    one_way_clutch: Annotated[bool | None, Expected("true or false")] = None
+    one_way_clutch: bool | None = None
 
 
-class Generator(msgspec.Struct, frozen=True):
+class Generator(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Permanent-magnet machine and its diode bridge."""
 
     pole_pairs: Annotated[Quantity | None, Measure("number")] = None
@@ -231,10 +241,10 @@ class Generator(msgspec.Struct, frozen=True):
     i_rated: Annotated[Quantity | None, Measure("current")] = None
 
 
-_LoadPercent = Expected("percent of the load, from 0 on", lambda percent: 0.0 <= percent < 1e9)
+_LoadPercent = Annotated[float, Meta(ge=0.0, lt=1e9, description="percent of the load, from 0 on")]
 
 
-class DcLink(msgspec.Struct, frozen=True):
+class DcLink(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Capacitor, bleed resistance and load behind the bridge.
 
     The uncertainty of a load is one standard uncertainty or the +- limits of its maker, in percent of the load.
@@ -242,8 +252,13 @@ class DcLink(msgspec.Struct, frozen=True):
 
     c_dc: Annotated[Quantity | None, Measure("capacitance")] = None
     r_bleed: Annotated[Quantity | None, Measure("resistance")] = None
-    load_u_percent: Annotated[float, _LoadPercent] = 0.0
-    load_limits_percent: Annotated[float, _LoadPercent] = 0.0
+    load_u_percent: _LoadPercent = 0.0
+    load_limits_percent: _LoadPercent = 0.0
+
+    def __post_init__(self) -> None:
+        """Reject two uncertainties of a load: ValueError."""
+        if self.load_u_percent and self.load_limits_percent:
+            raise ValueError("load_u_percent and load_limits_percent are both there; expected one of them.")
 
     @property
     def load_u(self) -> float:
@@ -251,10 +266,12 @@ class DcLink(msgspec.Struct, frozen=True):
         return (self.load_u_percent + self.load_limits_percent / math.sqrt(3.0)) / 100.0
 
 
-class Thresholds(msgspec.Struct, frozen=True):
+class Thresholds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What decides where a phase, a window and a finding begins. SI units; defaults are the published rules."""
 
-    window: str = "auto"
+    window: Literal["auto", "payout"] | Annotated[float, Meta(gt=0.0, lt=1e9, description="a length in seconds")] = (
+        "auto"
+    )
     v_onset: Annotated[float, Measure("velocity", 1e-6, 100.0)] = 0.03
     """Payout begins where the smoothed line velocity first exceeds this (Sec. 3.2). [m/s]"""
     smoothing: Annotated[float, Measure("time", 1e-3, 10.0)] = 0.6
@@ -284,10 +301,10 @@ class Thresholds(msgspec.Struct, frozen=True):
     """So does a gap whose bridging could change an energy by more than this share. [1]"""
 
 
-_ModelShare = Annotated[float, Expected("a share from 0 to 0.5", lambda share: 0.0 <= share <= 0.5)]
+_ModelShare = Annotated[float, Meta(ge=0.0, le=0.5)]
 
 
-class ModelAccuracy(msgspec.Struct, frozen=True):
+class ModelAccuracy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How closely the model can follow any rig, and from which size on a cause matters.
 
     The model against an independent simulation with a switched circuit: means of phases within 0.08 % of their level, blocks
@@ -308,11 +325,20 @@ class EffectNumber(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `value`, `low` and `high` are in SI units; `unit` is that of the file, "" for the unit of the catalogue.
     """
 
-    value: float
+    value: Finite
     unit: str = ""
     source: str = ""
-    low: float | None = None
-    high: float | None = None
+    low: Finite | None = None
+    high: Finite | None = None
+
+    def __post_init__(self) -> None:
+        """Reject a value outside of its interval: ValueError."""
+        if (
+            not (-math.inf if self.low is None else self.low)
+            <= self.value
+            <= (math.inf if self.high is None else self.high)
+        ):
+            raise ValueError(f"the value {self.value:g} is not between low and high; correct the interval.")
 
 
 class StatedEffect(msgspec.Struct, frozen=True):
@@ -330,41 +356,11 @@ class StatedEffect(msgspec.Struct, frozen=True):
         return f"sensors.errors.{name}" if self.of_a_sensor else f"effects.{name}"
 
 
-_KINDS: dict[str, type[Any]] = {
-    "name": str,
-    "winch": Winch,
-    "restoring": Restoring,
-    "drivetrain": Drivetrain,
-    "generator": Generator,
-    "dc_link": DcLink,
-    "thresholds": Thresholds,
-    "model": ModelAccuracy,
-    "phases": PhaseRule,
-    "cascade": Cascade,
-    "sensors": Mapping,
-    "columns": Mapping,
-    "channels": Mapping,
-    "effects": Mapping,
-}
-"""Kinds of the parts of a rig."""
-
-
 @cache
-def _measured(kind: type[msgspec.Struct]) -> list[tuple[str, Measure | None]]:
-    """Numbers of a part; of thresholds with what is possible: quantities may leave their limits while they are fitted."""
-    return [
-        (field.name, measure if kind is Thresholds else None)
-        for field in struct_fields(kind)
-        for measure in get_args(field.type)
-        if isinstance(measure, Measure)
-    ]
-
-
-def _is_possible(value: object, measure: Measure | None) -> bool:
-    """Whether a value is a finite quantity or none, or a number that a measure allows."""
-    if measure is not None:
-        return isinstance(value, float | int) and measure.holds(value)
-    return value is None or (isinstance(value, Quantity) and math.isfinite(value.value))
+def measures(kind: type[msgspec.Struct]) -> dict[str, Measure]:
+    """What the numbers of a part of a rig measure, by their names; none for what is no part."""
+    fields = struct_fields(kind) if issubclass(kind, msgspec.Struct) else ()
+    return {f.name: note for f in fields for note in get_args(f.type) if isinstance(note, Measure)}
 
 
 class Rig(msgspec.Struct, frozen=True):
@@ -397,14 +393,19 @@ class Rig(msgspec.Struct, frozen=True):
     assumed: bool = False
 
     def __post_init__(self) -> None:
-        """Reject what no rig file could give. Raises RigError."""
-        for name, kind in _KINDS.items():
+        """Reject what no rig file could give, but for numbers beyond their limits, which a fit may need. Raises RigError."""
+        for name, kind in kinds_of_rig().items():
             if not isinstance(part := getattr(self, name), kind):
                 raise RigError(f"Rig: {name} is {part!r:.100}; expected a {kind.__name__}.")
-            for number, measure in _measured(type(part)) if isinstance(part, msgspec.Struct) else ():
-                if not _is_possible(value := getattr(part, number), measure):
-                    words = 'a finite Quantity, such as Quantity(0.13, "m")' if measure is None else measure.words
-                    raise RigError(f"Rig: {name}.{number} is {value!r:.100}; expected {words}.")
+            for number, measure in measures(kind).items():
+                value = getattr(part, number)
+                if kind is Thresholds and not (isinstance(value, float | int) and measure.holds(value)):
+                    raise RigError(f"Rig: {name}.{number} is {value!r:.100}; expected {measure.words}.")
+                known = isinstance(value, Quantity) and math.isfinite(value.value)
+                if kind is not Thresholds and not (value is None or known):
+                    raise RigError(
+                        f"Rig: {name}.{number} is {value!r:.100}; expected a finite Quantity, such as Quantity(0.13, 'm')."
+                    )
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:
@@ -423,6 +424,13 @@ class Rig(msgspec.Struct, frozen=True):
         if self.r_drum is None or gear is None:
             return None
         return gear.value / self.r_drum * 30.0 / math.pi
+
+
+@cache
+def kinds_of_rig() -> dict[str, Any]:
+    """Classes of the texts and parts of a rig."""
+    kinds = {field.name: get_origin(field.type) or field.type for field in struct_fields(Rig)}
+    return {name: kind for name, kind in kinds.items() if isinstance(kind, type) and kind is not UnionType}
 
 
 WindowRule = Literal["auto", "payout", "whole"] | float

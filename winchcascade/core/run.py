@@ -9,10 +9,9 @@ import msgspec
 
 from winchcascade.core.arguments import LOAD, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
-from winchcascade.core.late_module import LateModule
 from winchcascade.core.public_names import public
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.viewed import Units
+from winchcascade.core.viewed import LateModule, Units
 
 LOAD_HEADER = "Load (ohm)"
 """Last column of a simulated log: the load of its run in every row, inf for an open circuit."""

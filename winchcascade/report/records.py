@@ -17,7 +17,6 @@ from winchcascade.core.quantity import si_unit
 from winchcascade.core.version import __version__
 from winchcascade.reduction.bins import STORES
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics, ratio
-from winchcascade.reduction.montecarlo import Interval, Uncertainty, uncertainty
 from winchcascade.reduction.run_record import (
     MAX_SPANS,
     REDUCTION_SCHEMA,
@@ -30,9 +29,9 @@ from winchcascade.reduction.run_record import (
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
-    WavesRecord,
 )
-from winchcascade.reduction.uncertainty import BudgetRow, shares
+from winchcascade.reduction.uncertainty import BudgetRow, Interval, Uncertainty, shares, uncertainty
+from winchcascade.reduction.wave_energies import waves_of
 
 if TYPE_CHECKING:
     from winchcascade.core.channels import Channel
@@ -107,17 +106,8 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         bins=tuple(_bin(b, rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
         cycles_from=UNSET if rig.phases.source == "velocity" else rig.phases.source,
-        waves=_waves(reduction),
+        waves=waves_of(reduction) or UNSET,
     )
-
-
-def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
-    """Energies of the waves where cycles are waves by the rig file."""
-    from winchcascade.reduction.wave_energies import waves_of
-    from winchcascade.reduction.wave_record import wave_record
-
-    waves = waves_of(reduction)
-    return UNSET if waves is None else wave_record(waves)
 
 
 def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetType:

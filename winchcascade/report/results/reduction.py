@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
-from winchcascade.core.campaign_file import banner
 from winchcascade.core.store import fingerprint
-from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import Uncertainty
 from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 from winchcascade.report.content import (
     Measured,
@@ -36,7 +35,15 @@ from winchcascade.report.results.reduction_tables import (
     uncertainty_table,
 )
 from winchcascade.report.results.waves import wave_section, wave_tiles
-from winchcascade.report.wording import decisive, load_words, measured_load_words, net_reasons, not_known, window_words
+from winchcascade.report.wording import (
+    banner,
+    decisive,
+    load_words,
+    measured_load_words,
+    net_reasons,
+    not_known,
+    window_words,
+)
 
 LISTED_REASONS = 3
 """Reasons for missing net energies that are listed; the JSON holds that of each cycle."""
