@@ -3,7 +3,6 @@
 import random
 import re
 import struct
-import zlib
 from collections.abc import Callable, Sequence
 
 from seeds import SEEDS, seeds, unzipped, zipped
@@ -28,26 +27,7 @@ NUMBERS = [
 ]  # fmt: skip
 """What stands in place of a number of a text."""
 
-WHOLE = [
-    0,
-    1,
-    2,
-    3,
-    5,
-    7,
-    127,
-    128,
-    255,
-    256,
-    0x7FFF,
-    0xFFFF,
-    0x10000,
-    0x7FFFFFFF,
-    0x80000000,
-    0xFFFFFFFF,
-    1 << 40,
-    1 << 63,
-]
+WHOLE = [*range(8), 127, 128, 255, 256, 0x7FFF, 0xFFFF, 0x10000, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 1 << 40, 1 << 63]
 """What stands in place of a length of a header."""
 
 _NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
@@ -131,16 +111,6 @@ def whole(data: bytearray, chance: random.Random) -> None:
     struct.pack_into(form, data, at, value % top)
 
 
-def line_ends(data: bytearray, chance: random.Random) -> None:
-    """Change the line ends, of all the file or from a place on."""
-    at = 0 if chance.random() < 0.5 else _place(data, chance)
-    old, new = (
-        chance.choice((b"\n", b"\r\n")),
-        chance.choice((b"\r\n", b"\r", b"\n\n", b"\n\r", b"\0\n", b"\n,", b"\x0b")),
-    )
-    data[at:] = bytes(data[at:]).replace(old, new)
-
-
 def lines(data: bytearray, chance: random.Random) -> None:
     """Move a line, repeat it, take it out, or join it to the next."""
     rows = bytes(data).split(b"\n")
@@ -155,17 +125,6 @@ def lines(data: bytearray, chance: random.Random) -> None:
     data[:] = b"\n".join(rows)
 
 
-def column(data: bytearray, chance: random.Random) -> None:
-    """Make all cells of one column the same, or add to each row."""
-    delimiter = chance.choice((b",", b";", b"\t", b"|"))
-    k, word = chance.randrange(9), chance.choice((*NUMBERS[:12], b"", b"x", b"OVL", b"2026-01-01 00:00:00"))
-    rows = [row.split(delimiter) for row in bytes(data).split(b"\n")]
-    for row in rows[1:]:
-        if len(row) > k:
-            row[k] = word
-    data[:] = b"\n".join(delimiter.join(row) for row in rows)
-
-
 def sign(data: bytearray, chance: random.Random) -> None:
     """Exchange one sign for another in all the file."""
     old, new = chance.sample((b",", b";", b"\t", b".", b" ", b"-", b"(", b'"', b"=", b"[", b"1", b"0", b":"), 2)
@@ -173,25 +132,10 @@ def sign(data: bytearray, chance: random.Random) -> None:
 
 
 BYTES: tuple[Change, ...] = (flip, flip, put, cut, end, again, splice, whole, whole, whole)
-TEXT: tuple[Change, ...] = (
-    flip,
-    put,
-    put,
-    cut,
-    end,
-    again,
-    splice,
-    number,
-    number,
-    line_ends,
-    lines,
-    lines,
-    column,
-    sign,
-)
-TOML: tuple[Change, ...] = (flip, put, cut, end, again, splice, *[number] * 5, line_ends, lines, lines, sign)
+TEXT: tuple[Change, ...] = (flip, put, put, cut, end, again, splice, number, number, lines, lines, sign, sign)
+TOML: tuple[Change, ...] = (flip, put, cut, end, again, splice, *[number] * 5, lines, lines, sign)
 CHANGES = dict.fromkeys(("tdms", "mat", "mat73", "parquet", "excel", "xls"), BYTES)
-CHANGES |= dict.fromkeys(("rig", "campaign", "table", "result"), TOML)
+CHANGES |= dict.fromkeys(("rig", "campaign", "table"), TOML)
 """By the kind of file, what is done to it; to text where nothing is said."""
 
 
@@ -210,8 +154,6 @@ def _changed(start: bytes, changes: Sequence[Change], chance: random.Random) -> 
         chance.choice(changes)(data, chance)
         del data[MAX_BYTES:]
         data = data or bytearray(b"x")
-    if start[:19] == b"MATLAB 5.0 MAT-file" and chance.random() < 0.3:
-        return _packed_anew(start, chance)
     return bytes(data)
 
 
@@ -224,19 +166,3 @@ def _changed_inside(start: bytes, chance: random.Random) -> bytes:
     else:
         parts[name] = _changed(parts[name], TEXT, chance)
     return zipped(parts)
-
-
-def _packed_anew(start: bytes, chance: random.Random) -> bytes:
-    """A MATLAB file whose variables were changed and then compressed, so that the damage comes through to the reader."""
-    head, body = start[:128], start[128:]
-    try:
-        packed = body[:2] == b"\x0f\0"
-        plain = zlib.decompress(body[8 : 8 + struct.unpack_from("<I", body, 4)[0]]) if packed else body
-    except zlib.error:
-        plain = body
-    data = bytearray(plain)
-    for _ in range(chance.choice((1, 2, 5))):
-        chance.choice(BYTES)(data, chance)
-        data = data or bytearray(b"x")
-    content = zlib.compress(bytes(data))
-    return head + struct.pack("<II", 15, len(content)) + content
