@@ -133,7 +133,7 @@ def campaign_record(
     )
     if not waves:
         return CampaignRecord(one_line(plan.title), state, runs, between)
-    from winchcascade.reduction.wave_energies import campaign_waves, campaign_waves_record
+    from winchcascade.reduction.campaign_waves import campaign_waves, campaign_waves_record
 
     together = campaign_waves(waves)
     return CampaignRecord(

@@ -12,7 +12,8 @@ from msgspec import UNSET, UnsetType
 
 from winchcascade.core.campaign_file import Origin, origin_from
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage
-from winchcascade.reduction.run_record import CampaignWavesRecord, FindingRecord, Interval95, Numbers, RunRecord
+from winchcascade.reduction.run_record import FindingRecord, Interval95, Numbers, RunRecord
+from winchcascade.reduction.wave_energies import CampaignWavesRecord
 
 
 class LogSummary(msgspec.Struct, frozen=True):
