@@ -15,15 +15,8 @@ from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Number
 from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
-from winchcascade.reduction.run_record import WavesRecord
 from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, mean_power, ratio_of_sums
-from winchcascade.reduction.wave_energies import (
-    WaveEnergies,
-    joined_waves,
-    wave_energies,
-    wave_record,
-    waves_from_record,
-)
+from winchcascade.reduction.wave_energies import WaveEnergies, joined_waves, wave_energies
 from winchcascade.report.content import Note
 from winchcascade.report.results.waves import wave_section
 from winchcascade.rig.kernel import COLUMNS
@@ -60,9 +53,9 @@ SMALL = 0.25
 
 def assert_true(found: WaveEnergies, run: Run, rig: Rig, t: np.ndarray, powers: dict[str, np.ndarray]) -> None:
     """Energies of the waves within one per cent of the true ones, of small waves of the mean."""
-    assert found.cycle.size > 35
+    assert found.waves > 35
     of = {c.cycle: c.window for c in reduce(run, rig=rig).cycles}
-    spans = np.array([(of[int(k)].onset, of[int(k)].cutoff) for k in found.cycle])
+    spans = np.array([(of[int(k)].onset, of[int(k)].cutoff) for k in found.column("cycle")])
     for stage, watts in powers.items():
         true = integrals(t, watts.__getitem__, spans)
         error = (found.energy[stage] - true) / np.where(true < SMALL * true.mean(), true.mean(), true)
@@ -129,8 +122,8 @@ def test_record_and_efficiency_add_up_to_the_waves(tmp_path: Path) -> None:
     log, path = reciprocating(tmp_path, 12)
     rig = load_rig(path)
     found = wave_energies(reduce(read_run(log, rig=rig, load=36.0), rig=rig))
-    assert found.cycle.size >= 11
-    assert found.period == pytest.approx(np.full(found.cycle.size, 6.0), abs=0.05)
+    assert found.waves >= 11
+    assert found.column("period_s") == pytest.approx(np.full(found.waves, 6.0), abs=0.05)
     assert found.efficiency["eta_gen"].value == pytest.approx(0.8, abs=1e-4)
     for stage in STAGES:
         assert found.record_power[stage] * found.record_duration == pytest.approx(found.record_energy[stage])
@@ -138,15 +131,12 @@ def test_record_and_efficiency_add_up_to_the_waves(tmp_path: Path) -> None:
     alone = tuple(msgspec.structs.replace(error, shared=False) for error in found.errors)
     for waves, times in ((found, 2.0), (msgspec.structs.replace(found, errors=alone), 2.0**0.5)):  # two logs of it
         joined = joined_waves([waves, waves])
-        assert joined.period.tolist() == [*found.period, *found.period]
+        assert joined.column("period_s").tolist() == 2 * found.column("period_s").tolist()
         for one, both in zip(found.errors, joined.errors, strict=True):
             assert [abs(x) for x in both.energy.values()] == pytest.approx(
                 [times * abs(x) for x in one.energy.values()]
             )
-    record = msgspec.json.decode(msgspec.json.encode(wave_record(found)), type=WavesRecord)
-    back = waves_from_record(record)
-    assert (back.power, back.efficiency, back.errors) == (found.power, found.efficiency, found.errors)
-    assert len(record.each) == found.cycle.size
+    assert msgspec.json.decode(msgspec.json.encode(found), type=WaveEnergies) == found
 
 
 def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp_path: Path, fixtures: Path) -> None:
@@ -163,7 +153,7 @@ def command(*words: str | Path) -> str:
 
 def test_crane_cycles_have_energies_too_but_are_too_few_for_an_interval(fixtures: Path) -> None:
     found = wave_energies(reduce(read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0), window=5.48))
-    assert (found.cycle.size, found.efficiency["eta_gen"].interval) == (3, None)
+    assert (found.waves, found.efficiency["eta_gen"].interval) == (3, None)
 
 
 def correlated(rng: np.random.Generator, n: int, memory: float) -> np.ndarray:

@@ -29,9 +29,9 @@ from winchcascade.reduction.run_record import (
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
-    WavesRecord,
 )
 from winchcascade.reduction.uncertainty import BudgetRow, Interval, Uncertainty, shares, uncertainty
+from winchcascade.reduction.wave_energies import waves_of
 
 if TYPE_CHECKING:
     from winchcascade.core.channels import Channel
@@ -106,16 +106,8 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         bins=tuple(_bin(b, rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
         cycles_from=UNSET if rig.phases.source == "velocity" else rig.phases.source,
-        waves=_waves(reduction),
+        waves=waves_of(reduction) or UNSET,
     )
-
-
-def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
-    """Energies of the waves where cycles are waves by the rig file."""
-    from winchcascade.reduction.wave_energies import wave_record, waves_of
-
-    waves = waves_of(reduction)
-    return UNSET if waves is None else wave_record(waves)
 
 
 def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetType:
