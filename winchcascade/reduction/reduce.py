@@ -85,7 +85,9 @@ def reduce(
     cycles = run.cycles if cycles is None else cycles
     phased = find_phases(run, rig, rule, cycles)
     windows, nets = find_windows(phased), find_net_spans(phased)
-    message = f"no rig was named; drum radius ({rig.r_drum or 0.0:g} m) and accuracies of the sensors are those of {rig.name}"
+    message = (
+        f"no rig was named; drum radius ({rig.r_drum or 0.0:g} m) and accuracies of the sensors are those of {rig.name}"
+    )
     action = 'name yours: --rig FILE, rig = "FILE" in campaign.toml, or rig=load_rig(FILE) in Python'
     assumed = [Finding("rig_assumed", message, action)] if rig.assumed else []
     findings = [*_not_given(phased, cycles), *check_lengths(phased, windows)]
