@@ -17,6 +17,7 @@ from rigs import by_limits
 from scipy.stats import t as student
 
 from winchcascade.core.accuracy import error_sources, part_uncertainty
+from winchcascade.core.cascade import BUILT_IN, Cascade, Power, Stage, Term
 from winchcascade.core.cascade import PAPER as CASCADE
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig, Sensor, WindowRule
@@ -24,7 +25,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.nuisances import sensor_errors
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.efficiency import METRICS, Metrics
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import DRAWS, Budget, budget, uncertainty
@@ -125,7 +126,8 @@ def test_cycles_means_rows_and_freedom_are_those_of_gtc(window: WindowRule, movi
     errors = {key: GTC.ureal(0.0, limit / math.sqrt(3.0)) for key, limit in limits.items()}
     spans = [(c.window.onset, c.window.cutoff) for c in reduced(window, moving).cycles]
     cycles = [metrics_of(errors, begin, end) for begin, end in spans]
-    rows = {(row.source.channel, row.source.part): row.of for row in ours.rows if row.source is not None}
+    rows: dict[tuple[str, str], Metrics] = {}
+    rows |= {(row.source.channel, row.source.part): row.of for row in ours.rows if row.source is not None}
     assert set(rows) == set(errors)
     assert len(rows) == len(ours.rows)
     for m in METRICS:
@@ -203,7 +205,8 @@ def test_an_error_of_the_drum_radius_acts_on_what_the_motion_needs_it_for(motion
     found = uncertainty(reduction)
     (row,) = (r for r in found.budget.rows if r.source is not None and r.source.channel == "r_drum")
     assert row.source is not None
-    assert (row.source.shape, row.source.u) == ("rectangular" if rectangular else "normal", pytest.approx(0.01))
+    assert row.source.shape == ("rectangular" if rectangular else "normal")
+    assert row.source.u == pytest.approx(0.01)
     for m in METRICS:
         expected = 0.01 * reduction.mean.value(m) if m in RADIUS_ACTS_ON[motion] else 0.0
         assert row.of[m] == pytest.approx(expected, rel=ROUNDING), m
@@ -244,6 +247,25 @@ def test_a_logged_shaft_power_has_the_error_of_its_own_sensor() -> None:
     expected = math.hypot(3.0, 0.02 * reduced().mean.value("power_mech")) / math.sqrt(3.0)
     assert found.sensors.power_mech == pytest.approx(expected, rel=ROUNDING)
     assert found.sensors.energy_mech == pytest.approx(5.48 * expected, rel=ROUNDING)
+
+
+def test_the_errors_of_a_power_that_is_a_sum_change_it_as_a_log_that_is_read_too_high() -> None:
+    power = Power((Term(("vdc", "idc")), Term(("idc",), constant=60.0), Term((), constant=-5.0)))
+    cascade = Cascade((BUILT_IN["line"], Stage("own", (power,))), configured=True)
+    rig = msgspec.structs.replace(
+        rig_with(vdc=Sensor("V", accuracy=0.5), idc=Sensor("A", accuracy_reading=0.01)), cascade=cascade
+    )
+    plain = reduce(run36(), rig=rig, window=5.48)
+    rows = [
+        (row.source, row.of) for row in budget(plain).rows if row.source is not None and row.source.channel != "force"
+    ]
+    assert {source.channel for source, _ in rows} == {"vdc", "idc"}
+    for source, of in rows:
+        x = run36().channels[source.channel]
+        true = x / (1.0 + source.u) if source.part == "gain" else x - source.u
+        changed = reduce(channels_of_run36(**{source.channel: true}), rig=rig, window=5.48)
+        for m in ("energy_own", "power_own", "eta_line_own"):
+            assert of[m] == pytest.approx(plain.mean.value(m) - changed.mean.value(m), rel=source.u + 1e-6)
 
 
 def test_bridged_gaps_have_one_row_without_a_source() -> None:
