@@ -56,6 +56,7 @@ class ColumnNames(msgspec.Struct, frozen=True):
     unit_decides: frozenset[str]
     at_machine: frozenset[str]
     at_drum: frozenset[str]
+    warm_parts: frozenset[str]
     unit_of_name: dict[str, str]
 
 
@@ -75,8 +76,8 @@ def column_names() -> ColumnNames:
         )
         for channel in DIMENSION
     }
-    lists = {key: folded(raw[key]) for key in ("anywhere", "not_measured", "dates", "counts", "at_machine", "at_drum")}
     units = {letters_of(name): unit for name, unit in raw["unit_of_name"].items()}
+    lists = {key: folded(words) for key, words in raw.items() if isinstance(words, str) and key != "unit_decides"}
     return ColumnNames(channels, unit_decides=frozenset(raw["unit_decides"].split()), unit_of_name=units, **lists)
 
 
@@ -148,14 +149,10 @@ def read_header(header: Header) -> ReadHeader:
     unit = next(filter(None, map(find_unit, inside)), None) or next(foreign, None)
     if unit is None and not inside:
         unit = next(
-            (find_unit(u) for n, u in column_names().unit_of_name.items() if n in letters_and_words(bare)), None
+            (find_unit(u) for n, u in column_names().unit_of_name.items() if n in words_of(bare) | {letters_of(bare)}),
+            None,
         )
     return ReadHeader(bare, unit, None if unit or not inside else inside[-1] or None)
-
-
-def letters_and_words(name: str) -> frozenset[str]:
-    """The letters of a whole name, and each of its words."""
-    return words_of(name) | {letters_of(name)}
 
 
 @lru_cache(_HEADERS)
