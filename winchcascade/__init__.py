@@ -74,7 +74,7 @@ __all__ = [
 HOMES |= {
     "Bin": "reduction.bins",
     "Calibration": "diagnosis.calibrate",
-    "CampaignReduction": "reduction.campaign_reduction",
+    "CampaignReduction": "reduction.campaign_record",
     "Comparison": "comparison.comparison_result",
     "CycleResult": "reduction.reduction_result",
     "Finding": "core.run",
