@@ -54,23 +54,12 @@ def workbook(path: Path, runs: dict[str, int], hidden: str = "") -> Path:
     return path
 
 
-def structs(path: Path, runs: dict[str, int]) -> Path:
-    data = {name: dict(zip(("t", "velocity", "force"), motion(seed).T, strict=True)) for name, seed in runs.items()}
-    savemat(path, {**data, "operator": "H."})
-    return path
-
-
 def struct_array(path: Path, runs: dict[str, int]) -> Path:
     array = np.zeros(len(runs), dtype=[(name, object) for name in ("t", "velocity", "force")])
     for k, seed in enumerate(runs.values()):
         for name, column in zip(("t", "velocity", "force"), motion(seed).T, strict=True):
             array[k][name] = column
     savemat(path, {"run": array})
-    return path
-
-
-def matrices(path: Path, runs: dict[str, int]) -> Path:
-    savemat(path, {"names": np.array(NAMES, dtype=object), **{name: motion(seed) for name, seed in runs.items()}})
     return path
 
 
@@ -86,9 +75,7 @@ def groups(path: Path, runs: dict[str, int]) -> Path:
 
 SEVERAL: dict[str, tuple[Callable[[Path, dict[str, int]], Path], str, list[str]]] = {
     "sheets": (lambda p, runs: workbook(p, runs, "Run 2" if "Run 2" in runs else ""), "a.xlsx", ["Run 1", "Run 2"]),
-    "structs": (structs, "a.mat", ["day1", "day2"]),
     "struct array": (struct_array, "a.mat", ["run(1)", "run(2)"]),
-    "matrices": (matrices, "a.mat", ["first", "second"]),
     "groups": (groups, "a.tdms", ["Run 1", "Run 2"]),
 }
 

@@ -11,12 +11,11 @@ import pytest
 from campaign_log import HEAD, LOST, NOON, ROWS, SAME, T, clean, efficiencies, kinds, read, stamps, text, with_time
 from hypothesis import given
 from hypothesis import strategies as st
-from loops import failures
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.ingest.cells import looks_like_a_stamp, seconds
-from winchcascade.ingest.clock import MANY, read_clock, require_rising
+from winchcascade.ingest.clock import BACKWARD_STEPS_MAX, read_clock, require_rising
 from winchcascade.ingest.log_clock import clock_of_digits
 
 H = 0.04
@@ -63,10 +62,7 @@ def without(*lost: int) -> np.ndarray:
 JITTER = np.random.default_rng(3).uniform(-0.2, 0.2, STAMPS.size)
 EVERY_THIRD = np.where(np.isin(np.arange(STAMPS.size), [300, 800, 1500]), STAMPS - H, STAMPS)
 ROW_FAULTS = {
-    "twelve rows lost": (without(*range(700, 712)), {"dropped_samples"}),
-    "every 87th row lost": (without(*range(100, 2700, 87)), {"dropped_samples"}),
     "30 s lost while the line holds": (without(*range(500, 1250)), {"dropped_samples"}),
-    "rows twice": (np.sort(np.append(without(), [300, 800, 1500])), {"repeated_stamp"}),
     "every row twice": (np.repeat(without(), 2), {"repeated_stamp"}),
     "rows swapped": (swapped((300, 301), (1300, 1302)), {"backward_stamp"}),
     "the log twice": (np.tile(without(), 2), {"backward_stamp"}),
@@ -74,7 +70,6 @@ ROW_FAULTS = {
 STAMP_FAULTS = {
     "one stamp 100 s ahead": (with_stamp(700, 128.0), {"backward_stamp"}),
     "one stamp 5 s behind": (with_stamp(700, 23.0), {"backward_stamp"}),
-    "one stamp huge": (with_stamp(700, 9e9), {"backward_stamp"}),
     "first stamp ahead": (with_stamp(0, 500.0), {"backward_stamp"}),
     "last stamp behind": (with_stamp(-1, 0.0), {"backward_stamp"}),
     "one stamp a third of an interval late": (with_stamp(700, 28.013), {"clock_jitter"}),
@@ -84,7 +79,6 @@ STAMP_FAULTS = {
     "a counter that begins again": (np.mod(STAMPS + 40.0, 65.536), {"backward_stamp"}),
     "ten minutes of pause between cycles": (stepped(920, 600.0), {"dropped_samples"}),
     "jitter of 20 %": (STAMPS + H * JITTER, {"clock_jitter"}),
-    "jitter of 4 %": (STAMPS + H * JITTER / 5, set()),
 }
 FAULTS = {what: (STAMPS[rows], DATA[rows], found) for what, (rows, found) in ROW_FAULTS.items()}
 FAULTS |= {what: (times, DATA, found) for what, (times, found) in STAMP_FAULTS.items()}
@@ -124,14 +118,6 @@ def test_samples_that_share_a_coarse_stamp_are_spread_and_none_is_lost(
     assert efficiencies(run) == pytest.approx(clean(), abs=LOST)
 
 
-def test_uneven_stamps_are_used_as_they_are(tmp_path: Path) -> None:
-    t = np.cumsum(np.random.default_rng(3).uniform(0.02, 0.08, 5000))
-    t = t[t < STAMPS[-1]]
-    run = read(tmp_path, log(t, sampled(t)))
-    assert kinds(run) == {"clock_jitter"}
-    assert efficiencies(run) == pytest.approx(clean(), abs=LOST)
-
-
 HARDLY = 1e-310 * np.arange(2000, dtype=np.float64)
 HARDLY[500:700], HARDLY[1500:] = np.nan, 1e16 + np.arange(500)
 
@@ -140,7 +126,7 @@ HARDLY[500:700], HARDLY[1500:] = np.nan, 1e16 + np.arange(500)
     ("times", "words"),
     [
         (np.full(50, 5.0), "does not advance; expected stamps that rise"), (LINE[::-1], "does not advance"),
-        (np.random.default_rng(1).uniform(0, 100, 4 * MANY), r"runs backward at more than \d+ places.*\[columns\]"),
+        (np.random.default_rng(1).uniform(0, 100, 4 * BACKWARD_STEPS_MAX), r"runs backward at more than .*\[columns\]"),
         (np.full(50, np.nan), "0 readable stamps"), (np.array([0.0, np.nan, np.nan]), "1 readable stamp;"),
         (HARDLY, "does not advance"),
     ],
@@ -210,17 +196,6 @@ FORMS = [
 ]  # fmt: skip
 
 
-@pytest.mark.slow
-def test_a_stamp_in_any_form_gives_the_same_clock(tmp_path: Path) -> None:
-    def check(form: str, delimiter: str) -> None:
-        run = read(tmp_path, text(*with_time(stamps(form)), delimiter=delimiter))
-        assert kinds(run) == set()
-        assert run.fs == 25.0
-        assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
-
-    assert failures(check, [(form, ";\t"[k % 2]) for k, form in enumerate(FORMS)]) == []
-
-
 @pytest.mark.parametrize("form", [form for form in FORMS if "%I" not in form or "%p" in form])
 def test_midnight_noon_and_the_full_hour_pass_without_a_step(form: str) -> None:
     for start in (BEFORE_MIDNIGHT, dt.datetime(2026, 4, 18, 11, 59, 30)):
@@ -253,13 +228,6 @@ def test_an_offset_from_utc_that_changes_within_the_log_is_no_step(tmp_path: Pat
     run = read(tmp_path, text(*with_time(winter[:middle] + summer[middle:])))
     assert kinds(run) == set()
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
-
-
-def test_a_row_with_a_stamp_and_no_number_is_kept_and_reported(tmp_path: Path) -> None:
-    rows, head = with_time(stamps("%H:%M:%S.~", NOON))
-    run = read(tmp_path, text([[row[0], *["OVL"] * 7] if k == 700 else row for k, row in enumerate(rows)], head))
-    assert kinds(run) == {"not_a_number"}
-    assert run.samples == len(ROWS)
 
 
 @pytest.mark.parametrize("other", ["", "12.5", "1:2", "a:b:c", "Time: now", "99999999999999999999", ":" * 9999])

@@ -15,7 +15,7 @@ from winchcascade.core.errors import CampaignError, OptionError, check_type
 from winchcascade.core.jobs import Workers
 from winchcascade.core.results_folder import CAMPAIGN_PAGE, CAMPAIGN_RECORD, INDEX
 from winchcascade.core.viewed import LateModule
-from winchcascade.reduction.campaign_reduction import CampaignReduction
+from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduce import window_rule
 
 if TYPE_CHECKING:

@@ -233,7 +233,10 @@ def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:
     state = digest_in(content)
     if state != "kept":
         return state
-    return msgspec.json.decode(msgspec.json.decode(content, type=dict[str, msgspec.Raw]).get(entry, b"{}"), type=Kept)
+    try:
+        return msgspec.convert(msgspec.json.decode(content).get(entry, {}), Kept)
+    except msgspec.ValidationError:
+        return "altered"
 
 
 def state_of(folder: Path, output: Output) -> Present:

@@ -12,37 +12,43 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import Finding, FindingKind, Index, Mask, Signal
 
-JITTER = 0.1
+JITTER_SHARE = 0.1
 """Share of the usual interval from which a deviation counts as jitter."""
 
-LATEST = 1e17
+STAMP_MAX = 1e17
 """A stamp beyond this is no time: three thousand million years. [s]"""
 
-CROWDED = 1.5
+CROWDED_RATIO = 1.5
 """Number of samples between two stamps, over the number that fits there, from which there are too many. [1]"""
 
-LOST = 1.5
+LOST_RATIO = 1.5
 """An interval longer than this many usual ones has lost samples."""
 
-GLITCH = 5
+WRONG_STAMPS_MAX = 5
 """A backward step that at most this many samples explain is their fault; otherwise the clock was set back."""
 
-MANY = 1000
+BACKWARD_STEPS_MAX = 1000
 """More backward steps than this and the stamps are no clock."""
 
-UNEVEN = 0.2
+UNEVEN_SHARE = 0.2
 """With more than this share of intervals off, the log is stamped unevenly, and only long intervals are gaps."""
+
+SHARED_SHARE = 0.3
+"""With more than this share of stamps that repeat, the clock counts in steps longer than the intervals. [1]"""
+
+COARSE_RATE_SHARE = 0.01
+"""Deviation of the mean interval from the usual one from which stamps are a coarse rounding of an even clock. [1]"""
 
 _BLOCK = 1 << 18
 
 
-NO_TIME = 1e-150
+RISE_MIN = 1e-150
 """The square of a shorter interval is no number: stamps of wrong bytes, which no clock makes. [s]"""
 
-SHORTEST = 1e-9
+INTERVAL_MIN = 1e-9
 """No log is sampled more often. [s]"""
 
-MAX_LOST = 1e12
+LOST_SAMPLES_MAX = 1e12
 """Samples that one gap may have lost; a gap that would hold more comes from a wrong stamp."""
 
 
@@ -69,7 +75,7 @@ def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
 
 def require_rising(t: Signal, where: str) -> None:
     """Reject stamps that floating-point numbers cannot distinguish, after a wrong stamp or a start aeons ago; LogError."""
-    if t.size > 1 and not np.diff(t).min() > NO_TIME:
+    if t.size > 1 and not np.diff(t).min() > RISE_MIN:
         raise LogError(
             f"{where}: stamps from {t.min():.6g} to {t.max():.6g} s lie too far from zero to be distinguished; expected stamps "
             "that rise from row to row. Correct the wrong ones."
@@ -95,7 +101,7 @@ def read_clock(stamps: Signal, where: str) -> Clock:
     if np.any(np.diff(t) < 0):
         t, rows = forward(t, rows, usual, findings, where)
         usual = _usual(np.diff(t), where)
-    if np.count_nonzero(np.diff(t) == 0) > 0.3 * t.size:
+    if np.count_nonzero(np.diff(t) == 0) > SHARED_SHARE * t.size:
         t = spread(t, findings)
         usual = _usual(np.diff(t), where)
     even = evened(t, np.diff(t), usual)
@@ -117,7 +123,7 @@ def _usual(interval: Signal, where: str) -> float:
     """Usual interval of a clock that advances. [s]"""
     ahead = interval[interval > 0]
     usual = _median(ahead) if ahead.size else 0.0
-    if usual < SHORTEST:
+    if usual < INTERVAL_MIN:
         raise LogError(
             f"{where}: the time column does not advance; expected stamps that rise from row to row. Name the right column "
             f"in a rig file under [columns]."
@@ -139,7 +145,7 @@ def _steady(stamps: Signal) -> bool:
         return False
     for start in range(0, stamps.size - 1, _BLOCK):
         interval = np.diff(stamps[start : start + _BLOCK + 1])
-        if not (interval.min() > (1 - JITTER) * usual and interval.max() < (1 + JITTER) * usual):
+        if not (interval.min() > (1 - JITTER_SHARE) * usual and interval.max() < (1 + JITTER_SHARE) * usual):
             return False
     return True
 
@@ -150,22 +156,23 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
     off = np.abs(interval - usual) > _tolerance(t, interval, usual)
     if not off.any():
         return np.empty((0, 2)), _rate(float(np.mean(interval)))
-    long = interval > LOST * usual
-    whole = np.abs(interval / usual - np.rint(interval / usual)) < 2 * JITTER
+    long = interval > LOST_RATIO * usual
+    whole = np.abs(interval / usual - np.rint(interval / usual)) < 2 * JITTER_SHARE
     jitters = off & ~(long & whole)
-    if np.count_nonzero(jitters) > UNEVEN * interval.size:
-        long = interval > GLITCH * usual
+    if np.count_nonzero(jitters) > UNEVEN_SHARE * interval.size:
+        long = interval > WRONG_STAMPS_MAX * usual
     at = np.flatnonzero(jitters & ~long)
     if at.size:
+        least, most = interval[at].min(), interval[at].max()
         message = (
-            f"{at.size} of {interval.size} intervals differ from the usual {usual:.4g} s by more than {JITTER:.0%}, between "
-            f"{interval[at].min():.4g} and {interval[at].max():.4g} s"
+            f"{at.size} of {interval.size} intervals differ from the usual {usual:.4g} s by more than {JITTER_SHARE:.0%}, "
+            f"between {least:.4g} and {most:.4g} s"
         )
         around = np.append(t[at], t[at[-1] + 1])
         findings.append(_found("clock_jitter", message, "used on their own stamps", around, int(at.size)))
     at = np.flatnonzero(long)
     gaps = np.column_stack((t[at], t[at + 1]))
-    steps = np.rint(np.minimum(interval[at] / usual, MAX_LOST)).astype(np.int64)
+    steps = np.rint(np.minimum(interval[at] / usual, LOST_SAMPLES_MAX)).astype(np.int64)
     unlogged = steps - 1 - np.maximum(rows[at + 1] - rows[at] - 1, 0)
     lost = unlogged > 0
     if lost.any():
@@ -183,15 +190,15 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
 
 def _tolerance(t: Signal, interval: Signal, usual: float) -> float:
     """What an interval may be off; stamps rounded so coarsely that the rate does not fit them differ by their step. [s]"""
-    near = interval[interval < LOST * usual]
-    if near.size == 0 or abs(float(np.mean(near)) - usual) <= 0.01 * usual:
-        return JITTER * usual
-    return max(JITTER * usual, 1.05 * resolution(t, usual))
+    near = interval[interval < LOST_RATIO * usual]
+    if near.size == 0 or abs(float(np.mean(near)) - usual) <= COARSE_RATE_SHARE * usual:
+        return JITTER_SHARE * usual
+    return max(JITTER_SHARE * usual, 1.05 * resolution(t, usual))
 
 
 def _rate(interval: float) -> float:
     """Sampling rate from the mean interval, to the digits that stamps carry. [Hz]"""
-    return float(f"{1.0 / float(interval):.6g}")
+    return float(f"{1.0 / interval:.6g}")
 
 
 def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tuple[Signal, Index]:
@@ -200,7 +207,7 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
     Rows at the ends that have none are left out, and those between two stamps that are too close for so many samples: such
     rows are not of the log's rate, as the empty ones that a spreadsheet holds between two tables.
     """
-    good = np.flatnonzero(np.abs(stamps) < LATEST)
+    good = np.flatnonzero(np.abs(stamps) < STAMP_MAX)
     if good.size < 3:
         raise LogError(
             f"{where}: the time column holds {good.size} readable stamp{'' if good.size == 1 else 's'}; expected seconds, "
@@ -226,7 +233,7 @@ def _crowded(stamps: Signal, good: Index) -> Mask:
     """Rows from the first stamp to the last whose neighbours' stamps leave no room for them at the usual interval."""
     between, apart = np.diff(good), np.diff(stamps[good])
     usual = median(apart[between == 1]) if np.any(between == 1) else 0.0
-    crowded = np.append(np.repeat((between * usual > CROWDED * apart) & (apart >= 0), between), False)
+    crowded = np.append(np.repeat((between * usual > CROWDED_RATIO * apart) & (apart >= 0), between), False)
     crowded[good - good[0]] = False
     return crowded
 
@@ -234,8 +241,8 @@ def _crowded(stamps: Signal, good: Index) -> Mask:
 def evened(t: Signal, interval: Signal, usual: float) -> Signal | None:
     """Even stamps that the log's own are a rounding of, as 75 Hz in steps of 0.01 s; None where rows are missing. [s]"""
     step = resolution(t, usual)
-    coarse = 0 < step < 1.01 * usual and abs(float(np.mean(interval)) - usual) >= 0.01 * usual
-    if not coarse or np.count_nonzero(np.abs(interval - usual) > JITTER * usual) < GLITCH:
+    coarse = 0 < step < 1.01 * usual and abs(float(np.mean(interval)) - usual) >= COARSE_RATE_SHARE * usual
+    if not coarse or np.count_nonzero(np.abs(interval - usual) > JITTER_SHARE * usual) < WRONG_STAMPS_MAX:
         return None
     place = np.arange(t.size) - 0.5 * (t.size - 1)
     dt = float(place @ (t - t[0])) / float(place @ place)
@@ -277,10 +284,10 @@ def forward(t: Signal, rows: Index, usual: float, findings: list[Finding], where
     start = end = float(t[int(np.argmax(np.diff(t) < 0))])
     while (back := np.flatnonzero(np.diff(t) < 0)).size:
         steps += 1
-        if steps > MANY:
+        if steps > BACKWARD_STEPS_MAX:
             raise LogError(
-                f"{where}: the time column runs backward at more than {MANY} places; expected stamps that rise from row "
-                f"to row. Name the right column in a rig file under [columns]."
+                f"{where}: the time column runs backward at more than {BACKWARD_STEPS_MAX} places; expected stamps that rise "
+                "from row to row. Name the right column in a rig file under [columns]."
             )
         end = float(t[back[0]])
         t, rows, action, lost = _put_right(t, rows, int(back[0]) + 1, usual)
@@ -299,12 +306,16 @@ def _put_right(t: Signal, rows: Index, k: int, usual: float) -> tuple[Signal, In
     later = np.flatnonzero(t[k:] > t[k - 1])
     behind = k + int(later[0]) if later.size else t.size
     early, late = k - ahead, behind - k
-    if min(early, late) > GLITCH:
+    if min(early, late) > WRONG_STAMPS_MAX:
         t[k:] += t[k - 1] + usual - t[k]
         return t, rows, "later stamps moved forward to follow on", 0
     order = ahead + np.argsort(t[ahead:behind], kind="stable")
     steps = np.diff(np.concatenate((t[ahead - 1 : ahead], t[order], t[behind : behind + 1])))
-    if early <= GLITCH and late <= GLITCH and np.all((steps > 0.5 * usual) & (steps < LOST * usual)):
+    if (
+        early <= WRONG_STAMPS_MAX
+        and late <= WRONG_STAMPS_MAX
+        and np.all((steps > 0.5 * usual) & (steps < LOST_RATIO * usual))
+    ):
         t[ahead:behind] = t[order]
         rows = rows.copy()
         rows[ahead:behind] = rows[order]

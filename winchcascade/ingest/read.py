@@ -125,7 +125,14 @@ def read_run(
         ("origin", origin, _ORIGIN),
         ("repairs", repairs, ON_OFF),
     )
-    file = _file(path, units)
+    file = Path(path) if isinstance(path, str | os.PathLike) else None
+    if file is not None:
+        check_arguments("read_run", ("path", path, PATH))
+    if file is not None and units is not None:
+        raise OptionError(
+            f"{file}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
+            "out, or state them in a rig file under [columns]."
+        )
     sheet = None if table is None else str(table)
     settings = LogSettings(given_rig("read_run", rig))
     if campaign and file is not None:
@@ -133,23 +140,9 @@ def read_run(
     given = {"repairs": repairs, "load": load, "about": about or None, "origin": origin, "sheet": sheet}
     given["load_source"] = None if load is None else load_source
     settings = replace(settings, **{key: value for key, value in given.items() if value is not None})
-    if file is None:
-        return read_by(path, settings, simulated=simulated, units=units or {}, name=name or "data frame")
-    run = read_by(file, settings, simulated=simulated)
+    named = name or ("data frame" if file is None else file.name)
+    run = read_by(path if file is None else file, settings, simulated=simulated, units=units or {}, name=named)
     return run if name is None else replace(run, name=one_line(name))
-
-
-def _file(path: str | Path | pd.DataFrame, units: Mapping[str, str] | None) -> Path | None:
-    """Path of a log that is a file, None for a frame; OptionError for what is no path, and for units of a file."""
-    if not isinstance(path, str | os.PathLike):
-        return None
-    check_arguments("read_run", ("path", path, PATH))
-    if units is not None:
-        raise OptionError(
-            f"{path}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
-            "out, or state them in a rig file under [columns]."
-        )
-    return Path(path)
 
 
 def read_by(

@@ -21,8 +21,7 @@ from winchcascade.core.viewed import LateModule, Units
 from winchcascade.diagnosis.calibrate import Calibration
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-from winchcascade.reduction.campaign_record import runs_by_load
-from winchcascade.reduction.campaign_reduction import CampaignReduction
+from winchcascade.reduction.campaign_record import CampaignReduction, runs_by_load
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report import frames

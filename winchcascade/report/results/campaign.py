@@ -9,12 +9,14 @@ from msgspec import UNSET
 
 from winchcascade.core.cascade import field_of
 from winchcascade.core.plain_text import first_of, one_line
-from winchcascade.reduction.best_load import Best, motion_words, rank_loads
 from winchcascade.reduction.campaign_record import (
+    Best,
     CampaignRecord,
     FailedLog,
     LogSummary,
     cascade_of,
+    motion_words,
+    rank_loads,
     runs_by_load,
     unlike_motion,
     window_rules,
