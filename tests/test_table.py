@@ -126,31 +126,21 @@ WRONG = """
 [columns] -> [columns @ TOML
 title = "A table" -> @ title missing
 title = "A table" -> title = "A table"; colour = 1 @ colour columns
-title = "A table" -> title = "A table"; cycles = 0 @ cycles 0
 title = "A table" -> title = "A table"; cycles = 3.0 @ cycles 3.0 whole
 title = "A table" -> title = "A table"; deviation_eta_percent = 180 @ deviation_eta_percent 180
-title = "A table" -> title = "A table"; deviation_eta_percent = "2 %" @ deviation_eta_percent '2
 energy_line = { unit = "kJ", decimals = 2 } -> @ row 1: energy_line [columns]
 power_line = { -> power_drum = { @ [columns] power_drum power_line
 unit = "W" -> unit = "J" @ [columns] power_line 'J' kW
 unit = "kJ" -> unit = "BTU" @ [columns] energy_line 'BTU'
-unit = "%" -> unit = 1 @ [columns] eta_trans unit 1
-{ unit = "%", decimals = 1 } -> "%" @ columns '%' unit
-decimals = 1 } -> decimals = 1.5 } @ eta_trans decimals 1.5
+{ unit = "%", decimals = 1 } -> "%" @ columns eta_trans '%' table
 decimals = 1 } -> decimals = 1, digits = 3 } @ eta_trans digits decimals
 [columns] -> [columns]; load_ohm = { unit = "mohm", decimals = 0 } @ [columns] load_ohm 'mohm' ohm
 11.74 -> "11,74" @ row 1 energy_line '11,74'
-11.74 -> nan @ row 1 energy_line nan
 11.74 -> -11.74 @ row 1 energy_line -11.74
-11.74 -> true @ row 1 energy_line True
-11.74 -> 1e17 @ row 1 energy_line 1e+17
 11.74 -> 11.738 @ row 1 energy_line 11.738 2
-1970 -> 1969 @ row 1 power_line 1969 -1
 load_ohm = 18.0 -> @ row 1 load_ohm
 load_ohm = 18.0 -> load_ohm = 0 @ row 1 load_ohm 0
-load_ohm = 18.0 -> load_ohm = nan @ row 1 load_ohm nan
 eta_trans = 94.4 -> eta = 94.4 @ row 1 eta eta_gen
-[[row]] -> [row] @ row {
 """
 """Changes of a table that make it unusable, and words of the sentence."""
 
@@ -177,11 +167,9 @@ HEAD ROW CLAIM value = 1; VALUE @ claim 1 metric missing
 HEAD ROW CLAIM value = 1;metric = "eta_pto";colour = 1 @ claim 1 colour metric
 HEAD ROW CLAIM value = 1;metric = "eta_pto";unit = "W";decimals = 0 @ claim 1 'W' number
 HEAD ROW CLAIM value = 1;load_ohm = 1;part = "energy_line";of = "energy_gen"; VALUE @ claim 1 energy_line energy_gen
-HEAD ROW CLAIM value = 1;load_ohm = 1;part = "energy_gen";of = "power_line"; VALUE @ claim 1 power_line part
 HEAD ROW CLAIM at_most = 1;at_least = 1 @ claim 1 at_least
 HEAD ROW CLAIM metric = "eta_pto";largest_at_ohm = "18" @ claim 1 largest_at_ohm '18'
 HEAD ROW CLAIM metric = "eta_pto";rises_from_ohm = 1;to_ohm = 1 @ claim 1 rises_from_ohm to_ohm
-claim = 1; HEAD ROW @ claim 1
 """
 
 

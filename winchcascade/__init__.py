@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration, calibrate
     from winchcascade.ingest.read import read_run
     from winchcascade.reduction.bins import Bin
-    from winchcascade.reduction.campaign_reduction import CampaignReduction
+    from winchcascade.reduction.campaign_record import CampaignReduction
     from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.reduce import reduce
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -74,7 +74,7 @@ __all__ = [
 HOMES |= {
     "Bin": "reduction.bins",
     "Calibration": "diagnosis.calibrate",
-    "CampaignReduction": "reduction.campaign_reduction",
+    "CampaignReduction": "reduction.campaign_record",
     "Comparison": "comparison.comparison_result",
     "CycleResult": "reduction.reduction_result",
     "Finding": "core.run",

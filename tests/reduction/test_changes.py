@@ -15,7 +15,7 @@ from scipy import stats
 from winchcascade import read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.run import Finding, Run
-from winchcascade.reduction.efficiency_between_runs import LogEfficiency, _left_out, _rows, logs_apart
+from winchcascade.reduction.efficiency_between_runs import LogEfficiency, _distance, _rows, logs_apart
 from winchcascade.reduction.efficiency_changes import probability
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
@@ -155,7 +155,8 @@ def test_the_laws_hold_losses_of_constant_and_of_viscous_friction_and_of_copper_
     for metric in ("eta_trans", "eta_gen"):
         rows = _rows(metric, logs)
         assert rows is not None
-        assert _left_out(rows, range(len(logs)))[0] == pytest.approx(0.0, abs=1e-9)
+        for k in range(len(logs)):
+            assert _distance(rows, range(len(logs)), (k,)).off == pytest.approx(0.0, abs=1e-9)
 
 
 def test_one_of_three_logs_at_one_load_lies_apart_and_one_of_two_may_be_either() -> None:

@@ -195,7 +195,7 @@ def test_what_flows_back_has_its_own_efficiency(tmp_path: Path) -> None:
         ('[stage.hyd_2]\npower = "power_ac"\n', "a name of letters and digits"),
         ('[stage.net]\npower = "power_ac"\n', "a name of letters and digits"),
         ('[stage.hyd]\npower = "force * velocity * vdc"\n', "is no power"),
-        ('[stage]\nhyd = "force * velocity"\n', "stage is"),
+        ('[stage]\nhyd = "force * velocity"\n', "stage hyd is"),
     ],
 )
 def test_a_wrong_cascade_is_one_sentence(tmp_path: Path, text: str, words: str) -> None:

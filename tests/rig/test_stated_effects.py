@@ -55,7 +55,7 @@ def test_a_further_heat_of_the_gas_changes_nothing_where_it_is_absent() -> None:
         ('[effects.line_drag]\nb = "one"\n', "[effects.line_drag] b value is 'one'; expected a number"),
         ("[effects.line_drag]\nb = nan\n", "[effects.line_drag] b value is nan"),
         ("[effects.line_drag]\nb = 1\nlogs = [1]\n", "[effects.line_drag] logs"),
-        ("[effects]\nline_drag = 1\n", "effects is {'line_drag': 1}"),
+        ("[effects]\nline_drag = 1\n", "effects line_drag is 1"),
         ("effects = 1\n", "effects is 1; expected a table"),
     ],
 )  # fmt: skip

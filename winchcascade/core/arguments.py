@@ -14,8 +14,8 @@ import msgspec
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import is_load
 
-_LONGEST_NAME, _LONGEST_PATH = 255, 4000
-"""Longest name and path that the usual file systems take. [bytes]"""
+_LONGEST_PATH = 4000
+"""Longest path that the usual file systems take. [characters]"""
 
 
 class Expected(msgspec.Struct, frozen=True):
@@ -52,10 +52,7 @@ def is_pair(value: object) -> bool:
 def is_path(value: object) -> bool:
     """Whether a value is a path that some file could have."""
     text = os.fspath(value) if isinstance(value, os.PathLike) else value
-    if not isinstance(text, str) or not text.strip() or "\0" in text:
-        return False
-    lengths = [len(part.encode("utf-8", "surrogatepass")) for part in text.replace(os.sep, "/").split("/")]
-    return max(lengths) <= _LONGEST_NAME and sum(lengths) <= _LONGEST_PATH
+    return isinstance(text, str) and bool(text.strip()) and "\0" not in text and len(text) <= _LONGEST_PATH
 
 
 def _is_listed(value: object, kind: type) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime  # msgspec evaluates the types of a struct
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
@@ -69,31 +68,6 @@ def joint_origin(origins: Sequence[Origin]) -> Origin:
     measured = {origin.measured for origin in origins}
     sentences = dict.fromkeys(origin.sentence.rstrip(". ") for origin in origins if origin.sentence)
     return Origin(measured.pop() if len(measured) == 1 else None, "; ".join(sentences))
-
-
-def origin_words(origins: Sequence[Origin]) -> str:
-    """State of one or several logs whether they are measured, and where they come from.
-
-    >>> origin_words([Origin(False, "Rebuilt from Table 2"), Origin()])
-    '1 not measured, 1 not stated. Rebuilt from Table 2.'
-    """
-    counts = Counter(origin.measured for origin in origins)
-    kinds = [KINDS[kind] if len(counts) == 1 else f"{counts[kind]} {KINDS[kind]}" for kind in KINDS if kind in counts]
-    sentence = joint_origin(origins).sentence
-    text = ", ".join(kinds) if kinds else KINDS[None]
-    return f"{text}. {sentence}." if sentence else text
-
-
-def banner(origins: Sequence[Origin]) -> str:
-    """Warning for every page of a report on logs that are not measured; empty if there is none.
-
-    >>> banner([Origin(False, "Rebuilt from Table 2")]), banner([Origin(True), Origin(False)])
-    ('Not measured.', '1 of 2 logs are not measured.')
-    """
-    made = sum(origin.measured is False for origin in origins)
-    if not made:
-        return ""
-    return "Not measured." if made == len(origins) else f"{made} of {len(origins)} logs are not measured."
 
 
 CAMPAIGN_FILE = "campaign.toml"

@@ -394,7 +394,7 @@ class Rig(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         """Reject what no rig file could give, but for numbers beyond their limits, which a fit may need. Raises RigError."""
-        for name, kind in _kinds().items():
+        for name, kind in kinds_of_rig().items():
             if not isinstance(part := getattr(self, name), kind):
                 raise RigError(f"Rig: {name} is {part!r:.100}; expected a {kind.__name__}.")
             for number, measure in measures(kind).items():
@@ -427,7 +427,7 @@ class Rig(msgspec.Struct, frozen=True):
 
 
 @cache
-def _kinds() -> dict[str, Any]:
+def kinds_of_rig() -> dict[str, Any]:
     """Classes of the texts and parts of a rig."""
     kinds = {field.name: get_origin(field.type) or field.type for field in struct_fields(Rig)}
     return {name: kind for name, kind in kinds.items() if isinstance(kind, type) and kind is not UnionType}

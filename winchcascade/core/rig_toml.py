@@ -21,23 +21,17 @@ from winchcascade.core.errors import RigError, check_type
 from winchcascade.core.quantity import Calibrated, Quantity, Unit, find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
-    DcLink,
-    Drivetrain,
     EffectNumber,
     Finite,
-    Generator,
     Measure,
-    ModelAccuracy,
-    PhaseRule,
-    Restoring,
     Rig,
     Sensor,
     StatedEffect,
     Thresholds,
-    Winch,
+    kinds_of_rig,
     measures,
 )
-from winchcascade.core.toml_file import Table, convert, read_toml, toml_values
+from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
@@ -110,8 +104,7 @@ def given_rig(call: str, rig: Rig | None, usual: Rig | None = None) -> Rig:
 ERRORS = "errors"
 """Table under [sensors] with effects that are errors of sensors."""
 
-_Column = dict[str, object] | str
-_Name = Annotated[str, Meta(min_length=1, description='the name of the rig, such as name = "my rig"')]
+_Text = Annotated[str, Meta(min_length=1, description='the name of the rig, such as name = "my rig"')]
 
 
 class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -120,28 +113,26 @@ class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sample_rate_hz: Annotated[float, Meta(gt=0.0, lt=1e300)] | None = None
 
 
-class _RigFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A rig file as written: texts, and tables that are read one by one."""
+class _RigFile(msgspec.Struct, frozen=True):
+    """What a rig file has beside the tables of the parts, and tables that are read one by one."""
 
-    name: _Name
+    name: _Text
     title: str = ""
     source: str = ""
     note: str = ""
-    winch: Table = {}
-    restoring: Table = {}
     drivetrain: Table = {}
-    generator: Table = {}
-    dc_link: Table = {}
-    thresholds: Table = {}
     sensors: dict[str, Table] = {}
-    columns: dict[str, _Column] = {}
+    columns: dict[str, Table | str] = {}
     channels: dict[str, Table] = {}
     effects: dict[str, Table] = {}
     cascade: Table | None = None
     stage: dict[str, Table] = {}
-    log: Table = {}
-    model: Table = {}
-    phases: Table = {}
+
+
+_PARTS = {
+    name: kind for name, kind in kinds_of_rig().items() if issubclass(kind, msgspec.Struct) and kind is not Cascade
+}
+"""Tables of a rig file that a struct declares whole."""
 
 
 def parse_rig(text: str, where: str) -> Rig:
@@ -155,6 +146,7 @@ def parse_rig(text: str, where: str) -> Rig:
         if base not in BUILT_IN:
             raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
         raw = _merged(toml_values(built_in_text(str(base)), str(base), RigError), raw)
+    check_keys(raw, dict.fromkeys((*_RigFile.__struct_fields__, *_PARTS, "log")), f"{where}:", RigError)
     file: _RigFile = convert(raw, _RigFile, f"{where}:", RigError)
     own = {name: _channel(name, table, f"{where}: [channels.{name}]") for name, table in file.channels.items()}
     known = {**CHANNELS, **own}
@@ -163,12 +155,6 @@ def parse_rig(text: str, where: str) -> Rig:
         title=file.title,
         source=file.source,
         note=file.note,
-        winch=_part(file.winch, Winch, f"{where}: [winch]"),
-        restoring=_part(file.restoring, Restoring, f"{where}: [restoring]"),
-        drivetrain=_part(file.drivetrain, Drivetrain, f"{where}: [drivetrain]"),
-        generator=_part(file.generator, Generator, f"{where}: [generator]"),
-        dc_link=_part(file.dc_link, DcLink, f"{where}: [dc_link]"),
-        thresholds=_part(file.thresholds, Thresholds, f"{where}: [thresholds]"),
         sensors={
             name: _sensor(table, _channel_of(name, known, f"{where}: [sensors.{name}]"), f"{where}: [sensors.{name}]")
             for name, table in file.sensors.items()
@@ -178,10 +164,9 @@ def parse_rig(text: str, where: str) -> Rig:
         channels=own,
         effects=_effects(file, where),
         cascade=_cascade(file, known, where),
-        sample_rate=_part(file.log, _Log, f"{where}: [log]").sample_rate_hz,
-        model=_part(file.model, ModelAccuracy, f"{where}: [model]"),
-        phases=_part(file.phases, PhaseRule, f"{where}: [phases]"),
+        sample_rate=_part(raw.get("log", {}), _Log, f"{where}: [log]").sample_rate_hz,
         path=where,
+        **{name: _part(raw.get(name, {}), kind, f"{where}: [{name}]") for name, kind in _PARTS.items()},
     )
 
 
@@ -201,14 +186,20 @@ def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
     return merged
 
 
-def _part(table: Table, kind: Any, place: str) -> Any:
+def _part(raw: object, kind: Any, place: str) -> Any:
     """Read a table by the struct that declares its entries: numbers with a unit first, then all others."""
+    table: Table = convert(raw, Table, place, RigError)
     _check_replaced(table, place)
-    numbers = {
-        name: number_of(table[name], f"{place} {name}", measure, plain=kind is Thresholds)
-        for name, measure in measures(kind).items()
-        if name in table
-    }
+    numbers: Table = {}
+    for name, measure in measures(kind).items():
+        if (stated := table.get(name)) is None:
+            continue
+        if kind is not Thresholds:
+            numbers[name] = _quantity(stated, f"{place} {name}", measure)
+        elif isinstance(stated, dict):
+            numbers[name] = _quantity(stated, f"{place} {name}", measure).value
+        else:
+            numbers[name] = _possible(convert(stated, Finite, f"{place} {name}", RigError), f"{place} {name}", measure)
     return convert({**table, **numbers}, kind, place, RigError)
 
 
@@ -235,20 +226,12 @@ UNCERTAINTIES = ("u", "u_percent", "limits", "limits_percent")
 """Keys of the uncertainty of a number, of which one is stated: a standard uncertainty, or the maker's +- limits."""
 
 
-class _Prior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A number before its first calibration, in the unit of the number."""
-
-    value: Finite
-    u: _Uncertainty | None = None
-    source: str = ""
-
-
 class _Calibrated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where a calibrated number comes from."""
 
     log: str
     sha256: _Digest
-    prior: _Prior | None = None
+    prior: Table | None = None
 
 
 class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -269,52 +252,35 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if len(stated) > 1:
             raise ValueError(f"{' and '.join(stated)} are both there; expected one of them, leave the others out.")
 
-    @property
-    def percent(self) -> float:
-        """Uncertainty or limits in percent of the value."""
-        return self.u_percent or self.limits_percent or 0.0
 
-
-def number_of(raw: object, place: str, measure: Measure, *, plain: bool = False) -> Quantity | float:
-    """Read a number with unit, source and uncertainty in SI units; one of `plain` numbers may be written without a unit.
+def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
+    """Read a number with unit, source and uncertainty in SI units; limits are those of a rectangular distribution.
 
     Raises
     ------
     RigError : it cannot be used, or is not possible for what it measures
     """
-    if plain and not isinstance(raw, dict):
-        return _possible(convert(raw, Finite, place, RigError), place, measure)
-    if isinstance(raw, dict):
-        _check_replaced(raw, place)
+    _check_replaced(raw if isinstance(raw, dict) else {}, place)
     number: _Number = convert(raw, _Number, place, RigError)
     unit = find_unit(number.unit)
     if unit is None or unit.dimension != measure.dimension:
         raise RigError(f"{place}: the unit {number.unit!r} is none of {str(measure.dimension).replace('_', ' ')}.")
-    found = _quantity(number, unit, place, measure)
-    if plain:
-        return found.value
-    if number.calibrated is None:
-        return found
-    record = number.calibrated
-    prior = (
-        None if record.prior is None else _Number(record.prior.value, number.unit, record.prior.source, record.prior.u)
-    )
-    before = None if prior is None else _quantity(prior, unit, f"{place} calibrated prior", measure)
-    return replace(found, calibrated=Calibrated(record.log, record.sha256, before))
-
-
-def _quantity(number: _Number, unit: Unit, place: str, measure: Measure) -> Quantity:
-    """A number in SI units, its limits as the standard uncertainty of a rectangular distribution."""
     value = _possible(number.value * unit.factor + unit.offset, place, measure)
-    limits = number.limits is not None or number.limits_percent is not None
-    half = next((size * unit.factor for size in (number.u, number.limits) if size is not None), None)
-    if number.u_percent is not None or number.limits_percent is not None:
-        half = number.percent * abs(value) / 100.0
-    if half is not None and half > HUGE:
-        raise RigError(f"{place}: its uncertainty is {half:g} in SI units; check it and its unit.")
-    return Quantity(
-        value, number.unit, number.source, half / math.sqrt(3.0) if limits and half else half, rectangular=limits
-    )
+    key = next((key for key in UNCERTAINTIES if getattr(number, key) is not None), None)
+    u, limits = None, key is not None and key.startswith("limits")
+    if key is not None:
+        half = getattr(number, key) * (abs(value) / 100.0 if key.endswith("_percent") else unit.factor)
+        u = half / math.sqrt(3.0) if limits else half
+        if u > HUGE:
+            raise RigError(f"{place} {key} gives {u:g} in SI units; check it and its unit.")
+    calibrated = None
+    if (record := number.calibrated) is not None:
+        prior, where = None, f"{place} calibrated prior"
+        if record.prior is not None:
+            check_keys(record.prior, ("value", "u", "source"), where, RigError)
+            prior = _quantity({"unit": number.unit, **record.prior}, where, measure)
+        calibrated = Calibrated(record.log, record.sha256, prior)
+    return Quantity(value, number.unit, number.source, u, calibrated, limits)
 
 
 def _possible(value: float, place: str, measure: Measure) -> float:

@@ -73,10 +73,7 @@ class _TableFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     title: Text
     source: Text
-    columns: Annotated[
-        dict[str, Table],
-        Meta(min_length=1, description='columns such as power_line = { unit = "W", decimals = 0 }'),
-    ]
+    columns: Annotated[dict[str, Table], Meta(min_length=1)]
     row: Annotated[list[Table], Meta(description="a [[row]] table with load_ohm and its cells for each load")]
     cycles: Annotated[int, Meta(ge=1, lt=10**9)] | None = None
     claim: list[Table] = []

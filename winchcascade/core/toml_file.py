@@ -59,17 +59,7 @@ def convert(raw: object, kind: Any, place: str, fault: type[WinchcascadeError]) 
 
 def one_line_fault(raw: object, kind: Any, place: str, what: str, path: str) -> str:
     """The sentence of a finding of msgspec: its words, and the path of what is wrong in a value that was read."""
-    value, info = raw, inspect.type_info(kind)
-    for name, item in re.findall(r"\.([^.\[\]]+)|\[(\d+)\]", path):
-        if _described(info) and name == "":
-            break
-        struct = _inner(info)
-        if name:
-            place, value = f"{place} {name}", value[name] if isinstance(value, Mapping) else value
-            info = next((field.type for field in getattr(struct, "fields", ()) if field.encode_name == name), info)
-        else:
-            place, value = f"{place} [{item}]", value[int(item)] if isinstance(value, list) else value
-            info = getattr(struct, "item_type", None) or getattr(struct, "item_types", {int(item): info})[int(item)]
+    place, value, info = _followed(path, place, raw, inspect.type_info(kind))
     if unknown := re.fullmatch(r"Object contains unknown field `(.*)`", what, re.DOTALL):
         return unknown_key(unknown[1], [field.encode_name for field in _inner(info).fields], place)
     if missing := re.fullmatch(r"Object missing required field `(.*)`", what):
@@ -78,6 +68,33 @@ def one_line_fault(raw: object, kind: Any, place: str, what: str, path: str) -> 
     if not re.match(r"(Expected `|Invalid |Number out of range)", what):
         return f"{place.rstrip(':')}: {what}"
     return f"{place} is {shown(value)}; expected {words(info)}."
+
+
+def _followed(path: str, place: str, value: Any, info: Any) -> tuple[str, Any, Any]:
+    """Place, value and type at the end of a path of msgspec, or where a description says what the whole value is to be."""
+    for name, item in re.findall(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]", path):
+        if item and _described(info):
+            break
+        outer = _inner(info)
+        if name:
+            info = next((field.type for field in outer.fields if field.encode_name == name), info)
+            place, value = f"{place} {name}", value.get(name)
+        elif item == "...":  # msgspec names no key of a mapping
+            name = next((key for key, inner in value.items() if not _fits(inner, outer.value_type)), None)
+            if name is None:
+                break
+            place, value, info = f"{place} {name}", value[name], outer.value_type
+        else:
+            info = outer.item_types[int(item)] if isinstance(outer, inspect.TupleType) else outer.item_type
+            place, value = f"{place} [{item}]", value[int(item)]
+    return place, value, info
+
+
+def _fits(value: object, info: Any) -> bool:
+    """Whether a value of a mapping is a table or a text as its type wants it."""
+    if isinstance(info, inspect.UnionType):
+        return any(_fits(value, kind) for kind in info.types)
+    return isinstance(value, str if isinstance(info, inspect.StrType) else dict)
 
 
 def unknown_key(key: str, known: Collection[str], place: str) -> str:
@@ -121,7 +138,6 @@ _WORDS: dict[Any, str] = {
     inspect.DateTimeType: "a date with a time, such as 2026-05-14T09:30:00",
     inspect.ListType: "a list",
     inspect.VarTupleType: "a list",
-    inspect.DictType: "a table",
     inspect.StructType: "a table",
 }
 _LIMITS = {"gt": "above", "ge": "from", "lt": "below", "le": "up to"}
@@ -144,8 +160,8 @@ def words(info: Any) -> str:
             return f"one of {', '.join(map(str, info.values))}"
         case inspect.TupleType():
             return f"a list of {' and '.join(map(words, info.item_types))}"
-        case inspect.DictType() if isinstance(info.value_type, inspect.DictType):
-            return "a table of tables"
+        case inspect.DictType():
+            return "a table that is not empty" if info.min_length else "a table"
     return _WORDS.get(type(info), "another value")
 
 

@@ -40,6 +40,9 @@ NEAR_NAME_LENGTH = 3
 NEAR_SHARE = 0.75
 """Minimum share of letters that a near match has in common with a name of the channel. [1]"""
 
+NEAR_COLUMNS_MAX = 300
+"""Columns among which near matches are sought: a file of many thousands would take minutes."""
+
 _OF_SIMULATE = (*SIMULATED_HEADERS, LOAD_HEADER)
 """Columns of a simulated log that are no channel."""
 
@@ -85,10 +88,7 @@ def gives_result(channels: Collection[str], rig: Rig) -> bool:
 def of_machine(name: str) -> bool:
     """Whether a name describes the winding or the housing of the machine, as that of a temperature must."""
     folded = letters_of(name)
-    return any(word in folded for word in _MACHINE)
-
-
-_MACHINE = tuple(map(letters_of, "winding wicklung stator housing gehäuse generator motor machine".split()))
+    return any(word in folded for word in column_names().warm_parts)
 
 
 def named_column(headers: Sequence[Header], name: str) -> int | None:
@@ -176,15 +176,15 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
         elif channel in ("velocity", "time"):
             raise LogError(
                 f"{where}: no column {column.name!r}, which the rig {rig.name} names for {channel}; "
-                f"{_near(column.name, headers)}. Correct [columns] in the rig file or choose the rig with --rig."
+                f"{near_columns(column.name, headers)}. Correct [columns] in the rig file or choose the rig with --rig."
             )
     return found
 
 
-def _near(name: str, headers: Sequence[Header]) -> str:
+def near_columns(name: str, headers: Sequence[Header]) -> str:
     """Which columns resemble a name, or which there are, for a sentence."""
-    names = [header.name.strip() for header in headers]
-    near = get_close_matches(name, names, NEAR_MATCHES)
+    names = [header.name.strip() for header in headers[:NEAR_COLUMNS_MAX]]
+    near = get_close_matches(name, [other for other in names if len(other) <= 2 * len(name)], NEAR_MATCHES)
     return f"near it: {', '.join(map(repr, near))}" if near else f"the log has {listed(names)}"
 
 
@@ -201,7 +201,8 @@ def _by_name(
     dates, unknown = [], []
     for k in free:
         header = headers[k]
-        bare, letters = read_header(header).name.strip(), letters_of(header.name)
+        bare = read_header(header).name.strip()
+        letters = letters_of(bare)
         own = bare in rig.channels and bare not in rig.columns
         channel = bare if own else recognise(header)
         if channel is not None and channel not in taken:
@@ -226,8 +227,9 @@ def _without_motion(
     headers: Sequence[Header], several: Mapping[str, list[int]], taken: Collection[str], rig: Rig
 ) -> str:
     """Sentence for a log that shows neither a motion nor a power: the columns that come near each channel it lacks."""
-    if several:
-        columns = [repr(headers[k].name.strip()) for alike in several.values() for k in alike]
+    needed = {*MOTIONS, *(channel for power in POWERS for channel in power)}
+    columns = [repr(headers[k].name.strip()) for channel, alike in several.items() if channel in needed for k in alike]
+    if columns:
         return f"several columns could be the motion or the power: {listed(columns)}; expected one for each channel."
     lack = "no column for a motion (line velocity, displacement or speed of rotation) and none for a power"
     near = {channel: _near_channel(channel, headers) for channel in rig.known_channels if channel not in taken}
@@ -245,7 +247,7 @@ def _near_channel(channel: str, headers: Sequence[Header]) -> list[str]:
         return []
     names = column_names().channels[channel]
     long = {name for name in names.letters if len(name) >= NEAR_NAME_LENGTH}
-    read = {header.name.strip(): read_header(header) for header in headers}
+    read = {header.name.strip(): read_header(header) for header in headers[:NEAR_COLUMNS_MAX]}
     fitting = {n: r.name for n, r in read.items() if r.unit is None or read_as(r.unit, DIMENSION[channel])}
     held = [n for n, bare in fitting.items() if any(letters_of(word) in long for word in words_of(bare))]
     alike = [n for n, bare in fitting.items() if get_close_matches(letters_of(bare), long, 1, NEAR_SHARE)]
@@ -258,7 +260,9 @@ def _absent(named: Mapping[str, int], taken: Mapping[str, int], headers: Sequenc
     for channel, column in rig.columns.items():
         if channel not in named:
             done = f"{headers[taken[channel]].name.strip()!r} read instead" if channel in taken else "not read"
-            message = f"no column {column.name!r}, which the rig names for {channel}; {_near(column.name, headers)}"
+            message = (
+                f"no column {column.name!r}, which the rig names for {channel}; {near_columns(column.name, headers)}"
+            )
             findings.append(Finding("missing_channel", message, done, channel))
     for channel in rig.channels:
         if channel not in taken and channel not in rig.sensors and channel not in rig.columns:
@@ -284,16 +288,17 @@ def _matches(
     for channel in ("time", *rig.known_channels):
         if channel not in taken:
             continue
-        header = headers[taken[channel]]
-        unit = _unit_of(header, channel, rig, where, findings)
-        if unit is None and channel != "time":
-            usual = rig.known_channels[channel].unit
+        header, known = headers[taken[channel]], rig.known_channels.get(channel)
+        dimension = "time" if known is None else known.dimension
+        unit = _unit_of(header, channel, dimension, rig, where, findings)
+        if unit is None and known is not None:
             if channel not in rig.channels:
                 stated = read_header(header).unknown_unit
-                known = f"known ({stated!r} is none)" if stated else "known"
-                message = f"column {header.name.strip()!r} names no unit that is {known}; taken as {usual}"
-                findings.append(Finding("unit_assumed", message, "assumed", channel))
-            unit = read_as(find_unit(usual), _dimension(channel, rig))
+                message = f"column {header.name.strip()!r} names no unit that is known" + (
+                    f" ({stated!r} is none)" if stated else ""
+                )
+                findings.append(Finding("unit_assumed", f"{message}; taken as {known.unit}", "assumed", channel))
+            unit = read_as(find_unit(known.unit), dimension)
         if channel == "speed" and unit is not None:
             unit = _at_the_shaft(unit, header, rig, findings)
         matches[channel] = Match(taken[channel], unit)
@@ -315,42 +320,38 @@ def _at_the_shaft(unit: Unit, header: Header, rig: Rig, findings: list[Finding])
     return msgspec.structs.replace(unit, factor=unit.factor / gear.value)
 
 
-def _dimension(channel: str, rig: Rig) -> str:
-    """What a channel, or the time, measures."""
-    return "time" if channel == "time" else rig.known_channels[channel].dimension
-
-
-def _unit_of(header: Header, channel: str, rig: Rig, where: str, findings: list[Finding]) -> Unit | None:
+def _unit_of(
+    header: Header, channel: str, dimension: str, rig: Rig, where: str, findings: list[Finding]
+) -> Unit | None:
     """Unit of a column, None where neither log nor rig file names one, and a finding where they contradict each other.
 
     The log's own unit counts, unless the rig file overrides it or it measures something else.
     """
-    column, dimension = rig.columns.get(channel), _dimension(channel, rig)
+    column, name = rig.columns.get(channel), header.name.strip()
     own = read_header(header).unit
     own = read_as(own, dimension) or own
-    measured = dimension if own is None else own.dimension
+    fits = own is None or own.dimension == dimension
     if column is None or column.unit is None:
-        if measured != dimension:
+        if own is not None and not fits:
             raise LogError(
-                f"{where}: column {header.name.strip()!r} is named for {channel} but its unit is one of {measured}; "
-                f"expected one of {dimension}. Correct the log or [columns] in a rig file."
+                f"{where}: column {name!r} is named for {channel} but its unit is one of {own.dimension}; expected one of "
+                f"{dimension}. Correct the log or [columns] in a rig file."
             )
         return own
     named = read_as(find_unit(column.unit), dimension)
     if named is None:
         raise LogError(
-            f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of "
-            f"{dimension}; correct [columns] in the rig file."
+            f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of {dimension}; correct "
+            "[columns] in the rig file."
         )
     if own is None or (own.factor, own.offset) == (named.factor, named.offset):
         return named
-    override = column.override or measured != dimension
-    chosen = (
+    override = column.override or not fits
+    done = (
         "the unit of the rig is used" if override else "the unit of the header is used; override = true takes the other"
     )
     message = (
-        f"the header {header.name.strip()!r} and the rig {rig.name}, which gives {channel} in {column.unit}, contradict each "
-        "other"
+        f"the header {name!r} and the rig {rig.name}, which gives {channel} in {column.unit}, contradict each other"
     )
-    findings.append(Finding("unit_conflict", message, chosen, channel))
+    findings.append(Finding("unit_conflict", message, done, channel))
     return named if override else own

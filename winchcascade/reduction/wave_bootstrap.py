@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import NORMAL, Shape, student
+from winchcascade.core.accuracy import Shape, student
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import not_negative, ratio
 
@@ -131,7 +131,7 @@ def _with_interval(
     # Few blocks scatter less than what they are drawn from, and their scatter is known by few.
     freedom = max(1, sum(math.ceil(log.shape[1] / block) for log, block in zip(logs, blocks, strict=True)) - 1)
     around = share * math.sqrt(1.0 + 1.0 / freedom) * (sums[1] / sums[0] - measured)
-    drawn = value + around * (student(freedom) / NORMAL)
+    drawn = value + around * (student(freedom) / student(math.inf))
     for size, shape in errors or ():  # independent of which waves came
         root = math.sqrt(3.0)
         drawn += size * (rng.standard_normal(DRAWS) if shape == "normal" else rng.uniform(-root, root, DRAWS))

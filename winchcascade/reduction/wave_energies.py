@@ -1,23 +1,23 @@
-"""Energies of irregular waves: of each and of the whole record, of one log or of several, and the block `waves` of the JSON."""
+"""Energies of irregular waves: of each and of the whole record, of one log or of several, as they are written."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from itertools import chain
+from typing import Any
 
 import msgspec
 import numpy as np
 from msgspec import UNSET
-from msgspec.structs import asdict
 
 from winchcascade.core.cascade import Stream, field_of
 from winchcascade.core.integrate import integrals, integrals_of
-from winchcascade.core.run import Index, Signal
+from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import NOTHING
 from winchcascade.reduction.gap_error import all_gaps, energy_error
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.run_record import CampaignWavesRecord, RunRecord, WavesRecord
 from winchcascade.reduction.uncertainty import Energy, error_model, integrands, without_accuracy
 from winchcascade.reduction.wave_bootstrap import (
     DRAWS,
@@ -29,45 +29,81 @@ from winchcascade.reduction.wave_bootstrap import (
     ratio_of_sums,
 )
 
+WRITTEN = {
+    "power": "mean_power", "counts": "waves_of_logs", "errors": "sensors", "unknown": "without_accuracy",
+}  # fmt: skip
+"""Names of the fields of waves in written files."""
 
-class WaveEnergies(msgspec.Struct, frozen=True):
-    """Energies of the complete waves of a log, or of several, and of the whole records.
+
+class WaveEnergies(msgspec.Struct, frozen=True, kw_only=True, dict=True, rename=WRITTEN):
+    """Energies of the complete waves of a log, or of several, and of the whole records: the block `waves` of the JSON.
 
     Parameters
     ----------
-    cycle : numbers of the waves, (k,)
-    payout, payout_unit : travel of the positive half, (k,), in m, or rad for a shaft without a line
-    period : (k,) [s]
-    energy : of each wave, (k,), by stage [J]
-    counts : number of waves of each log
-    pairs : stages that each efficiency leads from and to
-    record_duration : of the records without long gaps [s]
-    record_energy : over that, by stage [J]
-    efficiency : of all waves together, by name
+    record : duration without long gaps [s], energies [J] and mean powers [W] of the records over that, with stages and units in
+        the names
     power : mean powers of the record with their intervals, by stage
+    efficiency : of all waves together, by name
+    waves, counts : number of waves, and of those of each log
+    payout_unit : m, or rad for a shaft without a line
+    stages : of which every wave has the energy
     errors : what the sources of uncertainty of the sensors change of the energies of all waves, and of the record
     unknown : channels of a stage without a stated accuracy, by stage
+    each : number, travel of the positive half, period and energies of each wave, with units in the names; empty where left out
     """
 
-    cycle: Index
-    payout: Signal
-    payout_unit: str
-    period: Signal
-    energy: Mapping[str, Signal]
+    record: dict[str, float]
+    power: dict[str, RatioOfSums] = {}
+    efficiency: dict[str, RatioOfSums] = {}
+    bootstrap: dict[str, int]
+    waves: int
     counts: tuple[int, ...]
-    pairs: Mapping[str, tuple[str, str]]
-    record_duration: float
-    record_energy: Mapping[str, float]
-    efficiency: Mapping[str, RatioOfSums] = msgspec.field(default_factory=dict)
-    power: Mapping[str, RatioOfSums] = msgspec.field(default_factory=dict)
-    errors: tuple[EnergyError, ...] = ()
-    unknown: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
+    payout_unit: str
+    stages: tuple[str, ...]
+    errors: tuple[EnergyError, ...]
+    unknown: dict[str, tuple[str, ...]]
+    each: tuple[dict[str, int | float], ...]
+
+    def column(self, name: str) -> Signal:
+        """A number of each wave, (k,)."""
+        return np.array([wave[name] for wave in self.each], dtype=np.float64)
+
+    @cached_property
+    def payout(self) -> Signal:
+        """Travel of the positive half of each wave, (k,). [m or rad]"""
+        return self.column(f"payout_{self.payout_unit}")
+
+    @cached_property
+    def energy(self) -> dict[str, Signal]:
+        """Energy of each wave, (k,), by stage. [J]"""
+        return {stage: self.column(field_of(f"energy_{stage}")) for stage in self.stages}
+
+    @property
+    def pairs(self) -> dict[str, tuple[str, str]]:
+        """Stages that each efficiency leads from and to."""
+        return {name: eta.between for name, eta in self.efficiency.items() if eta.between is not UNSET}
+
+    @property
+    def record_duration(self) -> float:
+        """Length of the records without long gaps. [s]"""
+        return self.record["duration_s"]
+
+    @property
+    def record_energy(self) -> dict[str, float]:
+        """Energies of the records, by stage. [J]"""
+        return {key[len("energy_") : -len("_j")]: x for key, x in self.record.items() if key.startswith("energy_")}
 
     @property
     def record_power(self) -> dict[str, float]:
-        """Mean powers of the record, by stage; none where gaps leave nothing of it. [W]"""
-        whole = self.record_energy if self.record_duration > 0.0 else {}
-        return {stage: joule / self.record_duration for stage, joule in whole.items()}
+        """Mean powers of the records, by stage; none where gaps leave nothing of them. [W]"""
+        return {key[len("power_") : -len("_w")]: x for key, x in self.record.items() if key.startswith("power_")}
+
+
+class CampaignWavesRecord(WaveEnergies, frozen=True, kw_only=True, dict=True, rename=WRITTEN):
+    """The block `waves` of the record of a campaign: all logs together, and each; single waves are in the results."""
+
+    logs: tuple[dict[str, Any], ...]
+    left_out: tuple[str, ...]
 
 
 def waves_of(reduction: Reduction) -> WaveEnergies | None:
@@ -89,25 +125,29 @@ def wave_energies(reduction: Reduction) -> WaveEnergies:
         payout, unit = integrals(run.t, run.channels["speed"].__getitem__, spans), "rad"
     between_zeros = rig.phases.source == "waves"  # from one upward zero crossing to the next
     ends = [(c.window.onset, c.window.cutoff) if between_zeros else (c.net.begin, c.net.end) for c in waves]
-    etas = [m for m in rig.cascade.ratios if not (run.open_circuit and rig.cascade.undelivered(m))]
+    columns = {
+        "cycle": [c.cycle for c in waves],
+        f"payout_{unit}": payout.tolist(),
+        "period_s": [end - begin for begin, end in ends],
+        **{field_of(f"energy_{stage}"): joules.tolist() for stage, joules in energy.items()},
+    }
     streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     measured = {name: watts for name, watts in streams.items() if watts is not None}
+    joules = dict(zip(measured, _over_record(reduction, [*measured.values()]).tolist(), strict=True))
     errors, unknown = _sensor_errors(reduction, energy)
-    return _with_ratios(
-        WaveEnergies(
-            cycle=np.array([c.cycle for c in waves], dtype=np.intp),
-            payout=payout,
-            payout_unit=unit,
-            period=np.ptp(np.array(ends).reshape(-1, 2), axis=1),
-            energy=energy,
-            counts=(len(waves),),
-            pairs={name: rig.cascade.between(name) for name in etas},
-            record_duration=float(run.t[-1] - run.t[0]) - float(np.ptp(_long_gaps(reduction), axis=1).sum()),
-            record_energy=dict(zip(measured, _over_record(reduction, [*measured.values()]).tolist(), strict=True)),
-            errors=errors,
-            unknown=unknown,
-        )
+    found = WaveEnergies(
+        record=_record(float(np.ptp(run.t)) - float(np.ptp(_long_gaps(reduction), axis=1).sum()), joules),
+        bootstrap={"draws": DRAWS, "seed": SEED},
+        waves=len(waves),
+        counts=(len(waves),),
+        payout_unit=unit,
+        stages=tuple(energy),
+        errors=errors,
+        unknown=unknown,
+        each=tuple(dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)),
     )
+    etas = [m for m in rig.cascade.ratios if not (run.open_circuit and rig.cascade.undelivered(m))]
+    return _with_ratios(found, {name: rig.cascade.between(name) for name in etas})
 
 
 def joined_waves(logs: Sequence[WaveEnergies]) -> WaveEnergies:
@@ -115,31 +155,33 @@ def joined_waves(logs: Sequence[WaveEnergies]) -> WaveEnergies:
 
     A source of uncertainty of a sensor is the same in all logs: the same instrument took them.
     """
-    first = logs[0]
-    return _with_ratios(
-        WaveEnergies(
-            cycle=np.arange(1, sum(log.cycle.size for log in logs) + 1),
-            payout=np.concatenate([log.payout for log in logs]),
-            payout_unit=first.payout_unit,
-            period=np.concatenate([log.period for log in logs]),
-            energy={stage: np.concatenate([log.energy[stage] for log in logs]) for stage in first.energy},
-            counts=tuple(n for log in logs for n in log.counts),
-            pairs=first.pairs,
-            record_duration=sum(log.record_duration for log in logs),
-            record_energy={stage: sum(log.record_energy[stage] for log in logs) for stage in first.record_energy},
-            errors=_together(error for log in logs for error in log.errors),
-            unknown={
-                stage: tuple(sorted({name for log in logs for name in log.unknown.get(stage, ())}))
-                for stage in first.energy
-            },
-        )
+    first, each = logs[0], chain.from_iterable(log.each for log in logs)
+    joules = {stage: sum(log.record_energy[stage] for log in logs) for stage in first.record_energy}
+    names = {stage: {name for log in logs for name in log.unknown.get(stage, ())} for stage in first.stages}
+    found = WaveEnergies(
+        record=_record(sum(log.record_duration for log in logs), joules),
+        bootstrap=first.bootstrap,
+        waves=sum(log.waves for log in logs),
+        counts=tuple(n for log in logs for n in log.counts),
+        payout_unit=first.payout_unit,
+        stages=first.stages,
+        errors=_together(error for log in logs for error in log.errors),
+        unknown={stage: tuple(sorted(channels)) for stage, channels in names.items()},
+        each=tuple(wave | {"cycle": k} for k, wave in enumerate(each, 1)),
     )
+    return _with_ratios(found, first.pairs)
 
 
-def _with_ratios(waves: WaveEnergies) -> WaveEnergies:
-    """The same with efficiencies of all waves together, and mean powers of the record."""
-    efficiency, power = {}, {}
-    for name, (into, out) in waves.pairs.items():
+def _record(duration: float, energy: Mapping[str, float]) -> dict[str, float]:
+    """Duration [s], energies [J] and mean powers [W] of the record, by their names in written files."""
+    power = {field_of(f"power_{stage}"): joule / duration for stage, joule in energy.items() if duration > 0.0}
+    return {"duration_s": duration, **{field_of(f"energy_{stage}"): joule for stage, joule in energy.items()}, **power}
+
+
+def _with_ratios(waves: WaveEnergies, pairs: Mapping[str, tuple[str, str]]) -> WaveEnergies:
+    """The same with efficiencies of all waves together, by the stages that each leads from and to, and mean powers."""
+    efficiency, power, periods = {}, {}, waves.column("period_s")
+    for name, (into, out) in pairs.items():
         if into in waves.energy and out in waves.energy:
             x, y = waves.energy[into], waves.energy[out]
             sums = (into, float(x.sum())), (out, float(y.sum()))
@@ -150,7 +192,7 @@ def _with_ratios(waves: WaveEnergies) -> WaveEnergies:
     for stage, joule in waves.record_energy.items():
         known = waves.unknown.get(stage) == () and waves.record_duration > 0.0
         errors = [(e.record.get(stage, 0.0) / waves.record_duration, e.shape) for e in waves.errors] if known else None
-        of = (waves.period, waves.energy[stage]) if stage in waves.energy else None
+        of = (periods, waves.energy[stage]) if stage in waves.energy else None
         power[stage] = mean_power((waves.record_duration, joule), of, counts=waves.counts, errors=errors)
     return msgspec.structs.replace(waves, efficiency=efficiency, power=power)
 
@@ -231,101 +273,3 @@ def _long_gaps(reduction: Reduction) -> Signal:
         else:
             united.append([begin, end])
     return np.array(united).reshape(-1, 2)
-
-
-def wave_record(found: WaveEnergies) -> WavesRecord:
-    """The block `waves` of the JSON: each wave, the record, and efficiencies with intervals."""
-    each = {"cycle": found.cycle, f"payout_{found.payout_unit}": found.payout, "period_s": found.period}
-    each |= {field_of(f"energy_{stage}"): x for stage, x in found.energy.items()}
-    return WavesRecord(
-        record={
-            "duration_s": found.record_duration,
-            **{field_of(f"energy_{stage}"): joule for stage, joule in found.record_energy.items()},
-            **{field_of(f"power_{stage}"): watt for stage, watt in found.record_power.items()},
-        },
-        mean_power=dict(found.power),
-        efficiency=dict(found.efficiency),
-        bootstrap={"draws": DRAWS, "seed": SEED},
-        waves=found.cycle.size,
-        waves_of_logs=found.counts,
-        payout_unit=found.payout_unit,
-        stages=tuple(found.energy),
-        sensors=found.errors,
-        without_accuracy=dict(found.unknown),
-        each=tuple(dict(zip(each, row, strict=True)) for row in zip(*(x.tolist() for x in each.values()), strict=True)),
-    )
-
-
-def waves_from_record(of: WavesRecord) -> WaveEnergies:
-    """The energies of waves of a written record; of some waves alone where it holds these alone."""
-
-    def column(name: str) -> Signal:
-        return np.array([wave[name] for wave in of.each], dtype=np.float64)
-
-    return WaveEnergies(
-        cycle=column("cycle").astype(np.intp),
-        payout=column(f"payout_{of.payout_unit}"),
-        payout_unit=of.payout_unit,
-        period=column("period_s"),
-        energy={stage: column(field_of(f"energy_{stage}")) for stage in of.stages},
-        counts=of.waves_of_logs,
-        pairs={name: eta.between for name, eta in of.efficiency.items() if eta.between is not UNSET},
-        record_duration=of.record["duration_s"],
-        record_energy={
-            key.removeprefix("energy_").removesuffix("_j"): x
-            for key, x in of.record.items()
-            if key.startswith("energy_")
-        },
-        efficiency=of.efficiency,
-        power=of.mean_power,
-        errors=of.sensors,
-        unknown=of.without_accuracy,
-    )
-
-
-class LogWaves(msgspec.Struct, frozen=True):
-    """The waves of one log: its name, its load [ohm], inf for an open circuit."""
-
-    name: str
-    load: float | None
-    waves: WaveEnergies
-
-    @property
-    def kind(self) -> tuple[object, ...]:
-        """What logs have in common whose waves can be taken together."""
-        return self.waves.payout_unit, *self.waves.energy, *self.waves.pairs.items()
-
-
-class CampaignWaves(msgspec.Struct, frozen=True):
-    """The waves of several logs together, those of each, and sentences on logs that are left out."""
-
-    together: WaveEnergies
-    logs: tuple[LogWaves, ...]
-    left_out: tuple[str, ...] = ()
-
-
-def campaign_waves(records: Iterable[tuple[str, RunRecord]]) -> CampaignWaves | None:
-    """Combine the waves of logs of the same stages, by the names of the logs; None without any.
-
-    Open circuits are left out where other logs have a load: they deliver nothing, and would lower every ratio of sums.
-    """
-    logs = [LogWaves(name, of.log.load, waves_from_record(of.waves)) for name, of in records if of.waves]
-    loaded = [log for log in logs if log.load != math.inf] or logs
-    if not loaded:
-        return None
-    alike = [log for log in loaded if log.kind == loaded[0].kind]
-    why = [(log, "its load is an open circuit") for log in logs if log not in loaded]
-    why += [(log, "its stages, or the unit of its payouts, are others") for log in loaded if log not in alike]
-    left_out = tuple(f"{log.name} is not among the waves together: {reason}." for log, reason in why)
-    return CampaignWaves(joined_waves([log.waves for log in alike]), tuple(logs), left_out)
-
-
-def campaign_waves_record(found: CampaignWaves) -> CampaignWavesRecord:
-    """The waves of a campaign as they are written."""
-    logs = [(log, wave_record(log.waves)) for log in found.logs]
-    each = tuple(
-        {"run": log.name, "load_ohm": log.load, "record": of.record, "efficiency": of.efficiency, "waves": of.waves}
-        for log, of in logs
-    )
-    together = asdict(wave_record(found.together)) | {"each": ()}
-    return CampaignWavesRecord(**together, logs=each, left_out=found.left_out)

@@ -118,7 +118,7 @@ class _PointFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     title: Text
     source: Text
-    columns: Annotated[dict[str, Table], Meta(min_length=1, description='columns such as torque = { unit = "N.m" }')]
+    columns: Annotated[dict[str, Table], Meta(min_length=1)]
     csv: Text | None = None
     key: str | tuple[str, ...] = ()
     point: list[Table] | None = None

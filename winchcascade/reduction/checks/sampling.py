@@ -36,6 +36,9 @@ of trapezoids and interpolated instants are then below 0.1 % of an energy."""
 KINKED = 3
 """Fewer sampling intervals within the smoothing width smooth nothing, and the error of the onset is of first order."""
 
+SMOOTHED = 5
+"""Number of samples that a local quadratic needs to smooth: through three it passes exactly."""
+
 EVEN = 0.9
 """Share of the changes, by number and by square, that lie evenly apart in a channel that is slower than its log. [1]"""
 
@@ -119,12 +122,16 @@ def coarse_sampling(log: PhasedLog) -> Iterator[Fault]:
         extreme = max(extreme, float(np.max(np.abs(np.nan_to_num(change, nan=-1.0)))))
         for part, over in ((change[:2], by_second), (change[2:], by_third)):
             lost = np.isnan(part).all(axis=0)
-            mean = np.nanmean(np.where(lost, 0.0, part), axis=0)
+            some = np.where(lost, 0.0, part)
+            mean = np.nanmean(some, axis=0)
             error = max(error, 1.0 if over == by_second and lost.any() else float(np.sqrt(np.mean(mean**2))) / over)
             if (
-                within < 5.0 and part.shape[0] == 2
-            ):  # fewer are not smoothed: what cycles do not share is noise of both logs
-                error = max(error, float(np.max(np.abs(mean - mean.mean()))) / math.sqrt(2.0))
+                within < SMOOTHED and over == by_second
+            ):  # what cycles do not share is noise, of this log as of the thinned one
+                shared, apart = float(mean.mean()), float(np.max(np.nanmax(some, axis=0) - np.nanmin(some, axis=0)))
+                error = max(
+                    error, abs(shared) / 3.0 + float(np.max(np.abs(mean - shared))) / math.sqrt(2.0), apart / 16.0
+                )
     if error >= REPORTED:
         yield Fault(
             "coarse_sampling", None, {"rate": run.fs, "extreme": extreme, "error": min(error, extreme)}, spans=whole
