@@ -19,7 +19,6 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in, parse_rig
 from winchcascade.core.run import Finding
-from winchcascade.reduction.checks.find_faults import FAULTS
 from winchcascade.reduction.checks.sampling import update_interval
 from winchcascade.reduction.uncertainty import SAMPLING, uncertainty
 
@@ -145,10 +144,6 @@ def test_a_fault_is_found_with_its_kind_and_channel(name: str, maker: Maker, exp
 )  # fmt: skip
 def test_less_than_physics_accuracy_and_noise_allow_is_no_fault(maker: Maker) -> None:
     assert kinds(of("r45ohm", changed(clean(), **maker(clean())))) == []
-
-
-def test_every_fault_has_words_that_its_check_fills() -> None:
-    assert all(words.kind and words.message and words.action for words in FAULTS.values())
 
 
 # ------------------------------------------------------------------------------------------------ load

@@ -239,7 +239,8 @@ def bench_zero(log: PhasedLog) -> Iterator[Fault]:
     current = np.abs(run.channels.get("idc", np.zeros(omega.size)))
     usual = median(current[~still])
     ends = [(float(run.t[a]) + blur, float(run.t[b - 1]) - blur) for a, b in stretches_of(still).tolist()]
-    spans = [(a, b) for a, b in ends if b > a and median(current[log.phased.rows(a, b)]) <= UNSTATED * usual]
+    held = [(span, current[log.phased.rows(*span)]) for span in ends if span[1] > span[0]]
+    spans = [span for span, x in held if x.size and median(x) <= UNSTATED * usual]
     read, stated = log.samples("torque", spans), log.phased.u_zero("torque")
     level = 0.0 if stated or top < rig.phases.omega_onset else UNSTATED * median(np.abs(torque[~still]))
     if read.size < MIN_SAMPLES // 2 or not (stated or level):
