@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from calls import call
 
-from winchcascade import baseline, load_rig, open_campaign, read_run, reduce, simulate
+from winchcascade import baseline, load_rig, read_run, reduce, simulate
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.twin import Twin, read_log, solve_twin
 from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Numbers
@@ -151,11 +151,6 @@ def command(*words: str | Path) -> str:
     return done.out
 
 
-def test_crane_cycles_have_energies_too_but_are_too_few_for_an_interval(fixtures: Path) -> None:
-    found = wave_energies(reduce(read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0), window=5.48))
-    assert (found.waves, found.efficiency["eta_gen"].interval) == (3, None)
-
-
 def correlated(rng: np.random.Generator, n: int, memory: float) -> np.ndarray:
     x = rng.normal(size=n + 50)
     for k in range(1, x.size):
@@ -271,7 +266,3 @@ def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:
     assert len(together["logs"]) == 3
     assert "open circuit" in together["left_out"][0]
     assert f"{together['waves']} complete waves of 2 logs" in printed
-    (written,) = open_campaign(tmp_path / "campaign.toml").report(tmp_path / "campaign.html")
-    page = written.read_text(encoding="utf-8")
-    assert 'id="table-wave-logs"' in page
-    assert "is not among the waves together" in page

@@ -89,18 +89,6 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     return tuple(source for source in found if source.u)
 
 
-def replaced_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
-    """Errors that the accuracies of a sensor allow where a calibration in place counts instead; empty without any.
-
-    >>> from winchcascade.core.rig_file import Sensor
-    >>> [(s.part, s.limit) for s in replaced_sources("force", Sensor("N", accuracy=30.0, u_zero=2.0, u_gain=0.001))]
-    [('zero', 30.0)]
-    """
-    if sensor.u_zero is None and sensor.u_gain is None:
-        return ()
-    return error_sources(channel, msgspec.structs.replace(sensor, u_zero=None, u_gain=None))
-
-
 def part_uncertainty(sensor: Sensor | None, part: Part) -> float:
     """Standard uncertainty of zero [SI unit of the channel] or gain [1] of a sensor with its acquisition system, in squares.
 

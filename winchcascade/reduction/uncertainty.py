@@ -11,7 +11,7 @@ the errors evenly, so that 8191 draws determine an interval better than 20 000 i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
 from typing import Any, Literal, NamedTuple
@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from winchcascade.core.accuracy import Basis, ErrorSource, error_sources, replaced_sources
+from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
 from winchcascade.core.arguments import SEED_NUMBER, check_arguments
 from winchcascade.core.cascade import Cascade, Power, Stream
 from winchcascade.core.errors import check_type
@@ -128,7 +128,7 @@ class Energy(msgspec.Struct, frozen=True):
     Parameters
     ----------
     terms : channels of each term of the power, and the power of the stated drum radius that it is proportional to
-    integrals : (m, k), as `integrands` lists them, and the change by thinning per unit of the error of the sampling [J, ...]
+    integrals : (m, k), of the `integrands`, and the change by thinning the log per unit of the error of the sampling
     t : (k,) length of the spans [s]
     bridged : (k,) standard uncertainty by gaps, independent from span to span [J]
     """
@@ -151,7 +151,6 @@ class Energy(msgspec.Struct, frozen=True):
 
     def without(self, errors: Errors) -> NDArray[Any]:
         """Energy that channels without these errors would have given, (n, k): what is read too high has to be taken off. [J]"""
-
         *integrals, sampled = self.integrals
         rows = iter(integrals)
         joules = errors[NOWHERE] + sampled * errors.get((SAMPLING, "gain"), 0.0)
@@ -261,7 +260,7 @@ def parts_of(cascade: Cascade, metric: str) -> tuple[str, ...]:
 def error_model(reduction: Reduction) -> ErrorModel:
     """Integrate what the energies of a reduction are made of, and list their sources of uncertainty."""
     rig, energies = reduction.rig, _energies(reduction)
-    sources = _of_sensors(rig, energies, error_sources)
+    sources = _of_sensors(rig.sensors, energies)
     radius = rig.winch.r_drum
     on_radius = any(radius_power for energy in energies.values() for _, radius_power in energy.terms)
     if on_radius and radius is not None and radius.u:
@@ -310,12 +309,10 @@ def _is_on_drum(run: Run, rig: Rig) -> bool:
     return bool(np.allclose(motion, speed * rig.r_drum, rtol=1e-9, atol=1e-9))
 
 
-def _of_sensors(
-    rig: Rig, energies: Mapping[str, Energy], of: Callable[[str, Sensor], tuple[ErrorSource, ...]]
-) -> list[ErrorSource]:
+def _of_sensors(sensors: Mapping[str, Sensor], energies: Mapping[str, Energy]) -> list[ErrorSource]:
     """Errors of the sensors of all channels that some energies are made of."""
-    channels = sorted({name for energy in energies.values() for name in energy.channels} & rig.sensors.keys())
-    return [source for name in channels for source in of(name, rig.sensors[name])]
+    channels = sorted({name for energy in energies.values() for name in energy.channels} & sensors.keys())
+    return [source for name in channels for source in error_sources(name, sensors[name])]
 
 
 def without_accuracy(model: ErrorModel) -> dict[str, tuple[str, ...]]:
@@ -365,9 +362,10 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
         values = [reduction.cycles[k].metrics.value(m) for k in _cycles_with(reduction, m, complete)]
         scatter[m] = float(np.std(values, ddof=1)) / math.sqrt(counts[m])
     mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
-    replaced = tuple(_of_sensors(reduction.rig, model.energies, replaced_sources))
-    limited = msgspec.structs.replace(model, sources=replaced)
-    by_limits, cycles_by_limits = _contributions(reduction, limited, stated if replaced else ())
+    in_place = {n: s for n, s in reduction.rig.sensors.items() if s.u_zero is not None or s.u_gain is not None}
+    bare = {n: msgspec.structs.replace(s, u_zero=None, u_gain=None) for n, s in in_place.items()}
+    limited = msgspec.structs.replace(model, sources=tuple(_of_sensors(bare, model.energies)))
+    by_limits, cycles_by_limits = _contributions(reduction, limited, stated if limited.sources else ())
     used = {name for energy in model.energies.values() for name in energy.channels}
     return Budget(
         rows=tuple(BudgetRow(source, Metrics(of, names)) for source, of in rows.items()),
