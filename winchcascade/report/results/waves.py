@@ -177,7 +177,7 @@ def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     label_panel(left, "a", "Energy of each wave", x=x_label, y="Energy (J)")
     for right in others:
         for name, together in found.efficiency.items():
-            into, out = cascade.between(name)
+            into, out = cascade.pairs[name]
             look = look_of(stage_of(cascade, name))
             x, y = found.energy[into][rows], found.energy[out][rows]
             eta = np.divide(y, x, out=np.full(x.size, np.nan), where=x > 0.0)
