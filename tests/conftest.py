@@ -33,7 +33,9 @@ TOGETHER = {
 }
 """Files that use results of one another: one worker takes them all, and makes each result once."""
 
-FIRST = ("tests/test_reference.py", "tests/batch", "tests/report", "tests/diagnosis", "tests/hardening", "tests/blind")
+FIRST = tuple(
+    f"tests/{name}" for name in ("test_reference.py", "batch", "report", "diagnosis", "faults", "hardening", "blind")
+)
 """Files with long tests: begun first, so that no worker has one left when the others are done."""
 
 

@@ -29,6 +29,24 @@ def failures(check: Callable[..., object], cases: Iterable[Case]) -> list[str]:
     return found
 
 
+def rejections(read: Callable[[str, str], object], fault: type[Exception], cases: str) -> list[str]:
+    """Check files that cannot be used: lines of a text, with ; for a line end, an @ and the words that the sentence contains.
+
+    The sentence begins with the name of the file; what fails is returned.
+    """
+
+    def check(text: str, words: str) -> None:
+        with pytest.raises(fault) as found:
+            read(text, "mine.toml")
+        sentence = str(found.value)
+        assert sentence.startswith("mine.toml: "), sentence
+        assert sentence.isprintable()
+        assert [word for word in words.split() if word not in sentence] == [], sentence
+
+    parts = (line.rpartition(" @ ") for line in cases.strip().splitlines())
+    return failures(check, [(text.replace(";", "\n"), words) for text, _, words in parts])
+
+
 def all_pairs(*choices: Iterable[Any]) -> list[Case]:
     """Few combinations that hold every pair of values of any two choices; the same ones at every call.
 

@@ -1,36 +1,34 @@
-"""Readers of binary formats in the process of the test: a process of its own takes most of the time of a small file."""
+"""Workbooks and MATLAB files read in the process of the test: a process of its own takes most of the time of a small file."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from pkgutil import resolve_name
 
-import msgspec
 import pytest
 
-from winchcascade.ingest.formats.excel import open_excel
-from winchcascade.ingest.formats.mat import open_mat
-from winchcascade.ingest.formats.parquet import open_parquet
-from winchcascade.ingest.formats.tdms import open_tdms
-from winchcascade.ingest.source import LogSource, LogTable, without_notes
+from winchcascade.ingest.formats.excel import read_excel
+from winchcascade.ingest.formats.mat import read_mat
+from winchcascade.ingest.source import LogSource, source_of
 
-OPENERS: dict[str, Callable[..., LogSource]] = {
-    "tdms": open_tdms, "mat": open_mat, "parquet": open_parquet, "excel": open_excel,
-}  # fmt: skip
+
+def open_excel(path: Path, *, table: str | None = None, numbered: bool = False) -> LogSource:
+    """A workbook as a source."""
+    return source_of(read_excel(path, table=table, numbered=numbered))
+
+
+def open_mat(path: Path, *, table: str | None = None) -> LogSource:
+    """A MATLAB file as a source."""
+    return source_of(read_mat(path, table=table))
 
 
 @contextmanager
 def readers_here() -> Iterator[None]:
     """Within this context no file is read in a process of its own; `test_isolated.py` and others test that it is."""
     with pytest.MonkeyPatch.context() as changed:
-        changed.setattr("winchcascade.ingest.isolated.open_isolated", _open_here)
+        changed.setattr("winchcascade.ingest.isolated.read_isolated", _read_here)
         yield
 
 
-def _open_here(reader: str, path: Path, *, table: str | None = None, numbered: bool = False) -> LogSource:
-    source = OPENERS[reader](path, table=table, **({"numbered": True} if numbered and reader == "excel" else {}))
-
-    def load(wanted: Sequence[int], time: int | None) -> LogTable:
-        loaded = source.load(wanted, time)
-        return without_notes(loaded) if reader == "excel" and time is not None else loaded
-
-    return msgspec.structs.replace(source, load=load)
+def _read_here(reader: str, path: Path, **options: str | bool | None) -> LogSource:
+    return source_of(resolve_name(reader)(path, **options))

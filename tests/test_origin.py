@@ -13,24 +13,23 @@ from winchcascade.blind.cases import ORIGIN, campaign_toml
 from winchcascade.core.campaign_file import (
     SIMULATED,
     Origin,
-    banner,
     joint_origin,
     load_campaign,
     origin_from,
-    origin_words,
 )
 from winchcascade.core.errors import CampaignError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import SIMULATED_HEADERS
 from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.records import reduction_record
 from winchcascade.report.render.page import page_text
 from winchcascade.report.results.check_record import check_record
 from winchcascade.report.results.checks import check_report
 from winchcascade.report.results.reduction import reduction_report
+from winchcascade.report.wording import banner, origin_words
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate, write_log
 from winchcascade.tables.check import check, measured_from_record

@@ -1,6 +1,6 @@
 """The README and the page of commands show what is printed: each block is run, and its output must be the one shown.
 
-`PYTHONPATH=tests/hardening python tests/test_readme.py` writes the present output into the blocks.
+`python tests/test_readme.py` writes the present output into the blocks.
 """
 
 import doctest

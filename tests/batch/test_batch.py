@@ -533,12 +533,9 @@ def test_an_out_that_is_a_file_is_rejected(campaign: Path, tmp_path: Path) -> No
 
 
 def test_scratch_of_killed_calls_is_removed_and_no_other_file(campaign: Path, done: Path) -> None:
-    left = [left_scratch(done / place) for place in (".", "runs", "dataset")]
-    left[0].mkdir()
-    (left[0] / "runs.parquet").touch()
-    other = done / "runs" / ".winchcascade-notes.part"
-    others = [other, done / "runs" / ".a.json.x.part", done / "download.part"]
-    for path in (*left[1:], *others):
+    left = [left_scratch(done, as_folder=True), *(left_scratch(done / place) for place in ("runs", "dataset"))]
+    others = [done / "runs" / ".winchcascade-notes.part", done / "runs" / ".a.json.x.part", done / "download.part"]
+    for path in others:
         path.touch()
         os.utime(path, (0.0, 0.0))
     batch(campaign, out=done)

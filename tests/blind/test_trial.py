@@ -85,7 +85,7 @@ def test_a_call_that_was_cut_short_is_taken_up_and_ends_in_the_same_bytes(dealt:
     with cases_by(once), pytest.raises(KeyboardInterrupt):
         deal(out, CASES, SEED, watch=Interrupt(1))
     assert {p.name for p in out.iterdir()} == {"case-0001", "sealed.json", "trial.json"}
-    left_scratch(out).mkdir()
+    left_scratch(out, as_folder=True)
     with cases_by(once):
         assert deal(out, CASES, SEED).kept == 1
     assert content(out) == content(dealt)

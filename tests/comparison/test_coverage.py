@@ -12,8 +12,8 @@ from winchcascade.comparison.compared_run import ComparedRun, compared_run
 from winchcascade.comparison.comparison_result import ComparedSide
 from winchcascade.core.accuracy import error_sources
 from winchcascade.core.rig_toml import built_in
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.records import reduction_record
 
 TRIALS = 600

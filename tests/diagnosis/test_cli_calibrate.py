@@ -1,6 +1,6 @@
 """The command calibrate as a user meets it, and what its manual shows.
 
-`PYTHONPATH=tests:tests/hardening python tests/diagnosis/test_cli_calibrate.py` writes the present output into the manual.
+`PYTHONPATH=tests python tests/diagnosis/test_cli_calibrate.py` writes the present output into the manual.
 """
 
 import doctest

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 import winchcascade
-from winchcascade import WinchcascadeError, load_rig, read_run, reduce, simulate
+from winchcascade import WinchcascadeError, load_rig, open_campaign, read_run, reduce, simulate
 
 Signal = NDArray[np.float64]
 
@@ -74,11 +74,12 @@ class Finding(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What reading and reducing a log gave: means by metric, number of complete cycles, findings; or why it was rejected."""
+    """What reading and reducing a log gave: means by metric, complete cycles, findings, load [ohm]; or why it was rejected."""
 
     mean: Mapping[str, float | None]
     cycles: int
     findings: tuple[Finding, ...]
+    load: float | None = None
     rejected: str = ""
 
 
@@ -87,7 +88,7 @@ class Log:
     """A log as a table, columns by channel in the unit of the file, and how it is read.
 
     `rig` is the text of a rig file, "" for that of the paper; `write` makes a file in a folder from the table with its headers,
-    without it the table is read as a DataFrame.
+    without it the table is read as a DataFrame. What it makes may be the folder of a campaign, which is reduced as a whole.
     """
 
     name: str
@@ -135,17 +136,27 @@ def result(log: Log) -> Result:
         warnings.simplefilter("ignore")
         source = log.frame() if log.write is None else log.write(log.frame(), Path(folder))
         try:
-            run = read_run(source, load=log.load, rig=rig_of(log.rig))
-            return found(reduce(run, window=log.window))
+            if isinstance(source, Path) and source.is_dir():
+                return found_in_campaign(open_campaign(source).reduce())
+            return found(reduce(read_run(source, load=log.load, rig=rig_of(log.rig)), window=log.window))
         except WinchcascadeError as fault:
-            return Result({}, 0, (), str(fault))
+            return Result({}, 0, (), rejected=str(fault))
 
 
 def found(reduction: winchcascade.Reduction) -> Result:
     """Take from a reduction what the JSON has under `mean`, `cycles` and `quality`."""
     findings = (Finding(f.kind, f.channel, f.message, f.start, f.end) for f in reduction.quality)
     cycles = sum(cycle.complete for cycle in reduction.cycles)
-    return Result({m: getattr(reduction.mean, m, None) for m in METRICS}, cycles, tuple(findings))
+    mean = {m: getattr(reduction.mean, m, None) for m in METRICS}
+    return Result(mean, cycles, tuple(findings), reduction.run.load)
+
+
+def found_in_campaign(reduction: winchcascade.CampaignReduction) -> Result:
+    """Take the findings of all runs of a campaign, and those of one run beside the others."""
+    single = [finding for record in reduction.records.values() for finding in record.quality]
+    between = [finding for _, finding in reduction.summary.between]
+    findings = (Finding(f.kind, f.channel, f.message, f.start_s, f.end_s) for f in (*single, *between))
+    return Result({}, 0, tuple(findings))
 
 
 @lru_cache(maxsize=128)

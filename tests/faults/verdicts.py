@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
 from injected import FAULTS, Trial, trial
 from logs import Finding, Result, result, truth
 
@@ -19,12 +20,14 @@ and no number moved, no finding though a number moved."""
 
 
 def moved(true: Result, found: Result) -> list[str]:
-    """List the means that differ by more than the bar, and a number of complete cycles that does."""
+    """List the means that differ by more than the bar, and a number of complete cycles or a load that differs."""
     changes = [] if true.cycles == found.cycles else [f"{found.cycles} for {true.cycles} complete cycles"]
     for metric, old in true.mean.items():
         new = found.mean.get(metric)
         if old and (new is None or abs(new / old - 1.0) > BAR):
             changes.append(f"{metric} {'missing' if new is None else f'{100 * (new / old - 1.0):+.2f} %'}")
+    if true.load is not None and (found.load is None or not np.isclose(found.load, true.load, rtol=0.01)):
+        changes.append(f"load {found.load}")
     return changes
 
 

@@ -2,7 +2,6 @@
 
 import datetime as dt
 import io
-import json
 import tempfile
 import zipfile
 from collections.abc import Callable, Sequence
@@ -19,12 +18,6 @@ import xlsb
 import xlsxwriter
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from scipy.io import savemat
-
-from winchcascade.core.rig_toml import built_in_text
-from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
-from winchcascade.reduction.reduce import reduce
-from winchcascade.report.records import reduction_json
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "fixtures" / "campaign" / "r36ohm.csv"
@@ -74,25 +67,20 @@ def toa5() -> str:
 
 def delimited() -> list[bytes]:
     """The dialects of text."""
-    preamble = "Sample rate: 12.5 Hz\nload_ohm: 36\n\n"
     chinese = text("\t").replace("Time", "時間").replace("Vdc", "直流電壓").replace("Idc", "直流電流")
     return [
         text().encode(),
         text(";", ",", "\r\n").encode("utf-16"),
         chinese.encode("cp950"),
-        (preamble + text(" | ")).encode(),
+        ("Sample rate: 12.5 Hz\nload_ohm: 36\n\n" + text(" | ")).encode(),
         text(rows=[[f'"{cell}"' for cell in row] for row in ROWS], decimal=",").encode(),
         stamped().encode(),
-        text("   ", end="\r").encode(),
-        *(
-            (ROOT / "fixtures" / "damaged_logs" / name).read_bytes()[:60_000]
-            for name in ("dropouts.csv", "units_row.csv")
-        ),
+        (ROOT / "fixtures" / "damaged_logs" / "units_row.csv").read_bytes()[:60_000],
         b"time_s,velocity_mps\n" + b"".join(f"{r[0]},{r[2]}\n".encode() for r in ROWS),
     ]
 
 
-def _through_a_file(write: Callable[[Path], object]) -> bytes:
+def through_a_file(write: Callable[[Path], object]) -> bytes:
     """What a writer that insists on a path writes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "made"
@@ -100,106 +88,85 @@ def _through_a_file(write: Callable[[Path], object]) -> bytes:
         return path.read_bytes()
 
 
-def _tdms(path: Path, *, clock: int, segments: int) -> None:
-    waves = {"wf_increment": STEP, "wf_start_offset": 0.0} if clock else {}
-    with TdmsWriter(str(path)) as writer:
-        for k in range(segments):
-            writer.write_segment(
-                [RootObject({"load_ohm": 36.0})]
-                + [
-                    ChannelObject("Crane", name, np.array_split(DATA[name], segments)[k], waves | {"unit_string": unit})
-                    for name, unit in list(zip(NAMES, UNITS, strict=True))[clock:]
-                ]
-            )
-
-
 def tdms() -> list[bytes]:
     """TDMS with a clock in its properties, with one as a channel, in several segments."""
-    made = ((True, 1), (False, 1), (True, 4))
-    return [_through_a_file(partial(_tdms, clock=clock, segments=segments)) for clock, segments in made]
 
+    def write(path: Path, clock: int, segments: int) -> None:
+        waves = {"wf_increment": STEP, "wf_start_offset": 0.0} if clock else {}
+        columns = list(zip(NAMES, UNITS, strict=True))[clock:]
+        with TdmsWriter(str(path)) as writer:
+            for k in range(segments):
+                parts = {name: np.array_split(DATA[name], segments)[k] for name, _ in columns}
+                channels = [ChannelObject("Crane", n, parts[n], waves | {"unit_string": unit}) for n, unit in columns]
+                writer.write_segment([RootObject({"load_ohm": 36.0}), *channels])
 
-def _mat(**options: Any) -> bytes:
-    stream: Any = io.BytesIO()
-    whole: dict[str, Any] = DATA | {"load_ohm": 36.0}
-    if options.get("format") != "4":
-        whole = {"log": DATA | {"units": dict(zip(NAMES, UNITS, strict=True))}, "load_ohm": 36.0}
-    savemat(stream, whole, **options)
-    content: bytes = stream.getvalue()
-    return content if options.get("format") == "4" else b"MATLAB 5.0 MAT-file".ljust(116) + content[116:]
-
-
-def _mat_named() -> bytes:
-    stream: Any = io.BytesIO()
-    names, units = np.array(NAMES, dtype=object), np.array(UNITS, dtype=object)
-    savemat(stream, {"data": np.array(list(DATA.values())).T, "names": names, "units": units, "fs": 1 / STEP})
-    content: bytes = stream.getvalue()
-    return b"MATLAB 5.0 MAT-file".ljust(116) + content[116:]
+    made = ((1, 1), (0, 1), (1, 4))
+    return [through_a_file(partial(write, clock=clock, segments=segments)) for clock, segments in made]
 
 
 def mat() -> list[bytes]:
-    """MATLAB v4, v5 plain and compressed, and a matrix with a list of names."""
-    return [_mat(format="4"), _mat(), _mat(do_compression=True), _mat_named()]
+    """MATLAB v4, v5 plain and compressed."""
 
+    def saved(variables: dict[str, Any], **options: Any) -> bytes:
+        stream: Any = io.BytesIO()
+        savemat(stream, variables, **options)
+        return bytes(stream.getvalue())
 
-def _mat73(path: Path) -> None:
-    with h5py.File(path, "w", userblock_size=512) as file:
-        file.create_dataset("load_ohm", data=np.full((1, 1), 36.0)).attrs["MATLAB_class"] = np.bytes_("double")
-        log = file.create_group("log")
-        units = log.create_group("units")
-        for name, unit in zip(NAMES, UNITS, strict=True):
-            log.create_dataset(name, data=np.atleast_2d(DATA[name])).attrs["MATLAB_class"] = np.bytes_("double")
-            letters = np.array([[ord(letter)] for letter in unit], dtype=np.uint16)
-            units.create_dataset(name, data=letters).attrs["MATLAB_class"] = np.bytes_("char")
-    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + path.read_bytes()[512:])
+    log = {"log": DATA | {"units": dict(zip(NAMES, UNITS, strict=True))}, "load_ohm": 36.0}
+    later = [saved(log), saved(log, do_compression=True)]
+    head = b"MATLAB 5.0 MAT-file".ljust(116)  # without the date, so that the bytes are the same at every call
+    return [saved(DATA | {"load_ohm": 36.0}, format="4"), *(head + content[116:] for content in later)]
 
 
 def mat73() -> list[bytes]:
     """MATLAB v7.3, which is HDF5."""
-    return [_through_a_file(_mat73)]
 
+    def write(path: Path) -> None:
+        with h5py.File(path, "w", userblock_size=512) as file:
+            log = file.create_group("log")
+            units = log.create_group("units")
+            for name, unit in zip(NAMES, UNITS, strict=True):
+                log.create_dataset(name, data=np.atleast_2d(DATA[name])).attrs["MATLAB_class"] = np.bytes_("double")
+                letters = np.array([[ord(letter)] for letter in unit], dtype=np.uint16)
+                units.create_dataset(name, data=letters).attrs["MATLAB_class"] = np.bytes_("char")
+        path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + path.read_bytes()[512:])
 
-def _parquet(table: Any, **options: Any) -> bytes:
-    stream = io.BytesIO()
-    pq.write_table(table, stream, **options)
-    return stream.getvalue()
+    return [through_a_file(write)]
 
 
 def parquet() -> list[bytes]:
     """Parquet of numbers, plain and compressed in several row groups, and of texts with stamps."""
+
+    def saved(table: Any, **options: Any) -> bytes:
+        stream = io.BytesIO()
+        pq.write_table(table, stream, **options)
+        return stream.getvalue()
+
     fields = [pa.field(n, pa.float64(), metadata={"unit": unit}) for n, unit in zip(NAMES, UNITS, strict=True)]
     numbers = pa.table(list(DATA.values()), schema=pa.schema(fields, metadata={"load_ohm": "36"}))
     stamps = pa.array((DATA["Time"] * 1e3).astype(np.int64), pa.timestamp("ms"))
     texts = {header: [row[k] for row in ROWS] for k, header in enumerate(HEADERS) if k}
-    mixed = pa.table({"Timestamp": stamps, **texts})
     return [
-        _parquet(numbers, compression="none", use_dictionary=False),
-        _parquet(numbers, compression="zstd", row_group_size=200),
-        _parquet(mixed, compression="snappy"),
+        saved(numbers, compression="none", use_dictionary=False),
+        saved(numbers, compression="zstd", row_group_size=200),
+        saved(pa.table({"Timestamp": stamps, **texts}), compression="snappy"),
     ]
 
 
-def _workbook(*, units: bool) -> bytes:
+def sheet() -> list[list[Any]]:
+    """The cells of a short log."""
+    return [HEADERS, *([float(cell) for cell in row] for row in ROWS[:500])]
+
+
+def workbook() -> bytes:
+    """A workbook of Excel with a sheet of notes before the log."""
     stream = io.BytesIO()
     with xlsxwriter.Workbook(stream, {"in_memory": True}) as book:
         book.set_properties({"created": dt.datetime(2026, 4, 18)})
         book.add_worksheet("Notes").write_row(0, 0, ["Trial of the crane"])
-        sheet = book.add_worksheet("Log")
-        sheet.write_row(0, 0, NAMES if units else HEADERS)
-        if units:
-            sheet.write_row(1, 0, UNITS)
-        for k, row in enumerate(ROWS[:500]):
-            sheet.write_row(k + 1 + units, 0, [float(cell) for cell in row])
-    return stream.getvalue()
-
-
-def _sheet() -> list[list[Any]]:
-    return [HEADERS, *([float(cell) for cell in row] for row in ROWS[:500])]
-
-
-def _binary_workbook() -> bytes:
-    stream = io.BytesIO()
-    xlsb.write(stream, xlsb.sheet(_sheet()))
+        log = book.add_worksheet("Log")
+        for k, row in enumerate(sheet()):
+            log.write_row(k, 0, row)
     return stream.getvalue()
 
 
@@ -218,66 +185,29 @@ def unzipped(content: bytes) -> dict[str, bytes]:
         return {name: book.read(name) for name in book.namelist()}
 
 
-def _ods() -> bytes:
-    def row(cells: Sequence[str]) -> str:
-        words = "<table:table-cell office:value-type='string'><text:p>{0}</text:p></table:table-cell>"
-        numbers = "<table:table-cell office:value-type='float' office:value='{0}'/>"
-        inner = "".join((words if cell[0].isalpha() else numbers).format(cell) for cell in cells)
-        return f"<table:table-row>{inner}</table:table-row>"
-
+def ods() -> bytes:
+    """A workbook of LibreOffice."""
+    words = "<table:table-cell office:value-type='string'><text:p>{0}</text:p></table:table-cell>"
+    numbers = "<table:table-cell office:value-type='float' office:value='{0}'/>"
+    rows = ["".join((words if isinstance(cell, str) else numbers).format(cell) for cell in row) for row in sheet()]
     spaces = " ".join(f"xmlns:{x}='urn:oasis:names:tc:opendocument:xmlns:{x}:1.0'" for x in ("office", "table", "text"))
-    sheet = f"<table:table table:name='Log'>{''.join(map(row, [HEADERS, *ROWS[:500]]))}</table:table>"
-    body = f"<office:body><office:spreadsheet>{sheet}</office:spreadsheet></office:body>"
-    return zipped(
-        {
-            "mimetype": b"application/vnd.oasis.opendocument.spreadsheet",
-            "META-INF/manifest.xml": b"<manifest/>",
-            "content.xml": f"<office:document-content {spaces}>{body}</office:document-content>".encode(),
-        }
-    )
+    table = "".join(f"<table:table-row>{row}</table:table-row>" for row in rows)
+    body = f"<office:spreadsheet><table:table table:name='Log'>{table}</table:table></office:spreadsheet>"
+    content = f"<office:document-content {spaces}><office:body>{body}</office:body></office:document-content>"
+    kind = b"application/vnd.oasis.opendocument.spreadsheet"
+    return zipped({"mimetype": kind, "META-INF/manifest.xml": b"<manifest/>", "content.xml": content.encode()})
 
 
-def excel() -> list[bytes]:
-    """Workbooks of Excel, zipped XML and zipped records, and of LibreOffice."""
-    return [_workbook(units=False), _workbook(units=True), _ods(), _binary_workbook()]
+def binary_workbook() -> bytes:
+    """A workbook of Excel of zipped records."""
+    stream = io.BytesIO()
+    xlsb.write(stream, xlsb.sheet(sheet()))
+    return stream.getvalue()
 
 
-def old_excel() -> list[bytes]:
-    """A workbook of Excel 97."""
-    return [xls.book(_sheet())]
-
-
-def campaign() -> list[bytes]:
-    """The shipped campaign, and one that uses every entry."""
-    full = 'title = "Two loads"\nrig = "hsu2026"\n[[run]]\nfile = "r36ohm.csv"\nload_ohm = 36\nwindow_s = 5.48\n'
-    full += 'cycles = [1, 2]\nwithheld = true\n[[run]]\nfile = "open_circuit.csv"\nload_ohm = inf\n'
-    return [(ROOT / "fixtures" / "campaign" / "campaign.toml").read_bytes(), full.encode()]
-
-
-def rig() -> list[bytes]:
-    """The built-in rigs, and one that is based on another."""
-    based = 'name = "mine"\nbased_on = "hsu2026"\n[winch]\nr_drum = { value = 140, unit = "mm" }\n[columns]\n'
-    based += (
-        'velocity = { name = "Velocity (m/s)", unit = "m/s" }\n[log]\nsample_rate_hz = 25\n[thresholds]\nwindow = 5.0\n'
-    )
-    return [*(built_in_text(name).encode() for name in ("hsu2026", "kitepower")), based.encode()]
-
-
-def table() -> list[bytes]:
-    """The built-in published table."""
-    return [(ROOT / "winchcascade" / "published" / "hsu2026-table2.toml").read_bytes()]
-
-
-@cache
-def _reduction() -> bytes:
-    reduction = reduce(read_run(LOG, load=36.0))
-    return reduction_json(reduction, uncertainty(reduction))
-
-
-def result() -> list[bytes]:
-    """A reduction as `reduce` writes it, and what a batch says of its logs."""
-    runs = [{"name": "r36ohm.csv", "fault": None, "result": "runs/r36ohm.csv.json"}]
-    return [_reduction(), json.dumps({"schema": "winchcascade/campaign/1", "runs": runs}).encode()]
+def toml(*places: str) -> list[bytes]:
+    """Shipped files of TOML."""
+    return [(ROOT / place).read_bytes() for place in places]
 
 
 SEEDS: dict[str, Callable[[], list[bytes]]] = {
@@ -288,12 +218,11 @@ SEEDS: dict[str, Callable[[], list[bytes]]] = {
     "mat": mat,
     "mat73": mat73,
     "parquet": parquet,
-    "excel": excel,
-    "xls": old_excel,
-    "rig": rig,
-    "campaign": campaign,
-    "table": table,
-    "result": result,
+    "excel": lambda: [workbook(), ods(), binary_workbook()],
+    "xls": lambda: [xls.book(sheet())],
+    "rig": lambda: toml("winchcascade/rigfiles/hsu2026.toml", "winchcascade/rigfiles/kitepower.toml"),
+    "campaign": lambda: toml("fixtures/campaign/campaign.toml", "fixtures/measured/campaign.toml"),
+    "table": lambda: toml("winchcascade/published/hsu2026-table2.toml"),
 }
 """By the kind of file, the whole ones to start from."""
 

@@ -97,11 +97,11 @@ def test_nothing_is_written_outside_of_the_scratch_folder_and_nothing_stays(
     [
         (
             lambda: zipped(**{"a.csv": b"t,v\n" + bytes(150_000_000)}),
-            "unpacks to more than 100 MB; less was expected of an archive of",
+            "unpacks to more than 100 MB; less was expected of a file of",
         ),
         pytest.param(
             lambda: gzip.compress(b"t,v\n" + bytes(150_000_000)),
-            "unpacks to more than 100 MB; less was expected of an archive of",
+            "unpacks to more than 100 MB; less was expected of a file of",
             marks=pytest.mark.slow,
         ),
         (lambda: zipped(**{"a.zip": zipped(**{"b.csv": LOG})}), "a.zip: is an archive within an archive"),

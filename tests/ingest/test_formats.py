@@ -23,14 +23,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from loops import failures
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
-from read_here import readers_here
+from read_here import open_excel, open_mat, readers_here
 from scipy.io import savemat
 
 from winchcascade import read_run, reduce
 from winchcascade.core.errors import LogError
 from winchcascade.core.run import Run
-from winchcascade.ingest.formats.excel import open_excel
-from winchcascade.ingest.formats.mat import open_mat
 from winchcascade.ingest.formats.parquet import open_parquet
 from winchcascade.ingest.formats.tdms import open_tdms
 from winchcascade.ingest.open_log import is_mat_v4, open_log
@@ -614,12 +612,13 @@ def test_excel_finds_the_sheet_the_names_the_units_and_the_numbers(tmp_path: Pat
         [None, "", None, None, None],
     )
     source = open_excel(path)
-    table = source.load([1, 2, 3], 0)
-    assert names(source) == ["Time", "Velocity", "Pressure", "Remark"]
-    assert units(source) == ["s", "m/s", "kgf/cm²", None]
+    table = source.load([2, 3, 4], 0)
+    assert names(source) == ["Time", "", "Velocity", "Pressure", "Remark"]
+    assert units(source) == ["s", None, "m/s", "kgf/cm²", None]
+    assert source.properties["Load"] == "36"
     np.testing.assert_allclose(np.asarray(table.stamps), T, rtol=LAST_DIGIT)
-    np.testing.assert_allclose(table.values[1], V, rtol=LAST_DIGIT)
-    assert np.isnan(table.values[3]).all()
+    np.testing.assert_allclose(table.values[2], V, rtol=LAST_DIGIT)
+    assert np.isnan(table.values[4]).all()
     assert not table.stamped
 
 

@@ -89,7 +89,7 @@ def test_the_sample_with_a_velocity_is_read() -> None:
         ("no_decimal_separator", "ax (g), ay (g), az (g)"),
         ("short", "Excitation (Trigger) (Newtons), Response (Trigger) (m/s^2)"),
         ("short_new_line_end", "Excitation (Trigger) (Newtons), Response (Trigger) (m/s^2)"),
-        ("with_comments", "Pressão ABS. (MPa), Temperatura (°C), Volume (ml)"),
+        ("with_comments", "Pressão ABS. (MPa)"),
         ("with_empty_fields", "Dev0/Ai0, Dev0/Ai2, Untitled"),
     ],
 )

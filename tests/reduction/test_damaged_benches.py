@@ -130,7 +130,7 @@ def proposals(folder: Path, channels: dict[str, np.ndarray], rig: str | None = N
 def test_a_bench_without_a_rig_file_gets_the_fitting_source_of_cycles(tmp_path: Path) -> None:
     channels = dyno()[1]
     assert [
-        '4 steady stretches: for operating points of a machine set from = "steps"' in m
+        '4 steady stretches and no line: for operating points of a machine set from = "steps"' in m
         for m in proposals(tmp_path, channels)
     ] == [True]
     rng, t = np.random.default_rng(3), np.arange(0.0, 120.0, STEP)

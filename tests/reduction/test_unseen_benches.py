@@ -94,47 +94,6 @@ def test_a_minus_sign_of_a_rig_file_speaks_of_the_log_also_where_a_sign_is_corre
     assert ", -0 J" not in out
 
 
-def test_a_column_of_labels_is_no_unknown_column(tmp_path: Path) -> None:
-    rng, t = np.random.default_rng(7), np.arange(0.0, 60.0, 0.02)
-    v = 0.6 * np.sin(2.0 * np.pi * t / 7.0)
-    force = 1200.0 + 1000.0 * np.maximum(v, 0.0)
-    words = np.where(v > 0.03, "ausspulen", np.where(v < -0.03, "einholen", "halt"))
-    lines = ["Zeit (s);Seilgeschwindigkeit (m/min);Seilzug (daN);Phase"]
-    lines += [
-        f"{a:.2f};{-60.0 * b + rng.normal(0.0, 0.2):.3f};{0.1 * c:.3f};{word}"
-        for a, b, c, word in zip(t, v, force, words, strict=True)
-    ]
-    log, rig = tmp_path / "sea.csv", tmp_path / "sea.toml"
-    log.write_text("\n".join([*lines, ""]))
-    rig.write_text(
-        'name = "winch"\n[cascade]\nstages = ["line"]\n[phases]\nfrom = "column"\ncolumn = "Phase"\n'
-        'payout = ["ausspulen"]\nhaul_in = ["einholen"]\n'
-    )
-    code, out, err = call("reduce", log, "--rig", rig, "--json", tmp_path / "a.json")
-    assert (code, err) == (0, "")
-    assert "unknown_column" not in out
-    assert compared(tmp_path / "a.json", t, {"line": force * v}) >= 7
-
-
-def test_an_entry_in_the_wrong_table_is_sent_to_its_own(tmp_path: Path) -> None:
-    rig = tmp_path / "rig.toml"
-    rig.write_text('name = "a"\n[winch]\ngear_ratio = { value = 4.5, unit = "1", source = "plate" }\n')
-    code, _, err = call("reduce", "fixtures/campaign/r36ohm.csv", "--rig", rig)
-    assert code == 2
-    assert "[winch] gear_ratio is an entry of [drivetrain]; move it there." in err
-
-
-def test_the_share_of_lost_rows_cannot_exceed_one(tmp_path: Path) -> None:
-    t = np.concatenate((np.arange(0.0, 40.0, 0.1), np.arange(400.0, 440.0, 0.1)))
-    log, rig = tmp_path / "gap.csv", tmp_path / "rig.toml"
-    rows = np.column_stack((t, np.full(t.size, 300.0), np.full(t.size, 20.0)))
-    np.savetxt(log, rows, delimiter=",", header="Time (s),Speed (rpm),Torque (N.m)", comments="")
-    rig.write_text('name = "a"\n[cascade]\nstages = ["mech"]\n[phases]\nfrom = "whole"\n')
-    code, out, err = call("reduce", log, "--rig", rig)
-    assert (code, err) == (0, "")
-    assert "82 % of the time" in " ".join(out.split())
-
-
 @pytest.mark.parametrize("rows", [2, 6])
 def test_a_short_table_of_step_means_is_reduced_and_a_short_log_names_that_source(tmp_path: Path, rows: int) -> None:
     speed, torque = np.linspace(200.0, 600.0, rows), np.linspace(20.0, 60.0, rows)
@@ -180,46 +139,6 @@ from = "waves"
 """
 
 
-def test_a_force_that_switches_between_two_values_is_no_fault_of_the_logger(tmp_path: Path) -> None:
-    """A hydraulic ram against a constant pressure: force and pressure hold two values, exactly."""
-    t = 0.02 * np.arange(6000)
-    v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)
-    force, flow = 4000.0 * np.sign(v), 0.002 * np.abs(v)
-    pressure = np.where(flow > 1e-7, 16e5, 0.0)
-    rows = np.column_stack((t, v, force / 1e3, 6e4 * flow, pressure / 1e5))
-    head = "Temps (s);Vitesse (m/s);Force (kN);D\u00e9bit (l/min);Pression (bar)"
-    result = bench(tmp_path, "ram.csv", table(head, rows), RECIPROCATING)
-    assert compared(result, t, {"line": force * v, "hyd": pressure * flow}) == 14
-    assert found_in(result) == set()
-    record = json.loads(result.read_text(encoding="utf-8"))["waves"]["record"]
-    assert record["power_line_w"] == pytest.approx(np.trapezoid(force * v, t) / t[-1], rel=1e-4)
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_page_of_a_machine_with_one_stage_has_no_panel_of_efficiencies(tmp_path: Path) -> None:
-    t = 0.05 * np.arange(2000)
-    v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)
-    rows = np.column_stack((t, v, 4.0 * np.sign(v)))
-    rig = RECIPROCATING.replace('"line", "hyd"', '"line"')
-    head = "Time (s);Velocity (m/s);Force (kN)"
-    bench(tmp_path, "one.csv", table(head, rows), rig, "--html", str(tmp_path / "one.html"))
-    page = (tmp_path / "one.html").read_text(encoding="utf-8")
-    assert "Energy of each wave over its payout" in page
-    assert "Efficiency of each wave" not in page
-
-
-def test_a_record_of_which_gaps_leave_nothing_has_no_mean_power(tmp_path: Path) -> None:
-    t = 0.02 * np.arange(3000)
-    v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)
-    force = np.where((t > 0.01) & (t < t[-1] - 0.01), np.nan, 500.0)
-    rows = "".join(f"{a:.2f},{b:.4f},{'' if np.isnan(c) else c}\n" for a, b, c in zip(t, v, force, strict=True))
-    rig = RECIPROCATING.replace('"line", "hyd"', '"line"')
-    content = f"Time (s),Velocity (m/s),Force (N)\n{rows}".encode()
-    record = json.loads(bench(tmp_path, "lost.csv", content, rig).read_text(encoding="utf-8"))["waves"]
-    assert record["mean_power"]["line"]["value"] is None
-    assert "power_line_w" not in record["record"]
-
-
 def test_a_motor_in_newton_centimetres_and_turns_a_minute_beside_kilowatts(tmp_path: Path) -> None:
     t = 0.05 * np.arange(960)
     step = np.minimum(t // 8.0, 5.0)
@@ -255,25 +174,6 @@ def test_a_drum_in_hertz_and_ranges_over_midnight(tmp_path: Path) -> None:
     )
     content = f"Time,f_Trommel [Hz],Torque (N.m),Vdc (V),Idc (A)\n{rows}".encode()
     assert compared(bench(tmp_path, "night.csv", content, rig), t, {"mech": mech, "gen": 0.8 * mech}) == 2
-
-
-def test_a_counter_of_16_bits_is_counted_on_over_a_gap(tmp_path: Path) -> None:
-    """Rows of 30 s are lost; the counter of milliseconds began again in the meantime."""
-    t = 0.097 * np.arange(3000)
-    v = 0.8 * np.sin(2.0 * np.pi * t / 10.0)
-    force = 1200.0 + 300.0 * v
-    kept = (t < 50.0) | (t > 80.0)
-    count = (np.round(1e3 * t).astype(int) + 100) % 65536
-    rows = "".join(f"{n}\t{a:.5f}\t{b:.3f}\n" for n, a, b in zip(count[kept], v[kept], force[kept], strict=True))
-    rig = (
-        'name = "Counter"\n[cascade]\nstages = ["line"]\n[phases]\nfrom = "waves"\n'
-        '[columns]\ntime = { name = "cnt", unit = "ms" }\n'
-    )
-    result = bench(tmp_path, "count.txt", f"cnt\tvelocity (m/s)\tforce (N)\n{rows}".encode(), rig)
-    assert compared(result, t + 0.1, {"line": force * v}) >= 24
-    record = json.loads(result.read_text(encoding="utf-8"))["waves"]["record"]
-    true = sum(np.trapezoid((force * v)[part], t[part]) for part in (t < 50.0, t > 80.0))
-    assert record["energy_line_j"] == pytest.approx(true, rel=2e-3)
 
 
 def test_labels_that_are_numbers_with_decimal_commas_and_empty_cells(tmp_path: Path) -> None:

@@ -2,39 +2,28 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 from calls import call
 
-from winchcascade import baseline, load_rig, open_campaign, read_run, reduce, simulate
-from winchcascade.blind.injected import Hidden
-from winchcascade.blind.twin import Solved, Twin, read_log, solve_twin
-from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Numbers
+from winchcascade import baseline, load_rig, read_run, reduce, simulate
 from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
-from winchcascade.reduction.run_record import WavesRecord
-from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, mean_power, ratio_of_sums
+from winchcascade.reduction.wave_bootstrap import block_length, mean_power, ratio_of_sums
 from winchcascade.reduction.wave_energies import WaveEnergies, joined_waves, wave_energies
-from winchcascade.reduction.wave_record import wave_record, waves_from_record
-from winchcascade.report.content import Note, Section, Span, Table
+from winchcascade.report.content import Note
 from winchcascade.report.results.waves import wave_section
 from winchcascade.rig.kernel import COLUMNS
 
-R_DRUM, SECONDS, GRID = 0.13, 180.0, 1e-3
+R_DRUM, SECONDS = 0.13, 180.0
 STAGES = ("line", "mech", "gen")
 HEADERS = {
     "time": "Time (s)", "displacement": "Displacement (m)", "velocity": "Velocity (m/s)", "pressure": "Pressure (kg/cm2)",
     "force": "Force (N)", "torque": "Torque (N.m)", "vdc": "Vdc (V)", "idc": "Idc (A)",
 }  # fmt: skip
-
-
-def table_of(section: Section, name: str) -> Table[Any]:
-    (found,) = (block for block in section.blocks if isinstance(block, Table) and block.id == name)
-    return found
 
 
 def waves_rig(folder: Path) -> Rig:
@@ -43,92 +32,48 @@ def waves_rig(folder: Path) -> Rig:
     return load_rig(folder / "waves.toml")
 
 
-def sea(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, payout and speed of an irregular sea of 6 s, at the ends of the twin's intervals; it begins at rest."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(round(SECONDS / GRID) + 1) * GRID
+def sea(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times and speed of an irregular sea of 6 s; it begins at rest."""
+    rng, t = np.random.default_rng(seed), np.arange(0.0, SECONDS, 0.04)
     hertz = np.linspace(0.08, 0.35, 40)
     size = np.sqrt(hertz**-5 * np.exp(-1.25 * (6.0 * hertz) ** -4.0))  # Bretschneider
-    parts = size[:, None] * np.cos(2.0 * np.pi * (hertz[:, None] * t[::40] + rng.random((40, 1))))
-    v = np.interp(t, t[::40], (hertz[:, None] * parts).sum(axis=0))
-    v *= 0.45 / v.std() * np.clip(t / 8.0, 0.0, 1.0)
-    return t, np.concatenate(([0.0], np.cumsum(0.5 * GRID * (v[1:] + v[:-1])))), v
+    parts = size[:, None] * np.cos(2.0 * np.pi * (hertz[:, None] * t + rng.random((40, 1))))
+    v = (hertz[:, None] * parts).sum(axis=0)
+    return t, v * 0.45 / v.std() * np.clip(t / 8.0, 0.0, 1.0)
 
 
 SMALL = 0.25
 """Waves with less than this share of the mean energy are compared with the mean: zeros of sensors decide their own. [1]"""
 
 
-def compared(
-    found: WaveEnergies, spans: np.ndarray, t: np.ndarray, powers: dict[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Errors of the energies of the waves, as shares of the true ones, of small waves as shares of the mean."""
-    errors = {}
-    for stage, watts in powers.items():
-        true = integrals(t, watts.__getitem__, spans)
-        errors[stage] = (found.energy[stage] - true) / np.where(true < SMALL * true.mean(), true.mean(), true)
-    return errors
-
-
-def spans_of(found: WaveEnergies, run: Run, rig: Rig) -> np.ndarray:
-    of = {c.cycle: c.window for c in reduce(run, rig=rig).cycles}
-    return np.array([(of[int(k)].onset, of[int(k)].cutoff) for k in found.cycle])
-
-
 @pytest.mark.parametrize("seed", [1, 2])
 def test_energies_of_simulated_waves_are_within_one_per_cent_of_the_truth(tmp_path: Path, seed: int) -> None:
     rig, rng = waves_rig(tmp_path), np.random.default_rng(seed)
-    t, _, v = sea(seed)
-    stamps = np.arange(0.0, SECONDS - 1.0, 0.04)
-    profile = Run("sea.csv", stamps, {"velocity": np.interp(stamps, t, v)}, 25.0, stamps.size, load=36.0)
+    stamps, v = sea(seed)
+    profile = Run("sea.csv", stamps, {"velocity": v}, 25.0, stamps.size, load=36.0)
     done = simulate(profile, baseline(rig))
     noise = {"velocity": 0.003, "force": 4.0, "torque": 0.4, "vdc": 0.25, "idc": 0.015}
-    channels = {
-        name: x + rng.normal(0.0, noise[name], x.size) if name in noise else x for name, x in done.run.channels.items()
-    }
+    channels = {n: x + rng.normal(0.0, noise[n], x.size) if n in noise else x for n, x in done.run.channels.items()}
     noisy = msgspec.structs.replace(done.run, channels=channels)
-    found = wave_energies(reduce(noisy, rig=rig))
-    assert found.cycle.size > 35
-    exact = dict(zip(COLUMNS, done.solution.T, strict=True))
-    line = done.motion
+    found, exact, line = (
+        wave_energies(reduce(noisy, rig=rig)),
+        dict(zip(COLUMNS, done.solution.T, strict=True)),
+        done.motion,
+    )
     powers = {
         "line": exact["force"] * line.v,
         "mech": exact["torque"] * line.v / R_DRUM,
         "gen": exact["vdc"] ** 2 / 36.0,
     }
-    for errors in compared(found, spans_of(found, noisy, rig), line.t, powers).values():
-        assert np.abs(errors).max() < 0.01
+    assert found.waves > 35
+    of = {c.cycle: c.window for c in reduce(noisy, rig=rig).cycles}
+    spans = np.array([(of[int(k)].onset, of[int(k)].cutoff) for k in found.column("cycle")])
     for stage, watts in powers.items():
+        true = integrals(line.t, watts.__getitem__, spans)
+        error = (found.energy[stage] - true) / np.where(true < SMALL * true.mean(), true.mean(), true)
+        assert np.abs(error).max() < 0.01, stage
         whole = float(integrals(line.t, watts.__getitem__, np.array([[0.0, stamps[-1]]]))[0])
         assert found.record_energy[stage] == pytest.approx(whole, rel=0.003)
-
-
-def twin_log(seed: int, path: Path) -> Solved:
-    """Write the log of a sea that the twin solved, with noise, zeros and resolution of its sensors; the exact solution."""
-    t, x, v = sea(seed)
-    assert t.size == x.size
-    twin = Twin(Numbers(), dict(LOADS), dict.fromkeys(SENSORS, 1.0), Hidden())
-    (log,) = [name for name in LOADS if "36" in name]
-    solved = solve_twin(twin, log, x, v, 0.0)
-    columns = read_log(twin, solved, np.random.default_rng(seed), CRANE_LOGGER)
-    rows = np.column_stack([columns[name] for name in HEADERS])
-    np.savetxt(path, rows, delimiter=",", header=",".join(HEADERS.values()), comments="")
-    return solved
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_energies_of_waves_of_the_twin_are_within_one_per_cent_of_the_truth(tmp_path: Path, seed: int) -> None:
-    rig = waves_rig(tmp_path)
-    solved = twin_log(seed, tmp_path / "sea.csv")
-    t, _, speed = sea(seed)
-    v, of = np.interp(solved.t, t, speed), solved.channels
-    run = read_run(tmp_path / "sea.csv", rig=rig, load=36.0)
-    found = wave_energies(reduce(run, rig=rig))
-    assert found.cycle.size > 35
-    powers = {"line": of["force"] * v, "mech": of["torque"] * v / R_DRUM, "gen": of["vdc"] * of["idc"]}
-    for errors in compared(found, spans_of(found, run, rig), solved.t, powers).values():
-        assert np.abs(errors).max() < 0.01
 
 
 def reciprocating(tmp_path: Path, waves: int) -> tuple[Path, Path]:
@@ -146,82 +91,37 @@ def reciprocating(tmp_path: Path, waves: int) -> tuple[Path, Path]:
     return path, tmp_path / "waves.toml"
 
 
-def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
-    log, rig = reciprocating(tmp_path, 12)
-    reduction = reduce(read_run(log, rig=load_rig(rig), load=36.0), rig=load_rig(rig))
-    found = wave_energies(reduction)
-    assert found.cycle.size >= 11
-    assert found.period == pytest.approx(np.full(found.cycle.size, 6.0), abs=0.05)
-    assert sum(c.count for c in found.classes) == found.cycle.size
-    for of in found.classes:
-        assert of.efficiency["eta_gen"] == pytest.approx((of.energy["gen"] or 0.0) / (of.energy["mech"] or 1.0))
-    assert found.errors
-    assert all(error.shared for error in found.errors)
-    independent = msgspec.structs.replace(
-        found, errors=tuple(msgspec.structs.replace(error, shared=False) for error in found.errors)
-    )
-    for waves, times in ((found, 2.0), (independent, 2.0**0.5)):  # two logs of it
-        joined = joined_waves([waves, waves])
-        assert joined.period.tolist() == [*found.period, *found.period]
-        for one, both in zip(found.errors, joined.errors, strict=True):
-            assert [abs(joule) for joule in both.energy.values()] == pytest.approx(
-                [times * abs(joule) for joule in one.energy.values()]
-            )
-    for stage in STAGES:
-        assert sum(c.energy[stage] or 0.0 for c in found.classes) == pytest.approx(found.energy[stage].sum())
-        assert found.record_power[stage] * found.record_duration == pytest.approx(found.record_energy[stage])
-    assert found.efficiency["eta_gen"].value == pytest.approx(0.8, abs=1e-4)
-    record = json.loads(msgspec.json.encode(wave_record(found)))
-    assert len(record["each"]) == found.cycle.size
-    assert record["efficiency"]["eta_gen"]["interval_95"][0] <= 0.8001
-    shown = {row[0]: row[1] for row in table_of(wave_section(found), "wave-efficiencies").cells}
-    assert shown == {name: eta.value for name, eta in found.efficiency.items()}
-
-
-def test_gaps_of_more_than_a_second_are_left_out_of_the_record(tmp_path: Path) -> None:
+def test_record_and_efficiency_add_up_to_the_waves(tmp_path: Path) -> None:
     log, path = reciprocating(tmp_path, 12)
-    rig, (head, *rows) = load_rig(path), log.read_text().splitlines()
-    whole = read_run(log, rig=rig, load=36.0)
-    lost = np.array([[20.0, 23.0], [40.0, 41.5], [55.0, 58.5]])
-    cells = [row.split(",") for row in rows if not any(begin < float(row.split(",")[0]) < end for begin, end in lost)]
-    for row in cells:
-        row[4] = "" if 22.0 < float(row[0]) < 25.0 else row[4]  # torque: joins a gap of all channels
-    log.write_text("\n".join([head, *(",".join(row) for row in cells)]) + "\n")
-    run = read_run(log, rig=rig, load=36.0)
-    lost[0, 1] = 25.0
-    found = wave_energies(reduce(run, rig=rig))
-    assert found.record_duration == pytest.approx(np.ptp(whole.t) - np.ptp(lost, axis=1).sum(), abs=0.1 * len(lost))
-    watts = whole.channels["force"] * whole.channels["velocity"]
-    known = integrals(whole.t, lambda k: watts[k], np.array([[whole.t[0], whole.t[-1]]]))[0]
-    expected = known - integrals(whole.t, lambda k: watts[k], lost).sum()
-    assert found.record_energy["line"] == pytest.approx(expected, rel=0.005)
+    rig = load_rig(path)
+    found = wave_energies(reduce(read_run(log, rig=rig, load=36.0), rig=rig))
+    assert found.waves >= 11
+    assert found.column("period_s") == pytest.approx(np.full(found.waves, 6.0), abs=0.05)
+    assert found.efficiency["eta_gen"].value == pytest.approx(0.8, abs=1e-4)
+    for stage in STAGES:
+        assert found.record_power[stage] * found.record_duration == pytest.approx(found.record_energy[stage])
+    assert found.errors
+    alone = tuple(msgspec.structs.replace(error, shared=False) for error in found.errors)
+    for waves, times in ((found, 2.0), (msgspec.structs.replace(found, errors=alone), 2.0**0.5)):  # two logs of it
+        joined = joined_waves([waves, waves])
+        assert joined.column("period_s").tolist() == 2 * found.column("period_s").tolist()
+        for one, both in zip(found.errors, joined.errors, strict=True):
+            assert [abs(x) for x in both.energy.values()] == pytest.approx(
+                [times * abs(x) for x in one.energy.values()]
+            )
+    assert msgspec.json.decode(msgspec.json.encode(found), type=WaveEnergies) == found
 
 
-@pytest.mark.slow
 def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp_path: Path, fixtures: Path) -> None:
     log, rig = reciprocating(tmp_path, 12)
-    json_file, page, pdf = (tmp_path / f"sines.{ending}" for ending in ("json", "html", "pdf"))
-    files: list[str | Path] = ["--json", json_file, "--html", page, "--pdf", pdf]
-    printed = command("reduce", log, "--rig", rig, "--load-ohm", "36", *files)
-    assert "complete waves" in printed
-    assert "waves" in json.loads(json_file.read_text(encoding="utf-8"))
-    assert 'id="table-wave-record"' in page.read_text(encoding="utf-8")
-    assert pdf.stat().st_size > 10_000
-    plain = command("reduce", fixtures / "campaign" / "r36ohm.csv", "--json", "-")
-    assert "waves" not in json.loads(plain)
+    assert "waves" in json.loads(command("reduce", log, "--rig", rig, "--load-ohm", "36", "--json", "-"))
+    assert "waves" not in json.loads(command("reduce", fixtures / "campaign" / "r36ohm.csv", "--json", "-"))
 
 
 def command(*words: str | Path) -> str:
     done = call(*words)
     assert done.code == 0, done.err
     return done.out
-
-
-def test_crane_cycles_have_energies_by_payout_too(fixtures: Path) -> None:
-    found = wave_energies(reduce(read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0), window=5.48))
-    assert found.cycle.size == 3
-    assert found.efficiency["eta_gen"].interval is None
-    assert sum(c.count for c in found.classes) == 3
 
 
 def correlated(rng: np.random.Generator, n: int, memory: float) -> np.ndarray:
@@ -244,7 +144,6 @@ def test_blocks_are_longer_for_waves_that_come_in_groups_and_intervals_hold_the_
         inside += low <= 0.8 <= high
     assert inside >= 51
     assert ratio_of_sums(into, out) == ratio_of_sums(into, out)
-    assert DRAWS >= 1000
 
 
 def test_sensors_widen_the_interval_by_their_budget_and_an_unknown_accuracy_is_named(tmp_path: Path) -> None:
@@ -290,12 +189,7 @@ def test_mean_powers_of_the_record_have_the_interval_of_the_sensors_and_of_the_w
     assert gen.interval is not None
     both = (found.power[stage].u_waves or 0.0 for stage in ("mech", "gen"))
     assert next(both) == pytest.approx(1.25 * next(both), rel=1e-3)  # the same waves, of which 0.8 arrive
-    intervals = {row[0]: row[2] for row in table_of(wave_section(found), "wave-record").cells}
-    assert isinstance(intervals["gen"], Span)
-    assert intervals["gen"][:2] == gen.interval
     assert any("idc, vdc" in block.text for block in wave_section(found).blocks if isinstance(block, Note))
-    back = waves_from_record(msgspec.json.decode(msgspec.json.encode(wave_record(found)), type=WavesRecord))
-    assert back.power == found.power
 
 
 @pytest.mark.slow
@@ -325,14 +219,9 @@ def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:
     )
     printed = command("batch", tmp_path / "campaign.toml", "--out", tmp_path / "out", "--reports", "none")
     record = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
-    together, single = (
-        record["waves"],
-        {
-            run["result"]: json.loads((tmp_path / "out" / run["result"]).read_text(encoding="utf-8"))["waves"]
-            for run in record["runs"]
-            if not run["open_circuit"]
-        },
-    )
+    names = {run["result"] for run in record["runs"] if not run["open_circuit"]}
+    single = {name: json.loads((tmp_path / "out" / name).read_text(encoding="utf-8"))["waves"] for name in names}
+    together = record["waves"]
     for key in ("energy_line_j", "energy_gen_j", "duration_s"):
         assert together["record"][key] == pytest.approx(sum(of["record"][key] for of in single.values()))
     line, gen = (
@@ -343,15 +232,9 @@ def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:
     eta = together["efficiency"]["eta_pto"]
     assert eta["value"] == pytest.approx(gen / line)
     assert eta["interval_95"][0] < eta["value"] < eta["interval_95"][1]
-    assert eta["standard_uncertainty_sensors"] == pytest.approx(
-        float(np.mean([of["efficiency"]["eta_pto"]["standard_uncertainty_sensors"] for of in single.values()])),
-        rel=0.05,
-    )  # the same sensors: their errors do not average out
-    assert sum(of["count"] for of in together["classes"]) == together["waves"] == sum(together["waves_of_logs"])
+    alone = [of["efficiency"]["eta_pto"]["standard_uncertainty_sensors"] for of in single.values()]
+    assert eta["standard_uncertainty_sensors"] == pytest.approx(float(np.mean(alone)), rel=0.05)  # do not average out
+    assert together["waves"] == sum(together["waves_of_logs"])
     assert len(together["logs"]) == 3
     assert "open circuit" in together["left_out"][0]
     assert f"{together['waves']} complete waves of 2 logs" in printed
-    (written,) = open_campaign(tmp_path / "campaign.toml").report(tmp_path / "campaign.html")
-    page = written.read_text(encoding="utf-8")
-    assert 'id="table-wave-logs"' in page
-    assert "is not among the waves together" in page

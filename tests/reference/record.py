@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE.parent.parent), str(HERE), str(HERE.parent / "hardening")]
+sys.path[:0] = [str(HERE.parent.parent), str(HERE), str(HERE.parent)]
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as in the processes of users: commands set it before they import numpy
 

@@ -12,8 +12,7 @@ from typing import Any
 import pytest
 from calls import call
 
-from winchcascade.reduction.best_load import rank_loads
-from winchcascade.reduction.campaign_record import campaign_from
+from winchcascade.reduction.campaign_record import campaign_from, rank_loads
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADS = {"r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5}

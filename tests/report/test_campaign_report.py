@@ -16,8 +16,16 @@ from summaries import run
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import run_batch
 from winchcascade.core.cascade import field_of
-from winchcascade.reduction.best_load import DRAWS, Best, rank_loads
-from winchcascade.reduction.campaign_record import CampaignRecord, FailedLog, LogSummary, campaign_from, runs_by_load
+from winchcascade.reduction.campaign_record import (
+    LOAD_DRAWS,
+    Best,
+    CampaignRecord,
+    FailedLog,
+    LogSummary,
+    campaign_from,
+    rank_loads,
+    runs_by_load,
+)
 from winchcascade.report.content import Measured, Report, Table
 from winchcascade.report.figures.campaign_figures import over_load
 from winchcascade.report.figures.style import house_style
@@ -80,7 +88,7 @@ def test_the_probability_of_the_best_of_two_is_that_of_the_normal_distribution(a
     found = best_load([run("b", 9.0, 0.70, 0.008), run("a", 36.0, 0.70 + 0.01 * apart, 0.006)])
     assert found is not None
     expected = 0.5 * math.erfc(-apart / math.sqrt(2.0))
-    assert found[1] == pytest.approx(expected, abs=CHANCE * math.sqrt(expected * (1.0 - expected) / DRAWS) + 1e-9)
+    assert found[1] == pytest.approx(expected, abs=CHANCE * math.sqrt(expected * (1.0 - expected) / LOAD_DRAWS) + 1e-9)
     if apart > 0:
         assert (found[0].name, found[2].name) == ("a", "b")
 
@@ -89,7 +97,7 @@ def test_logs_of_one_load_stand_for_it_together() -> None:
     """Of three equals two are of one load, which is the best with a probability of 2/3; the next is the other load."""
     found = best_load([run("a", 18.0, 0.7 + 1e-6, 0.01), run("b", 18.0, 0.7, 0.01), run("c", 9.0, 0.7 - 1e-6, 0.01)])
     assert found is not None
-    assert found.likely == pytest.approx(2.0 / 3.0, abs=CHANCE * math.sqrt(2.0 / 9.0 / DRAWS) + 1e-3)
+    assert found.likely == pytest.approx(2.0 / 3.0, abs=CHANCE * math.sqrt(2.0 / 9.0 / LOAD_DRAWS) + 1e-3)
     assert (found.run.name, found.following.name, found.logs) == ("a", "c", 2)
     assert best_load([run("a", 18.0, 0.7, 0.01), run("b", 18.0, 0.6, 0.01)]) is None
 

@@ -14,9 +14,9 @@ from calls import error_sentence
 from winchcascade import __version__
 from winchcascade.core.run import SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.report.content import Report, Span, Table, shown
 from winchcascade.report.results.reduction import reduction_report
 from winchcascade.rig.open_rig import load_rig
@@ -31,7 +31,7 @@ Result = tuple[Reduction, Uncertainty]
 @pytest.fixture(scope="module")
 def clean() -> Result:
     reduction = reduce(read_run(CLEAN, load=36.0, campaign=False), window=5.48)
-    return reduction, uncertainty(reduction, draws=2000)
+    return reduction, uncertainty(reduction)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_the_provenance_names_log_command_version_and_seed(clean: Result, report
     assert rows["SHA-256 of the log"] == hashlib.sha256(CLEAN.read_bytes()).hexdigest()
     assert rows["Command"] == "winchcascade reduce r36ohm.csv"
     assert f"winchcascade {__version__}" in rows["Made by"]
-    assert rows["Monte Carlo"] == f"2000 draws, seed {clean[1].seed}"
+    assert rows["Monte Carlo"] == f"8191 draws, seed {clean[1].seed}"
     assert rows["Samples"] == "2767 at 25 Hz, 110.6 s"
     assert "SHA-256 of the rig file" not in rows  # a built-in one goes with the version
 

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import Metrics
-from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import PANELS, history_figure, log_history, powers_of
 from winchcascade.report.figures.style import COLOURS, house_style, label_panel, panel_figure

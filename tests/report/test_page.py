@@ -13,8 +13,8 @@ from page_reader import PageReader
 
 from winchcascade.core.errors import OutputError
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.content import Note, Picture, Report, section
 from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.glossary import typeset
@@ -68,7 +68,7 @@ def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(tmp_path: Path) -> Non
     )  # fmt: skip
     rig = load_rig(rig_file)
     reduction = reduce(read_run(log, rig=rig, load=36.0, load_source=f"given {WORDS}", about=f"about {WORDS}"), rig=rig)
-    page = PageReader(page_text(drawn_report(reduction, uncertainty(reduction, draws=200), command=f"command {WORDS}")))
+    page = PageReader(page_text(drawn_report(reduction, uncertainty(reduction), command=f"command {WORDS}")))
     shown = " ".join(page.shown.split())
     assert page.faults == page.requests() == []
     for name in (*names, "about", "command", "given"):

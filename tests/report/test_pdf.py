@@ -13,8 +13,8 @@ import pytest
 
 from winchcascade import __version__
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.content import PAIRS, Cell, Column, Note, Report, Span, Table, section
 from winchcascade.report.glossary import typeset
 from winchcascade.report.render.pdf import pdf_bytes

@@ -13,9 +13,9 @@ from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import Finding
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics
-from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.report.content import Cell, Measured, Span, Table
 from winchcascade.report.glossary import short
 from winchcascade.report.results import reduction_tables as tables

@@ -40,7 +40,7 @@ from winchcascade.batch.campaign_diagnosis import diagnose_listed
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.report.results.drawn_reduction import drawn_report
 from winchcascade.diagnosis.model_account import modelled
-from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.effects.catalogue import EFFECTS
 

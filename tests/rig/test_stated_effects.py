@@ -51,12 +51,12 @@ def test_a_further_heat_of_the_gas_changes_nothing_where_it_is_absent() -> None:
         ('[effects.line_drag]\nb = { value = 1, unit = "kg" }\n', "b: the unit is 'kg'; expected 'N.m.s/rad'"),
         ('[effects.line_drag]\nb = { value = 1, unit = "elle" }\n', "[effects.line_drag] b: the unit 'elle' is unknown"),
         ("[effects.line_drag]\nb = { value = 1, low = 2 }\n", "the value 1 is not between low and high"),
-        ("[effects.line_drag]\nb = { value = 1, tolerance = 2 }\n", "b: tolerance is no entry here; expected value, unit"),
-        ('[effects.line_drag]\nb = "one"\n', "[effects.line_drag] b: expected a number, found a text"),
-        ("[effects.line_drag]\nb = nan\n", "[effects.line_drag] b is nan; expected a finite number"),
+        ("[effects.line_drag]\nb = { value = 1, tolerance = 2 }\n", "[effects.line_drag] b tolerance is no entry"),
+        ('[effects.line_drag]\nb = "one"\n', "[effects.line_drag] b value is 'one'; expected a number"),
+        ("[effects.line_drag]\nb = nan\n", "[effects.line_drag] b value is nan"),
         ("[effects.line_drag]\nb = 1\nlogs = [1]\n", "[effects.line_drag] logs"),
-        ("[effects]\nline_drag = 1\n", "[effects] line_drag is 1; expected a table [effects.line_drag]"),
-        ("effects = 1\n", "effects is 1; expected a table [effects]"),
+        ("[effects]\nline_drag = 1\n", "effects line_drag is 1"),
+        ("effects = 1\n", "effects is 1; expected a table"),
     ],
 )  # fmt: skip
 def test_a_wrong_stated_effect_is_one_sentence_with_its_place(tmp_path: Path, text: str, says: str) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 from winchcascade.core.campaign_file import Campaign, CampaignRun, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 from winchcascade.core.files import write_content, write_whole
-from winchcascade.core.named_rig import first_named
 from winchcascade.core.quantity import UNITS
+from winchcascade.core.rig_toml import first_named
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_data import POWER

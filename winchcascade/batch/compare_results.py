@@ -13,7 +13,7 @@ from winchcascade.comparison.comparison_result import ComparedSide, Comparison
 from winchcascade.core.arguments import FLAG, PATH, PROCESSES, check_arguments
 from winchcascade.core.errors import OptionError, check_type
 from winchcascade.ingest.read import read_by
-from winchcascade.reduction.campaign_reduction import CampaignReduction
+from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import RunRecord

@@ -13,9 +13,9 @@ from winchcascade.core.arguments import FLAG, LOADS, NAMES, PATH, PATH_OR_NONE, 
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, check_type
 from winchcascade.core.jobs import Workers
-from winchcascade.core.late_module import LateModule
 from winchcascade.core.results_folder import CAMPAIGN_PAGE, CAMPAIGN_RECORD, INDEX
-from winchcascade.reduction.campaign_reduction import CampaignReduction
+from winchcascade.core.viewed import LateModule
+from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduce import window_rule
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from msgspec.structs import replace
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, load_campaign
 from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
-from winchcascade.core.named_rig import first_named
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.results_folder import CAMPAIGN_RECORD
+from winchcascade.core.rig_toml import first_named
 from winchcascade.core.store import digest_of
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS

@@ -17,12 +17,11 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.results_folder import CAMPAIGN_PAGE, INDEX
 from winchcascade.core.store import digest_of, with_digest
 from winchcascade.ingest.read import read_by
-from winchcascade.reduction.campaign_record import CampaignRecord, FailedLog, log_summary
-from winchcascade.reduction.campaign_reduction import CampaignReduction
-from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
+from winchcascade.reduction.campaign_record import CampaignRecord, CampaignReduction, FailedLog, log_summary
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import FindingRecord, RunRecord
+from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.report.records import reduction_record
 
 ENTRY = "batch"
@@ -133,7 +132,7 @@ def campaign_record(
     )
     if not waves:
         return CampaignRecord(one_line(plan.title), state, runs, between)
-    from winchcascade.reduction.wave_record import campaign_waves, campaign_waves_record
+    from winchcascade.reduction.campaign_waves import campaign_waves, campaign_waves_record
 
     together = campaign_waves(waves)
     return CampaignRecord(

@@ -16,7 +16,7 @@ from winchcascade.core.jobs import Workers
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.results_folder import CAMPAIGN_RECORD
 from winchcascade.core.store import Kept, State, altered, digest_in, inside
-from winchcascade.reduction.campaign_json import CAMPAIGN_SCHEMA
+from winchcascade.reduction.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.reduction.run_record import RunRecord, run_record
 from winchcascade.tables.check import Check, Factors, check, measured_from_record
 from winchcascade.tables.point_check import check_points

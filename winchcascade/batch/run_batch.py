@@ -31,8 +31,7 @@ from winchcascade.core.store import (
     with_digest,
 )
 from winchcascade.core.version import __version__
-from winchcascade.reduction.campaign_json import campaign_json
-from winchcascade.reduction.campaign_record import CampaignRecord, read_campaign
+from winchcascade.reduction.campaign_record import CampaignRecord, campaign_json, read_campaign
 from winchcascade.report.records import read_results
 
 ENDINGS = ("html", "pdf", "json")

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from winchcascade.cli.options import OUTPUTS, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
-from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
+from winchcascade.core.jobs import Workers, one_thread_each, processes
 from winchcascade.core.results_folder import (
     CAMPAIGN_FILES,
     CAMPAIGN_PAGE,
@@ -148,15 +148,14 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()
     plan = make_plan([str(campaign)])
     products = Products(REPORTS["all"], workbook=True, command=given_command())
-    diagnosis = partial(diagnosis_of, campaign, products.command, count)
     kept = not force and state_of(results, diagnosis_output(campaign)).kept
-    with run_behind(diagnosis, processes=1 if kept else count) as diagnosed:  # beside the batch, which takes less time
-        with Progress(plan.title) as watch:
-            batch = run_batch(plan, results, products, workers=Workers(max(count - 1, 1)), force=force, watch=watch)
-        _present(batch)
+    with Progress(plan.title) as watch:
+        batch = run_batch(plan, results, products, workers=Workers(count), force=force, watch=watch)
+    _present(batch)
+    if not kept:
         with status_line(f"diagnosing {plan.title}") as on_progress:
-            if not kept:
-                write_diagnosis(results, diagnosed(), force=force, on_progress=on_progress)
+            found_files = diagnosis_of(campaign, products.command, count)
+            write_diagnosis(results, found_files, force=force, on_progress=on_progress)
     found = msgspec.json.decode((results / DIAGNOSIS_RECORD).read_bytes(), type=dict[str, object])
     stated = Report("Diagnosis", "Diagnosis", points=[diagnosis_note(found)])
     present(lambda: stated, NO_OUTPUTS, notes=[results / name for name in DIAGNOSIS_FILES])

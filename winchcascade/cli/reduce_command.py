@@ -18,8 +18,8 @@ from winchcascade.core.run import Repairs
 
 if TYPE_CHECKING:
     from winchcascade.reduction.loss_map import LossMap
-    from winchcascade.reduction.montecarlo import Uncertainty
     from winchcascade.reduction.reduction_result import Reduction
+    from winchcascade.reduction.uncertainty import Uncertainty
     from winchcascade.report.content import Report
 
 
@@ -38,8 +38,8 @@ def reduce_command(
     If a campaign.toml in the folder of the log lists it, that file gives what the options leave open.
     """
     from winchcascade.ingest.read import read_by
-    from winchcascade.reduction.montecarlo import uncertainty
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
+    from winchcascade.reduction.uncertainty import uncertainty
     from winchcascade.report.records import reduction_json
 
     log = _one_log(logs)

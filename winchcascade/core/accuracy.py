@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import Literal
 
 import msgspec
 
 from winchcascade.core.rig_file import Rig, Sensor
 
-Part = Literal["zero", "gain"]
+Part = Literal["zero", "gain", "gap"]
 Shape = Literal["rectangular", "normal"]
 Basis = Literal["calibration_in_place", "limits", "expanded_uncertainty", "standard_uncertainty", "resampling"]
 """What an error is known by: `u_zero` and `u_gain` of a sensor, limits of a maker, an accuracy with a coverage factor, `u` of a
@@ -27,18 +26,8 @@ CERTAIN = 5.0
 """Number of standard uncertainties of the zero of a sensor from which an offset is significant."""
 
 
-NORMAL = 1.959963984540054
-"""Half width of the 95 % interval of a normal distribution. [standard deviations]"""
-
-COVERED = 0.975
-"""Quantile of Student's distribution at the upper end of a 95 % interval."""
-
 ACQUISITION = "acquisition system"
 """Origin of the errors that the acquisition system adds to those of a sensor."""
-
-
-_SENSORS = 200
-"""Number of sensors whose errors are kept: a campaign has one rig or a few."""
 
 
 class ErrorSource(msgspec.Struct, frozen=True):
@@ -61,7 +50,6 @@ class ErrorSource(msgspec.Struct, frozen=True):
         return "normal" if self.limit is None else "rectangular"
 
 
-@lru_cache(_SENSORS)
 def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     """Zero and gain errors that the rig file allows a sensor, in SI units; empty without any.
 
@@ -81,49 +69,24 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     """
     full_scale = max(abs(sensor.low or 0.0), abs(sensor.high or 0.0))
     absolute = (sensor.accuracy or 0.0) + (sensor.accuracy_full_scale or 0.0) * full_scale
-    own = _Stated(absolute, sensor.accuracy_reading or 0.0, sensor.coverage, sensor.source)
-    daq = (sensor.daq_full_scale or 0.0) * full_scale
-    acquired = _Stated(daq, sensor.daq_reading or 0.0, sensor.daq_coverage, ACQUISITION)
-    to_gain = 0.0 if sensor.u_zero is None or full_scale == 0.0 else 1.0 / full_scale
+    stated = [  # absolute, of the reading, coverage factor, origin
+        (absolute, sensor.accuracy_reading or 0.0, sensor.coverage, sensor.source),
+        ((sensor.daq_full_scale or 0.0) * full_scale, sensor.daq_reading or 0.0, sensor.daq_coverage, ACQUISITION),
+    ]
     in_place: dict[Part, float | None] = {"zero": sensor.u_zero, "gain": sensor.u_gain}
-    found: list[ErrorSource] = []
+    found = []
     for part, u in in_place.items():
         if u is not None:
-            found += [ErrorSource(channel, part, u, None, sensor.source, "calibration_in_place")] if u else []
+            found.append(ErrorSource(channel, part, u, None, sensor.source, "calibration_in_place"))
             continue
-        sizes = [(s.absolute if part == "zero" else s.reading + s.absolute * to_gain, s) for s in (own, acquired)]
-        found += [_source(channel, part, size, stated) for size, stated in sizes if size]
-    return tuple(found)
-
-
-def replaced_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
-    """Errors that the accuracies of a sensor allow where a calibration in place counts instead; empty without any.
-
-    >>> from winchcascade.core.rig_file import Sensor
-    >>> [(s.part, s.limit) for s in replaced_sources("force", Sensor("N", accuracy=30.0, u_zero=2.0, u_gain=0.001))]
-    [('zero', 30.0)]
-    >>> replaced_sources("force", Sensor("N", accuracy=30.0))
-    ()
-    """
-    if sensor.u_zero is None and sensor.u_gain is None:
-        return ()
-    return error_sources(channel, msgspec.structs.replace(sensor, u_zero=None, u_gain=None))
-
-
-class _Stated(msgspec.Struct, frozen=True):
-    """An accuracy: absolute and full scale [SI unit of the channel], share of the reading [1], coverage factor or None."""
-
-    absolute: float
-    reading: float
-    coverage: float | None
-    origin: str
-
-
-def _source(channel: str, part: Part, size: float, stated: _Stated) -> ErrorSource:
-    """Error by an accuracy of some size, a limit or an expanded uncertainty."""
-    if stated.coverage is not None:
-        return ErrorSource(channel, part, size / stated.coverage, None, stated.origin, "expanded_uncertainty")
-    return ErrorSource(channel, part, size / math.sqrt(3.0), size, stated.origin)
+        for fixed, reading, coverage, origin in stated:
+            to_gain = fixed / full_scale if sensor.u_zero is not None and full_scale else 0.0
+            size = fixed if part == "zero" else reading + to_gain
+            if coverage is None:
+                found.append(ErrorSource(channel, part, size / math.sqrt(3.0), size, origin))
+            else:
+                found.append(ErrorSource(channel, part, size / coverage, None, origin, "expanded_uncertainty"))
+    return tuple(source for source in found if source.u)
 
 
 def part_uncertainty(sensor: Sensor | None, part: Part) -> float:
@@ -154,8 +117,6 @@ def student(freedom: float) -> float:
     >>> round(student(2.0), 4), round(student(math.inf), 4)
     (4.3027, 1.96)
     """
-    if math.isinf(freedom):
-        return NORMAL
     from scipy.special import stdtrit
 
-    return float(stdtrit(freedom, COVERED))
+    return float(stdtrit(freedom, 0.975))

@@ -5,15 +5,24 @@ from __future__ import annotations
 import math
 import operator
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from numbers import Real
+from typing import Any
+
+import msgspec
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import is_load
-from winchcascade.core.toml_text import Expected
 
-_LONGEST_NAME, _LONGEST_PATH = 255, 4000
-"""Longest name and path that the usual file systems take. [bytes]"""
+_LONGEST_PATH = 4000
+"""Longest path that the usual file systems take. [characters]"""
+
+
+class Expected(msgspec.Struct, frozen=True):
+    """A condition on an argument; `words` completes the sentence of a fault, "load is 0; expected ..."."""
+
+    words: str
+    holds: Callable[[Any], object]
 
 
 def is_number(value: object) -> bool:
@@ -43,10 +52,7 @@ def is_pair(value: object) -> bool:
 def is_path(value: object) -> bool:
     """Whether a value is a path that some file could have."""
     text = os.fspath(value) if isinstance(value, os.PathLike) else value
-    if not isinstance(text, str) or not text.strip() or "\0" in text:
-        return False
-    lengths = [len(part.encode("utf-8", "surrogatepass")) for part in text.replace(os.sep, "/").split("/")]
-    return max(lengths) <= _LONGEST_NAME and sum(lengths) <= _LONGEST_PATH
+    return isinstance(text, str) and bool(text.strip()) and "\0" not in text and len(text) <= _LONGEST_PATH
 
 
 def _is_listed(value: object, kind: type) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime  # msgspec evaluates the types of a struct
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
@@ -11,16 +10,23 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
+from msgspec import Meta
 
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.quantity import is_load
-from winchcascade.core.toml_text import Expected, check_keys, entries, entry, read_toml, toml_values
+from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
 
 Ranges = Annotated[
     tuple[tuple[float, float], ...],
-    Expected("pairs of begin and end in seconds, such as [[10.0, 25.0]]", lambda pairs: all(a < b for a, b in pairs)),
+    Meta(description="pairs of begin and end in seconds, such as [[10.0, 25.0]]"),
 ]
 """Begin and end of cycles that are given by time. [s]"""
+
+
+def check_ranges(ranges: Ranges) -> None:
+    """Reject a range that ends before it begins: ValueError."""
+    if not all(begin < end for begin, end in ranges):
+        raise ValueError(f"ranges_s is {ranges}; expected that each range begins before it ends.")
+
 
 KINDS = {True: "measured", False: "not measured", None: "not stated"}
 """Words for whether data are measured."""
@@ -64,40 +70,19 @@ def joint_origin(origins: Sequence[Origin]) -> Origin:
     return Origin(measured.pop() if len(measured) == 1 else None, "; ".join(sentences))
 
 
-def origin_words(origins: Sequence[Origin]) -> str:
-    """State of one or several logs whether they are measured, and where they come from.
-
-    >>> origin_words([Origin(False, "Rebuilt from Table 2"), Origin()])
-    '1 not measured, 1 not stated. Rebuilt from Table 2.'
-    """
-    counts = Counter(origin.measured for origin in origins)
-    kinds = [KINDS[kind] if len(counts) == 1 else f"{counts[kind]} {KINDS[kind]}" for kind in KINDS if kind in counts]
-    sentence = joint_origin(origins).sentence
-    text = ", ".join(kinds) if kinds else KINDS[None]
-    return f"{text}. {sentence}." if sentence else text
-
-
-def banner(origins: Sequence[Origin]) -> str:
-    """Warning for every page of a report on logs that are not measured; empty if there is none.
-
-    >>> banner([Origin(False, "Rebuilt from Table 2")]), banner([Origin(True), Origin(False)])
-    ('Not measured.', '1 of 2 logs are not measured.')
-    """
-    made = sum(origin.measured is False for origin in origins)
-    if not made:
-        return ""
-    return "Not measured." if made == len(origins) else f"{made} of {len(origins)} logs are not measured."
-
-
 CAMPAIGN_FILE = "campaign.toml"
 
 Cycles = tuple[int, int]
 """First and last cycle that count, both included."""
 
+Load = Annotated[float, Meta(gt=0.0, description="a resistance above 0 in ohms, or inf for an open circuit")]
+LogFile = Annotated[Path, Meta(description='the name of a file, such as "r36ohm.csv"')]
+
 
 class CampaignRun(
     msgspec.Struct,
     frozen=True,
+    forbid_unknown_fields=True,
     rename={"load": "load_ohm", "window": "window_s", "ranges": "ranges_s", "temperature": "temperature_c"},
 ):
     """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
@@ -112,22 +97,25 @@ class CampaignRun(
     winding or the housing during the run, as the file states it [degC].
     """
 
-    file: Path
-    load: Annotated[float | None, Expected("a number of ohms above 0, or inf for an open circuit", is_load)] = None
-    window: Annotated[float | None, Expected("a length in seconds above 0", lambda length: 0.0 < length < 1e9)] = None
-    cycles: Annotated[
-        Cycles | None,
-        Expected("first and last, such as [1, 20]", lambda ends: 1 <= ends[0] <= ends[1]),
-    ] = None
-    withheld: Annotated[bool, Expected("true or false")] = False
+    file: LogFile
+    load: Load | None = None
+    window: Annotated[float, Meta(gt=0.0, lt=1e9)] | None = None
+    cycles: Cycles | None = None
+    withheld: bool = False
     ranges: Ranges = ()
     origin: Origin = Origin()
-    sheet: str | None = None
-    simulated: Path | None = None
-    started: Annotated[datetime | None, Expected("a date with a time, such as 2026-05-14T09:30:00")] = None
-    temperature: Annotated[
-        float | None, Expected("a temperature in degC from -60 to 400", lambda celsius: -60.0 <= celsius <= 400.0)
-    ] = None
+    sheet: Annotated[str, Meta(pattern=r"\S", description="the name or the number of a table in the file")] | None = (
+        None
+    )
+    simulated: LogFile | None = None
+    started: datetime | None = None
+    temperature: Annotated[float, Meta(ge=-60.0, le=400.0)] | None = None
+
+    def __post_init__(self) -> None:
+        """Reject cycles and ranges of time that end before they begin: ValueError."""
+        check_ranges(self.ranges)
+        if self.cycles is not None and not 1 <= self.cycles[0] <= self.cycles[1]:
+            raise ValueError(f"cycles is {list(self.cycles)}; expected first and last from 1 on, such as [1, 20].")
 
 
 class Campaign(msgspec.Struct, frozen=True):
@@ -154,31 +142,17 @@ def load_campaign(path: Path) -> Campaign:
         raise CampaignError(
             f"{path}: is no campaign; expected a {CAMPAIGN_FILE} that lists the logs, or a folder with one."
         )
-    raw = toml_values(read_toml(path, "a campaign.toml", CampaignError), str(path), CampaignError)
-    check_keys(
-        raw,
-        ("title", "rig", "measured", "origin", "run"),
-        f"{path}: ",
-        "no entry of a campaign; expected title, rig, measured, origin and [[run]] tables",
-        CampaignError,
-    )
-    runs = raw.get("run")
-    if not isinstance(runs, list) or not runs or not all(isinstance(run, dict) for run in runs):
-        raise CampaignError(f"{path}: no runs; expected a [[run]] table with file and load_ohm for each log.")
-    title, rig = raw.get("title", ""), raw.get("rig")
-    if not isinstance(title, str) or not isinstance(rig, str | None):
-        raise CampaignError(f"{path}: title and rig are texts; found {title!r} and {rig!r}.")
-    if rig is not None and isfile(path.parent / rig):
-        rig = str(path.parent / rig)
-    origin = _origin(raw, str(path), Origin())
-    listed = tuple(_run(run, k, path, origin) for k, run in enumerate(runs, 1))
+    raw = toml_values(read_toml(path, CampaignError), str(path), CampaignError)
+    file: _CampaignFile = convert(raw, _CampaignFile, f"{path}:", CampaignError)
+    listed = tuple(_run(run, f"{path}: run {k}", path, file) for k, run in enumerate(file.run, 1))
     _check_offsets(listed, path)
     withheld = [k for k, run in enumerate(listed) if run.withheld]
     if withheld:
         names = [run.file.name for run in listed]
         logs = [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed]
         check_held_out(names, logs, [run.cycles for run in listed], withheld, str(path))
-    return Campaign(path, title, rig, listed)
+    rig = file.rig
+    return Campaign(path, file.title, str(path.parent / rig) if rig and isfile(path.parent / rig) else rig, listed)
 
 
 def _check_offsets(runs: Sequence[CampaignRun], path: Path) -> None:
@@ -249,60 +223,42 @@ def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, Camp
 
 
 class _Stated(msgspec.Struct, frozen=True):
-    """What a campaign, or an entry of it, states of its data."""
+    """What an entry of a campaign states of its data."""
 
-    measured: Annotated[bool | None, Expected("true or false. Leave it out if it is unknown")] = None
-    origin: Annotated[str | None, Expected("one sentence in quotes on where the logs come from")] = None
-
-
-_File = Annotated[
-    str, Expected('the name of a log, such as file = "r36ohm.csv"', lambda name: name and "\0" not in name)
-]
-_Simulated = Annotated[
-    str | None,
-    Expected('the name of a file, such as simulated = "simulated/r36ohm.csv"', lambda name: name and "\0" not in name),
-]
-_Sheet = Annotated[
-    str | int | None,
-    Expected("the name or the number of a table in the file", lambda name: str(name).strip()),
-]
+    measured: bool | None = None
+    origin: str | None = None
 
 
-def _run(raw: dict[str, object], number: int, path: Path, common: Origin) -> CampaignRun:
-    place = f"{path}: run {number}"
-    known = (
-        "file",
-        "simulated",
-        "sheet",
-        "load_ohm",
-        "window_s",
-        "cycles",
-        "ranges_s",
-        "withheld",
-        "started",
-        "temperature_c",
-        "measured",
-        "origin",
-    )
-    words = f"no entry of a run; expected {', '.join(known[:-1])} or {known[-1]}"
-    check_keys(raw, known, f"{place}: ", words, CampaignError)
-    file = entry(raw.get("file"), "file", _File, place, CampaignError)
-    sheet = entry(raw.get("sheet"), "sheet", _Sheet, place, CampaignError)
-    simulated = entry(raw.get("simulated"), "simulated", _Simulated, place, CampaignError)
-    given = {
-        "sheet": None if sheet is None else str(sheet),
-        "origin": _origin(raw, place, common),
-        "simulated": None if simulated is None else path.parent / simulated,
-    }
-    return entries(raw, CampaignRun, place, CampaignError, {"file": path.parent / file, **given})
+class _CampaignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A campaign file as written."""
+
+    run: Annotated[list[Table], Meta(min_length=1, description="a [[run]] table with file and load_ohm for each log")]
+    title: str = ""
+    rig: str | None = None
+    measured: bool | None = None
+    origin: str = ""
 
 
-def _origin(raw: dict[str, object], place: str, common: Origin) -> Origin:
+def _run(raw: Table, place: str, path: Path, campaign: _CampaignFile) -> CampaignRun:
+    """Convert one [[run]] table."""
+    fields = [field.encode_name for field in msgspec.structs.fields(CampaignRun)]
+    check_keys(raw, (*fields, "measured"), f"{place}:", CampaignError)
+    stated = {key: value for key, value in raw.items() if key not in ("measured", "origin")}
+    stated["origin"] = _origin(convert(raw, _Stated, f"{place}:", CampaignError), campaign)
+    for key in ("file", "simulated"):
+        if isinstance(name := raw.get(key), str) and name and "\0" not in name:
+            stated[key] = path.parent / name
+    if isinstance(raw.get("sheet"), int):
+        stated["sheet"] = str(raw["sheet"])
+    run: CampaignRun = convert(stated, CampaignRun, f"{place}:", CampaignError)
+    return run
+
+
+def _origin(entry: _Stated, campaign: _CampaignFile) -> Origin:
     """What an entry states of its data, else what the campaign states.
 
-    The campaign's sentence is about data of the campaign's kind: an entry of the other kind does not take it over.
+    The sentence of the campaign is about data of its kind: an entry of the other kind does not take it over.
     """
-    stated = entries(raw, _Stated, place, CampaignError)
-    measured = common.measured if stated.measured is None else stated.measured
-    inherited = common.sentence if measured == common.measured else ""
-    return Origin(measured, " ".join((inherited if stated.origin is None else stated.origin).split()))
+    measured = campaign.measured if entry.measured is None else entry.measured
+    inherited = campaign.origin if measured == campaign.measured else ""
+    return Origin(measured, " ".join((inherited if entry.origin is None else entry.origin).split()))

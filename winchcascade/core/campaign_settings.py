@@ -9,9 +9,8 @@ import msgspec
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origin, campaign_beside
-from winchcascade.core.named_rig import first_named
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import read_rig
+from winchcascade.core.rig_toml import first_named, read_rig
 from winchcascade.core.run import Finding, Repairs
 
 

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import numpy as np
 
-from winchcascade.core.arguments import COUNT, CYCLES, FLAG, NAME, RATE, TEXT, check_arguments, is_number
+from winchcascade.core.arguments import COUNT, CYCLES, FLAG, NAME, RATE, TEXT, Expected, check_arguments, is_number
 from winchcascade.core.campaign_file import Origin
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.toml_text import Expected
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
+import msgspec
+
 from winchcascade.core.errors import OutputError
 from winchcascade.core.scratch import scratch_file
 from winchcascade.core.signals import signals_held
@@ -76,15 +78,16 @@ def _is_own_parquet(path: Path) -> bool:
     return re.fullmatch(_SCHEMA, about.get(b"schema", b"")) is not None
 
 
+class _Marked(msgspec.Struct):
+    """What is needed of a JSON file."""
+
+    schema: str
+
+
 def _is_own_json(path: Path) -> bool:
     """Whether a JSON object has a schema of this tool as a later entry, as the record of a trial has."""
-    import msgspec
-
-    class Marked(msgspec.Struct):
-        schema: str
-
     try:
-        schema = msgspec.json.decode(path.read_bytes(), type=Marked).schema
+        schema = msgspec.json.decode(path.read_bytes(), type=_Marked).schema
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return False
     return re.fullmatch(_SCHEMA, schema.encode("utf-8", "replace")) is not None
@@ -161,8 +164,6 @@ def write_content(path: Path, content: bytes | str, *, force: bool = False) -> N
 
 def json_bytes(record: object) -> bytes:
     """A record as the content of a JSON file, indented."""
-    import msgspec
-
     return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
 
 

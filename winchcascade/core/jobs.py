@@ -10,19 +10,19 @@ import os
 import re
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from multiprocessing import get_context, parent_process
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
 
 import msgspec
 
 from winchcascade.core.errors import OptionError, OutputError, WinchcascadeError, first_line
 from winchcascade.core.scratch import clear_own
 from winchcascade.core.signals import end_on_signals, interrupts_blocked, signals_held
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future, ProcessPoolExecutor
-    from pathlib import Path
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -31,8 +31,6 @@ Done = TypeVar("Done")
 
 LONG = 1_000_000
 """Below this many samples a second thread costs more than it brings."""
-
-_ADDRESS = r"(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}"
 
 MAX_WORKERS = 61
 """Windows cannot wait for more processes than this."""
@@ -80,8 +78,6 @@ def side_by_side(one: Callable[[], A], other: Callable[[], B], *, samples: int) 
     """
     if samples < LONG:
         return one(), other()
-    from concurrent.futures import ThreadPoolExecutor
-
     with ThreadPoolExecutor(1) as pool:
         behind = pool.submit(other)
         return one(), behind.result()
@@ -101,45 +97,10 @@ def all_at_once(jobs: Sequence[Callable[[], A]], sizes: Sequence[float] | None =
     """
     if len(jobs) < 2 or _threads < 2:
         return [job() for job in jobs]
-    from concurrent.futures import ThreadPoolExecutor
-
     with ThreadPoolExecutor(_threads) as pool:
         order = range(len(jobs)) if sizes is None else sorted(range(len(jobs)), key=lambda k: -sizes[k])
         running = {k: pool.submit(jobs[k]) for k in order}
         return [running[k].result() for k in range(len(jobs))]
-
-
-@contextmanager
-def run_behind(job: Callable[[], A], *, processes: int) -> Iterator[Callable[[], A]]:
-    """Do a job in a process of its own while the context goes on; gives what waits for its result.
-
-    With a single process the job is done in this one, once its result is asked for. So it is where the other process dies.
-
-    Parameters
-    ----------
-    job : a function of a module, or a partial one, so that another process can find it
-    """
-    if processes < 2:
-        yield job
-        return
-    from concurrent.futures.process import BrokenProcessPool
-
-    pool = _spawned(1)
-    with interrupts_blocked():
-        behind = pool.submit(job)
-
-    def result() -> A:
-        try:
-            return behind.result()
-        except BrokenProcessPool:
-            return job()
-
-    try:
-        yield result
-    finally:
-        if not behind.done():
-            _abandon(pool)
-        pool.shutdown(cancel_futures=True)
 
 
 class Outcome(msgspec.Struct, Generic[Done], frozen=True):
@@ -187,11 +148,29 @@ def processes() -> int:
     return os.cpu_count() or 1
 
 
+class Workers(msgspec.Struct, frozen=True):
+    """Where jobs run: on a number of processes of this machine, or on a Dask scheduler at an address."""
+
+    processes: int = 1
+    scheduler: str | None = None
+
+    def run(
+        self, work: Callable[[Job], Done], orders: Mapping[str, Job], watch: Watch
+    ) -> Iterator[tuple[str, Outcome[Done]]]:
+        """Carry out orders by their names, and report each one that is done. Raises as `run_there`."""
+        names, jobs = list(orders), list(orders.values())
+        here = self.scheduler is None
+        outcomes = run_here(work, jobs, workers=self.processes) if here else run_there(work, jobs, str(self.scheduler))
+        for outcome in outcomes:
+            yield names[outcome.place], outcome
+            watch.done(names[outcome.place], outcome.fault)
+
+
 def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) -> Iterator[Outcome[Done]]:
     """Run jobs on processes of this machine, in this one if a single worker is wanted; outcomes come in any order.
 
     Processes are spawned, never forked, so it works alike on every system. Where one dies (without memory, for example), the
-    jobs that it may have held are tried once more, each alone.
+    jobs that were given to its pool are tried once more, each alone.
 
     Parameters
     ----------
@@ -203,40 +182,45 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
     """
     workers = min(workers, len(jobs), MAX_WORKERS)
     if workers <= 1:
-        for place, job in enumerate(jobs):
-            yield _tried(work, place, job)
+        yield from (_tried(work, place, job) for place, job in enumerate(jobs))
         return
-    lost: list[int] = []
-    chunks = _chunks(len(jobs), workers)
-    while chunks:
-        chunks, broken = yield from _pooled(work, jobs, chunks, workers)
-        if broken and not lost:
-            _require_processes()
-        lost += broken
-    for place in lost:
-        left, killed = yield from _pooled(work, jobs, [range(place, place + 1)], 1)
-        if left or killed:
-            yield Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
+    waiting = list(reversed(range(len(jobs))))
+    while waiting:
+        running: dict[Future[Outcome[Done]], int] = {}
+        lost: list[int] = []
+        with _pool(workers) as (pool, ending):
+            try:
+                while waiting or running:
+                    while waiting and len(running) < 2 * workers:
+                        with interrupts_blocked():
+                            running[pool.submit(_tried, work, waiting[-1], jobs[waiting[-1]])] = waiting[-1]
+                        waiting.pop()  # only now: a pool that is broken takes no more
+                    for future in wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done:
+                        yield future.result()
+                        del running[future]
+                    if ending():
+                        raise KeyboardInterrupt
+            except BrokenProcessPool:
+                whole = [future for future in running if future.done() and future.exception() is None]
+                yield from (future.result() for future in whole)
+                lost = [place for future, place in running.items() if future not in whole]
+        yield from (_alone(work, place, jobs[place]) for place in lost)
 
 
-def _require_processes() -> None:
-    """Require that a process can be started: OptionError where each ends at once, as those of a script without a guard do."""
-    from concurrent.futures.process import BrokenProcessPool
-
-    try:
-        with _spawned(1) as pool:
+def _alone(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
+    """Outcome of a job in a process of its own; OptionError where no process starts, as of a script without a guard."""
+    with _pool(1) as (pool, _):
+        try:
             pool.submit(os.getpid).result()
-    except BrokenProcessPool:
-        raise OptionError(
-            "no further process can be started; work with one (jobs=1, or --jobs 1). A script that uses several is a file, "
-            'and guards its start by if __name__ == "__main__".'
-        ) from None
-
-
-def _chunks(jobs: int, workers: int) -> list[range]:
-    """Jobs that go to a process at a time: few enough that no process ends long after the others."""
-    size = max(1, min(8, jobs // (8 * workers)))
-    return [range(k, min(k + size, jobs)) for k in range(0, jobs, size)]
+        except BrokenProcessPool:
+            raise OptionError(
+                "no further process can be started; work with one (jobs=1, or --jobs 1). A script that uses several is a "
+                'file, and guards its start by if __name__ == "__main__".'
+            ) from None
+        try:
+            return pool.submit(_tried, work, place, job).result()
+        except BrokenProcessPool:
+            return Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
 
 
 def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
@@ -251,16 +235,31 @@ def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
         return Outcome(place, fault=f"a fault of this program: {type(fault).__name__}: {fault}. Please report it.")
 
 
-def _several(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[Job]) -> list[Outcome[Done]]:
-    return [_tried(work, place, job) for place, job in zip(places, jobs, strict=True)]
+@contextmanager
+def _pool(workers: int) -> Iterator[tuple[ProcessPoolExecutor, Callable[[], bool]]]:
+    """A pool of spawned processes that end with this one, and what answers whether a signal came that ends it.
+
+    The signal waits for the end of the pool: an exception that is raised within a lock of the pool breaks it. Where the
+    context ends by an exception, so do the processes, at once: what they have in hand is not wanted.
+    """
+    with signals_held() as ending:
+        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
+        try:
+            yield pool, ending
+        except BaseException:
+            _abandon(pool)
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
-def _spawned(workers: int) -> ProcessPoolExecutor:
-    """A pool of processes that are spawned, never forked, and end with this one."""
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
+def _abandon(pool: ProcessPoolExecutor) -> None:
+    """End the processes of a pool; as it would wait for the rest of a half-sent result, the sending end is closed, too."""
+    for process in list((pool._processes or {}).values()):
+        process.terminate()
+    results: Any = pool._result_queue
+    if results is not None:
+        results._writer.close()
 
 
 def _quietly() -> None:
@@ -271,8 +270,7 @@ def _quietly() -> None:
 
 
 def _end_with_parent() -> None:
-    from multiprocessing import parent_process
-
+    """Wait for the end of the process that started this one."""
     parent = parent_process()
     if parent is not None:
         parent.join()
@@ -280,71 +278,16 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _pooled(
-    work: Callable[[Job], Done], jobs: Sequence[Job], chunks: list[range], workers: int
-) -> Generator[Outcome[Done], None, tuple[list[range], list[int]]]:
-    """Run chunks on a pool; returns the chunks that were never begun and the jobs that a dying process took along."""
-    from concurrent.futures import FIRST_COMPLETED, wait
-    from concurrent.futures.process import BrokenProcessPool
-
-    waiting = list(reversed(chunks))
-    running: dict[Future[list[Outcome[Done]]], range] = {}
-    ended = False
-    with signals_held() as ending:  # an exception that is raised within a lock of the pool breaks it
-        pool = _spawned(workers)
-        try:
-            while waiting or running:
-                while waiting and len(running) < 2 * workers:
-                    places = waiting[-1]
-                    with interrupts_blocked():
-                        running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
-                    waiting.pop()  # only now: a pool that is broken takes no more
-                for future in wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done:
-                    yield from future.result()
-                    del running[future]
-                if ended := ending():
-                    _abandon(pool)
-                    break
-        except BrokenProcessPool:
-            for future in [future for future in running if future.done() and future.exception() is None]:
-                yield from future.result()
-                del running[future]
-            return list(reversed(waiting)), [place for places in running.values() for place in places]
-        except BaseException:  # whoever uses the outcomes has no use for more
-            _abandon(pool)
-            raise
-        finally:
-            # Python's own end may find a pool that is half closed, and complain.
-            pool.shutdown(cancel_futures=True)
-    if ended:  # and whoever handles the signal let it pass
-        raise KeyboardInterrupt
-    return [], []
-
-
-def _abandon(pool: ProcessPoolExecutor) -> None:
-    """End the processes at once: what they have in hand is not wanted, and every file is written whole.
-
-    A process may end halfway through the sending of a result; the pool would wait for the rest as long as anybody holds the
-    sending end, which this process does.
-    """
-    for process in list((pool._processes or {}).values()):
-        process.terminate()
-    results: Any = pool._result_queue
-    if results is not None:
-        results._writer.close()
-
-
-def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: str) -> Iterator[Outcome[Done]]:
+def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], scheduler: str) -> Iterator[Outcome[Done]]:
     """Run jobs on an existing Dask scheduler; outcomes come in any order.
 
     Raises
     ------
     OptionError : Dask is not installed, or the scheduler cannot be reached
     """
-    if not re.fullmatch(_ADDRESS, scheduler):
-        raise OptionError(
-            f"--scheduler {scheduler}: is no address; expected that of a running scheduler, such as tcp://10.0.0.1:8786."
-        )
+    such = "expected that of a running scheduler, such as tcp://10.0.0.1:8786."
+    if not re.fullmatch(r"(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}", scheduler):
+        raise OptionError(f"--scheduler {scheduler}: is no address; {such}")
     try:
         from distributed import Client, as_completed
     except ImportError:
@@ -354,38 +297,14 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
     try:
         client = Client(scheduler, timeout=CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as fault:
-        raise OptionError(
-            f"--scheduler {scheduler}: cannot be reached ({first_line(fault)}); expected the address of a running scheduler, "
-            "such as tcp://10.0.0.1:8786."
-        ) from None
+        raise OptionError(f"--scheduler {scheduler}: cannot be reached ({first_line(fault)}); {such}") from None
     with client:
-        chunks = _chunks(len(jobs), max(1, len(client.scheduler_info()["workers"])))
-        futures = [client.submit(_several, work, list(c), [jobs[k] for k in c], pure=False) for c in chunks]
-        held = dict(zip((f.key for f in futures), chunks, strict=True))
+        futures = [client.submit(_tried, work, place, job, pure=False) for place, job in enumerate(jobs)]
+        places = {future.key: place for place, future in enumerate(futures)}
         for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
             if future.status == "finished":
-                yield from future.result()
+                yield future.result()
             else:
                 said = f"the worker that had it failed ({first_line(future.exception())})."
-                yield from (Outcome(place, fault=said) for place in held[future.key])
+                yield Outcome(places[future.key], fault=said)
             future.release()
-
-
-class Workers(msgspec.Struct, frozen=True):
-    """Where jobs run: on a number of processes of this machine, or on a Dask scheduler at an address."""
-
-    processes: int = 1
-    scheduler: str | None = None
-
-    def run(
-        self, work: Callable[[Job], Done], orders: Mapping[str, Job], watch: Watch
-    ) -> Iterator[tuple[str, Outcome[Done]]]:
-        """Carry out orders by their names, and report each one that is done. Raises as `run_there`."""
-        names, jobs = list(orders), list(orders.values())
-        for outcome in (
-            run_here(work, jobs, workers=self.processes)
-            if self.scheduler is None
-            else run_there(work, jobs, scheduler=self.scheduler)
-        ):
-            yield names[outcome.place], outcome
-            watch.done(names[outcome.place], outcome.fault)

@@ -1,4 +1,4 @@
-"""Where the public functions of the package are, which `winchcascade/__init__.py` states; what is below finds them by name."""
+"""Public names of the package, which are imported as late as they are needed."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ if TYPE_CHECKING:
     from typing import Any
 
 HOMES: dict[str, str] = {}
-"""Module of each public name, within the package."""
+"""Module of each public name, within the package, as `winchcascade/__init__.py` states them."""
 
 
 def public(name: str) -> Any:
-    """Import what has a public name, as late as it is needed."""
+    """Import what has a public name."""
     from importlib import import_module
 
     return getattr(import_module(f"winchcascade.{HOMES[name]}"), name)

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
+from msgspec import Meta
 
+from winchcascade.core.campaign_file import Load
 from winchcascade.core.errors import WinchcascadeError
 
 DIMENSIONS = {
@@ -24,6 +26,8 @@ DIMENSIONS = {
 ENERGY_UNITS = {"J": 1.0, "kJ": 1e3, "MJ": 1e6, "Wh": 3600.0, "kWh": 3.6e6}
 """Units of an energy by their factor to joules; log files have none, so the common table of units does not hold them."""
 
+Stage = Literal["energy_line", "energy_mech", "energy_gen", "power_line", "power_mech", "power_gen"]
+Metric = Stage | Literal["eta_trans", "eta_gen", "eta_pto"]
 Deviation = Literal["deviation_energy", "deviation_eta"]
 DEVIATIONS: tuple[Deviation, ...] = ("deviation_energy", "deviation_eta")
 
@@ -55,11 +59,17 @@ class Span(msgspec.Struct, frozen=True):
         return Span(self.low / other.high, self.high / max(other.low, 1e-300))
 
 
-class PrintedColumn(msgspec.Struct, frozen=True):
-    """Unit of a column, its factor to SI, and the decimals printed; -1 for values rounded to tens."""
+Printed = Annotated[float, Meta(ge=0.0, le=1e15, description="a number from 0 to 1e15, without quotes or unit")]
+_Decimals = Annotated[
+    int, Meta(ge=-9, le=12, description="how many are printed, such as 3, or -1 for values rounded to tens")
+]
+
+
+class PrintedColumn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Unit of a column, the decimals printed, -1 for values rounded to tens, and the factor of the unit to SI."""
 
     unit: str
-    decimals: int
+    decimals: _Decimals
     factor: float = 1.0
 
     @property
@@ -99,48 +109,62 @@ class TableRow(msgspec.Struct, frozen=True):
     lines: Mapping[str, int] = msgspec.field(default_factory=dict)
 
 
-class ValueClaim(msgspec.Struct, frozen=True):
+class ValueClaim(msgspec.Struct, frozen=True, rename={"load": "load_ohm"}):
     """The text gives a metric at a load; `column` holds unit and decimals of that number."""
 
-    metric: str
-    load: float
-    value: float
+    metric: Metric
+    load: Load
+    value: Printed
     column: PrintedColumn
 
 
-class ShareClaim(msgspec.Struct, frozen=True):
+class ShareClaim(msgspec.Struct, frozen=True, rename={"load": "load_ohm"}):
     """The text gives the share of the energy or power of the stage `of` that arrives at the stage `part`."""
 
-    part: str
-    of: str
-    load: float
-    value: float
+    part: Stage
+    of: Stage
+    load: Load
+    value: Printed
     column: PrintedColumn
 
+    def __post_init__(self) -> None:
+        """Reject a part that does not lie behind the whole: ValueError."""
+        order = list(DIMENSIONS)
+        alike = DIMENSIONS.get(self.part) == DIMENSIONS.get(self.of)
+        if not alike or order.index(self.part) <= order.index(self.of):
+            raise ValueError(f"part is {self.part} and of is {self.of}; expected energies or powers, part behind of.")
 
-class BoundClaim(msgspec.Struct, frozen=True):
+
+class BoundClaim(msgspec.Struct, frozen=True, rename={"load": "load_ohm"}):
     """The text bounds a metric at one load or at all loads (None), or bounds the deviation of the cycles."""
 
-    metric: str
+    metric: Metric | Deviation
     side: Literal["at_most", "at_least"]
-    load: float | None
-    value: float
+    load: Load | None
+    value: Printed
     column: PrintedColumn
 
 
-class LargestClaim(msgspec.Struct, frozen=True):
+class LargestClaim(msgspec.Struct, frozen=True, rename={"metrics": "metric", "loads": "largest_at_ohm"}):
     """The text states at which loads metrics are largest: at each of these, more than at any other."""
 
-    metrics: tuple[str, ...]
-    loads: tuple[float, ...]
+    metrics: Annotated[tuple[Metric, ...], Meta(min_length=1)]
+    loads: Annotated[tuple[Load, ...], Meta(min_length=1)]
 
 
-class RisesClaim(msgspec.Struct, frozen=True):
+class RisesClaim(
+    msgspec.Struct, frozen=True, rename={"metrics": "metric", "first": "rises_from_ohm", "last": "to_ohm"}
+):
     """The text states that metrics rise from one load to another, from row to row between them."""
 
-    metrics: tuple[str, ...]
-    first: float
-    last: float
+    metrics: Annotated[tuple[Metric, ...], Meta(min_length=1)]
+    first: Load
+    last: Load
+
+    def __post_init__(self) -> None:
+        """Reject a single load: ValueError."""
+        if same_load(self.first, self.last):
+            raise ValueError(f"rises_from_ohm and to_ohm are both {load_text(self.first)}; expected two loads.")
 
 
 Statement = ValueClaim | ShareClaim | BoundClaim | LargestClaim | RisesClaim

@@ -1,11 +1,15 @@
-"""A number with unit and source, and the one table of units that logs and rig files may name.
+"""A number with unit and source, and the units that logs and rig files may name, of the table `units.toml`.
 
 Inside the program every number is in SI units; other units appear only where files are read or written.
 """
 
 from __future__ import annotations
 
+import re
+import tomllib
 import unicodedata
+from functools import lru_cache
+from pathlib import Path
 
 import msgspec
 
@@ -31,123 +35,6 @@ class Unit(msgspec.Struct, frozen=True):
     offset: float = 0.0
 
 
-_SPELLED: dict[tuple[str, float], str] = {
-    ("time", 1.0): "s sec secs second seconds 秒 sek с",
-    ("time", 1e-3): "ms msec millisecond milliseconds 毫秒",
-    ("time", 1e-6): "us µs μs microsecond microseconds",
-    ("time", 1e-9): "ns",
-    ("time", 60.0): "min minute minutes",
-    ("time", 3600.0): "h hr hour hours",
-    ("time", 86400.0): "d day days",
-    ("length", 1.0): "m meter metre meters metres 公尺 米 м",
-    ("length", 1e-2): "cm 公分 厘米",
-    ("length", 1e-3): "mm millimeter millimetre 公釐 毫米",
-    ("length", 0.0254): "in inch inches",
-    ("length", 0.3048): "ft foot feet",
-    ("velocity", 1.0): "m/s mps m/sec ms-1 m.s-1 m_s m_per_s 公尺/秒 米/秒 м/с",
-    ("velocity", 1e-2): "cm/s cm/sec",
-    ("velocity", 1e-3): "mm/s mm/sec mmps mm_s",
-    ("velocity", 1.0 / 60.0): "m/min mpm",
-    ("velocity", 1.0 / 3.6): "km/h kmh kph",
-    ("velocity", 0.3048): "ft/s fps",
-    ("pressure", 1.0): "Pa",
-    ("pressure", 1e2): "hPa mbar",
-    ("pressure", 1e3): "kPa",
-    ("pressure", 1e6): "MPa Mpa MPA N/mm2",
-    ("pressure", 1e5): "bar barg bar(g) bar_g bargauge",
-    ("pressure", 6894.757293168): "psi psig psi(g) lbf/in2",
-    ("pressure", KGCM2): "kg/cm2 kgf/cm2 kg/cm2g kgf/cm2g kg/cm2(g) kgcm2 kgfcm2 kg_cm2 kgf.cm-2 kg.cm-2"
-    " kg/sq.cm kgf/sq.cm at 公斤/平方公分 кгс/см2",
-    ("force", 1.0): "N newton newtons 牛頓 牛 Н",
-    ("force", 10.0): "daN",
-    ("force", 1e3): "kN",
-    ("force", KGF): "kgf kg kp 公斤 公斤力",
-    ("force", KGF * 1e3): "tf t tonf ton tonne",
-    ("force", 4.4482216152605): "lbf lb lbs",
-    ("torque", 1.0): "N.m Nm N-m N_m newtonmeter 牛頓米 牛米 Н.м",
-    ("torque", 1e-3): "mN.m mNm N.mm Nmm",
-    ("torque", 1e-2): "cN.m cNm N.cm Ncm",
-    ("torque", 1e3): "kN.m kNm kN-m",
-    ("torque", KGF): "kgf.m kgfm kg.m kgm kgf-m kg-m",
-    ("torque", KGF * 1e-2): "kgf.cm kg.cm kgf-cm",
-    ("torque", 1.3558179483314): "lbf.ft ft.lbf ft.lb lb.ft lbft ftlb lb-ft ft-lb",
-    ("torque", 0.1129848290276): "lbf.in in.lbf in.lb lb.in lb-in in-lb",
-    ("voltage", 1.0): "V volt volts Vdc VDC V_dc voltdc 伏特 伏 В",
-    ("voltage", 1e-3): "mV",
-    ("voltage", 1e3): "kV",
-    ("current", 1.0): "A amp amps ampere amperes Adc ADC 安培 安 А",
-    ("current", 1e-3): "mA MA ma",
-    ("power", 1e-6): "uW µW μW",
-    ("power", 1e-3): "mW",
-    ("power", 1.0): "W watt watts 瓦 瓦特",
-    ("power", 1e3): "kW",
-    ("power", 1e6): "MW",
-    ("rotation", 1.0): "rad/s rads rad.s-1",
-    ("rotation", 0.10471975511965977): "rpm r/min 1/min min-1 rev/min U/min Umin tr/min giri/min omw/min об/мин obr/min"
-    " 轉/分 转/分 回転/分",
-    ("rotation", 0.017453292519943295): "deg/s °/s deg.s-1",
-    ("rotation", TURN): "rev/s r/s rps U/s tr/s giri/s",
-    ("angle", 1.0): "rad",
-    ("angle", 0.017453292519943295): "deg ° degree degrees",
-    ("resistance", 1.0): "ohm ohms Ohm Ω",
-    ("resistance", 1e-3): "mohm mΩ",
-    ("inductance", 1.0): "H",
-    ("inductance", 1e-3): "mH",
-    ("capacitance", 1.0): "F",
-    ("capacitance", 1e-3): "mF",
-    ("capacitance", 1e-6): "uF µF μF",
-    ("area", 1.0): "m2",
-    ("area", 1e-4): "cm2",
-    ("area", 1e-6): "mm2",
-    ("volume", 1.0): "m3",
-    ("volume", 1e-3): "L l liter litre dm3",
-    ("volume", 1e-6): "mL ml cm3",
-    ("flow", 1.0): "m3/s m3.s-1",
-    ("flow", 1.0 / 60.0): "m3/min",
-    ("flow", 1.0 / 3600.0): "m3/h m3.h-1",
-    ("flow", 1e-3): "L/s l/s dm3/s",
-    ("flow", 1e-3 / 60.0): "L/min l/min lpm dm3/min",
-    ("flow", 1e-3 / 3600.0): "L/h l/h",
-    ("flow", 1e-6): "cm3/s mL/s",
-    ("mass_flow", 1.0): "kg/s",
-    ("mass_flow", 1.0 / 60.0): "kg/min",
-    ("mass_flow", 1.0 / 3600.0): "kg/h",
-    ("acceleration", 1.0): "m/s2",
-    ("inertia", 1.0): "kg.m2 kgm2",
-    ("inertia", 1e-7): "g.cm2 gcm2",
-    ("damping", 1.0): "N.m.s/rad Nms/rad",
-    ("windage", 1.0): "N.m.s2/rad2 Nms2/rad2",
-    ("stiffness", 1.0): "N.m/rad Nm/rad",
-    ("back_emf", 1.0): "V/rpm",
-    ("lead", 1.0): "m/rev",
-    ("lead", 1e-3): "mm/rev",
-    ("number", 1.0): "1 -",
-    ("number", 1e-2): "% percent",
-    ("norm_flow", 1.0 / 3600.0): "Nm3/h Nm³/h m3(n)/h",
-    ("norm_flow", 1.0 / 60000.0): "NL/min Nl/min l(n)/min",
-    ("frequency", 1.0): "Hz 1/s",
-    ("frequency", 1e3): "kHz",
-    ("temperature", 1.0): "K kelvin",
-}
-"""By dimension and factor, how loggers write a unit; pressures are gauge."""
-
-_ABSOLUTE: dict[float, str] = {
-    1.0: "Pa(a)",
-    1e3: "kPa(a) kPaa kPaabs",
-    1e6: "MPa(a) MPaa MPaabs",
-    1e5: "bar(a) bara barabs bar_a",
-    6894.757293168: "psia psi(a)",
-    KGCM2: "kgf/cm2a kg/cm2a kgf/cm2(a) kg/cm2(a) ata",
-}
-"""By factor, how loggers write an absolute pressure."""
-
-_TEMPERATURES: dict[tuple[float, float], str] = {
-    (1.0, 273.15): "°C ºC ￭C ｰC C degC deg.C deg_C degreesC oC celsius 攝氏 摄氏 攝氏度 摄氏度",
-    (5.0 / 9.0, 459.67 * 5.0 / 9.0): "°F degF deg.F deg_F degreesF oF fahrenheit",
-}
-"""By factor and offset, how loggers write a temperature; none is a channel, and these distinguish it from a torque T."""
-
-
 def _plain(text: str) -> str:
     """Fold the spellings of one unit: full width, superscripts, the signs of a product, blanks."""
     return unicodedata.normalize("NFKC", text.strip()).translate(_FOLDED)
@@ -155,16 +42,23 @@ def _plain(text: str) -> str:
 
 _FOLDED = str.maketrans(dict.fromkeys("·⋅•∙*×", ".") | dict.fromkeys("^ ", "") | dict.fromkeys("⁻\u2212", "-"))
 
-UNITS: dict[str, Unit] = {
-    _plain(name): unit
-    for unit, names in (
-        *((Unit(dimension, factor), names) for (dimension, factor), names in _SPELLED.items()),
-        *((Unit("pressure", factor, -ATMOSPHERE), names) for factor, names in _ABSOLUTE.items()),
-        *((Unit("temperature", factor, offset), names) for (factor, offset), names in _TEMPERATURES.items()),
-    )
-    for name in names.split()
-}
-"""Every unit that a log or a rig file may name without an import of pint; pressures are gauge unless named as absolute."""
+
+def _read_units() -> dict[str, list[tuple[Unit, list[str]]]]:
+    """Units of each dimension with their spellings, as `units.toml` beside this module lists them."""
+    text = (Path(__file__).parent / "units.toml").read_text(encoding="utf-8")
+    return {
+        dimension: [
+            (Unit(dimension, *(size if isinstance(size, list) else (size,))), names.split())
+            for names, size in rows.items()
+        ]
+        for dimension, rows in tomllib.loads(text).items()
+    }
+
+
+_BY_DIMENSION = _read_units()
+
+UNITS = {_plain(name): unit for rows in _BY_DIMENSION.values() for unit, names in rows for name in names}
+"""Every unit that a log or a rig file may name; pressures are gauge unless named as absolute."""
 
 _FOLDED_CASE: dict[str, Unit | None] = {}
 for _name, _unit in UNITS.items():
@@ -172,16 +66,28 @@ for _name, _unit in UNITS.items():
     _FOLDED_CASE[_key] = _unit if _FOLDED_CASE.get(_key, _unit) == _unit else None
 
 
+@lru_cache(4096)
 def find_unit(text: str) -> Unit | None:
     """Find a unit in the table, in another case if only one fits then; None for one it does not hold.
 
-    >>> find_unit("kgf/cm²").dimension, find_unit("N·m").factor, find_unit("furlong")
-    ('pressure', 1.0, None)
+    >>> find_unit("kgf/cm²").dimension, find_unit("N·m").factor, find_unit("meters per second").factor, find_unit("furlong")
+    ('pressure', 1.0, 1.0, None)
     """
     plain = _plain(text)
-    if plain == "mPa":
-        return None
-    return UNITS.get(plain) or _FOLDED_CASE.get(plain.casefold())
+    if plain in UNITS or plain == "mPa" or len(text) > _UNIT_LENGTH:
+        return UNITS.get(plain)
+    spelled = (plain, _PER.sub("/", text), plain.replace("_", "/"))
+    forms = dict.fromkeys((*map(_plain, spelled), *(_PLURAL.sub("", _plain(form)) for form in spelled)))
+    exact = (UNITS[form] for form in forms if form in UNITS)
+    return next(exact, None) or next(filter(None, (_FOLDED_CASE.get(form.casefold()) for form in forms)), None)
+
+
+_UNIT_LENGTH = 40
+"""A longer text is no unit. [characters]"""
+
+_PER = re.compile(r"[\s_]+per[\s_]+", re.IGNORECASE)
+_PLURAL = re.compile(r"(?<=[a-z]{3})s(?=/|$)", re.IGNORECASE)
+"""An s behind a spelled unit, as in kilonewtons and meters/second."""
 
 
 def read_as(unit: Unit | None, dimension: str) -> Unit | None:
@@ -210,7 +116,7 @@ def si_unit(dimension: str) -> str:
     >>> si_unit("torque")
     'N.m'
     """
-    return _SPELLED[dimension, 1.0].split()[0]
+    return _BY_DIMENSION[dimension][0][1][0]
 
 
 def unit_names(dimension: str) -> dict[float, str]:
@@ -219,7 +125,7 @@ def unit_names(dimension: str) -> dict[float, str]:
     >>> unit_names("torque")[1e3], unit_names("nothing")
     ('kN.m', {})
     """
-    return {factor: names.split()[0] for (name, factor), names in _SPELLED.items() if name == dimension}
+    return {unit.factor: names[0] for unit, names in _BY_DIMENSION.get(dimension, []) if not unit.offset}
 
 
 class Quantity(msgspec.Struct, frozen=True):

@@ -8,16 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, get_args
+from types import UnionType
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
+from msgspec import Meta
 
-from winchcascade.core.campaign_file import Ranges
+from winchcascade.core.campaign_file import Ranges, check_ranges
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.toml_text import Expected, check_keys, entries, struct_fields
+from winchcascade.core.toml_file import convert, struct_fields
 
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]
 """What the cycles of a log are found in."""
@@ -25,56 +27,54 @@ PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "
 MOTION_SOURCES = ("velocity", "displacement", "speed")
 """Sources in which payouts are found by a motion; the window of every other one is the whole span of its cycle."""
 
-_Labels = Annotated[
-    tuple[str | int | float, ...],
-    Expected(
-        'a list of values of the column, such as ["reel-out"]', lambda values: all(str(v).strip() for v in values)
-    ),
-]
-
-_Positive = Expected("a number above 0", lambda number: 0.0 < number < 1e9)
-_ShareOfAll = Expected("a share above 0 and up to 1, such as 0.02", lambda share: 0.0 < share <= 1.0)
-
-_Text = Annotated[str, Expected("a text")]
-_Bound = Annotated[float | None, Expected("a finite number", lambda number: abs(number) < float("inf"))]
-_Size = Annotated[float | None, Expected("a number that is not negative", lambda size: 0.0 <= size <= 1e12)]
-_Share = Annotated[float | None, Expected("a share, such as 0.002 for 0.2 %", lambda share: 0.0 <= share <= 1.0)]
-_Coverage = Annotated[float | None, Expected("a coverage factor from 1 to 10, such as 2", lambda k: 1.0 <= k <= 10.0)]
+_Label = Annotated[str, Meta(pattern=r"\S")] | int | float
+NotNegative = Annotated[float, Meta(ge=0.0, le=1e300)]
+Positive = Annotated[float, Meta(gt=0.0, le=1e300)]
+_ShareOfAll = Annotated[float, Meta(gt=0.0, le=1.0)]
+Finite = Annotated[float, Meta(ge=-1e300, le=1e300)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+_Coverage = Annotated[float, Meta(ge=1.0, le=10.0)]
 
 
 class PhaseRule(
     msgspec.Struct,
     frozen=True,
+    forbid_unknown_fields=True,
     rename={"source": "from", "ranges": "ranges_s", "step_min": "step_min_s", "settle": "settle_s"},
 ):
     """Where cycles come from, and the thresholds of the sources that need one; each default with its reason."""
 
-    source: Annotated[
-        PhaseSource,
-        Expected("velocity, displacement, speed, column, ranges, waves, steps, rows or whole"),
-    ] = "velocity"
-    column: Annotated[str, Expected("the name of a column")] = ""
+    source: PhaseSource = "velocity"
+    column: str = ""
     """Column of labels, with `column`."""
-    payout: _Labels = ()
+    payout: tuple[_Label, ...] = ()
     """Its values in payout,"""
-    haul_in: _Labels = ()
+    haul_in: tuple[_Label, ...] = ()
     """and in haul-in."""
     ranges: Ranges = ()
     """Begin and end of each cycle on the clock of the log, with `ranges`. [s]"""
-    rpm_onset: Annotated[float, _Positive] = 5.0
+    rpm_onset: Positive = 5.0
     """The shaft turns from this speed on, with `speed`, `steps` and with `waves` of a shaft: above ripple and noise of usual
     encoders, below any operating point. [rpm]"""
-    turns_min: Annotated[float, _Positive] = 0.25
+    turns_min: Positive = 0.25
     """Motions that turn the shaft less are no payout, with `speed`: 0.2 m on a drum of 0.13 m, as `stroke_min`. [rev]"""
-    step_min: Annotated[float, _Positive] = 2.0
+    step_min: Positive = 2.0
     """A step lasts at least this long beyond its settling, with `steps`: some revolutions at 100 rpm. [s]"""
-    settle: Annotated[float, Expected("a number from 0 on", lambda number: 0.0 <= number < 1e9)] = 0.5
+    settle: Annotated[float, Meta(ge=0.0, lt=1e9)] = 0.5
     """What is left out at the beginning of each step: speed controllers and filters settle within it. [s]"""
-    speed_band: Annotated[float, _ShareOfAll] = 0.02
+    speed_band: _ShareOfAll = 0.02
     """Width of the band in which the speed of a step stays, as a share of the largest speed of the log: ripple of speed
     controllers is below one per cent, steps of a test plan are farther apart. [1]"""
-    torque_band: Annotated[float, _ShareOfAll] = 0.10
+    torque_band: _ShareOfAll = 0.10
     """The same of the torque: cogging and brakes make it less steady. [1]"""
+
+    def __post_init__(self) -> None:
+        """Reject a source without what it needs: ValueError."""
+        check_ranges(self.ranges)
+        if self.source == "column" and not (self.column and self.payout):
+            raise ValueError(
+                'from = "column" needs the column and its values in payout; add column = "..." and payout = ["..."].'
+            )
 
     @property
     def omega_onset(self) -> float:
@@ -92,46 +92,13 @@ class PhaseRule(
         return self.source not in ("steps", "rows", "whole")
 
 
-def phase_rule(raw: dict[str, object], where: str) -> PhaseRule:
-    """Read the table [phases]; RigError for a wrong entry or one that its source lacks.
-
-    >>> phase_rule({"from": "waves"}, "rig.toml").source
-    'waves'
-    """
-    known = [field.encode_name for field in msgspec.structs.fields(PhaseRule)]
-    check_keys(raw, known, f"{where}: [phases] ", f"no entry of a rig file; expected {', '.join(known)}", RigError)
-    rule = entries(raw, PhaseRule, f"{where}: [phases]", RigError)
-    if rule.source == "column" and not (rule.column and rule.payout):
-        raise RigError(
-            f'{where}: [phases] from = "column" needs the column and its values in payout; add column = "..." and '
-            'payout = ["..."].'
-        )
-    return rule
-
-
 class Measure(msgspec.Struct, frozen=True):
-    """What a number of a rig file measures, as an annotation of its field, and which values are possible, in SI units.
-
-    `dimension` is None for a number without unit. Values lie from `low` to `high`, and above 0 if `positive`: beyond them no
-    rig is known, and the unit or the number is wrong.
+    """What a number of a rig file measures, as an annotation of its field, and the type of possible values in SI units: beyond
+    them no rig is known, and the unit or the number is wrong.
     """
 
-    dimension: str | None
-    low: float = 0.0
-    high: float = math.inf
-    positive: bool = False
-
-    def holds(self, value: float) -> bool:
-        """Whether a value in SI units is possible."""
-        return self.low <= value <= self.high and (value > 0.0 or not self.positive)
-
-    @property
-    def words(self) -> str:
-        """Possible values, for the sentence of a fault."""
-        if self.low > 0.0 or (self.high > 1.0 and math.isfinite(self.high)):
-            return f"between {self.low:g} and {self.high:g}{' in SI units' if self.dimension else ''}"
-        zero = "above 0" if self.positive else "from 0 on"
-        return "a share between 0 and 1" if self.high == 1.0 else f"a number {zero}"
+    dimension: str
+    si: Any = NotNegative
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -143,21 +110,41 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     zero and gain of a sensor that was calibrated in place with its acquisition system; each replaces the accuracies.
     """
 
-    unit: Annotated[str, Expected('the unit of the numbers, such as "N"')]
-    instrument: _Text = ""
-    low: _Bound = None
-    high: _Bound = None
-    resolution: _Size = None
-    accuracy: _Size = None
-    accuracy_full_scale: _Share = None
-    accuracy_reading: _Share = None
-    coverage: _Coverage = None
-    daq_full_scale: _Share = None
-    daq_reading: _Share = None
-    daq_coverage: _Coverage = None
-    u_zero: _Size = None
-    u_gain: _Share = None
-    source: _Text = ""
+    unit: Annotated[str, Meta(description='the unit of the numbers, such as "N"')]
+    instrument: str = ""
+    low: Finite | None = None
+    high: Finite | None = None
+    resolution: NotNegative | None = None
+    accuracy: NotNegative | None = None
+    accuracy_full_scale: _Share | None = None
+    accuracy_reading: _Share | None = None
+    coverage: _Coverage | None = None
+    daq_full_scale: _Share | None = None
+    daq_reading: _Share | None = None
+    daq_coverage: _Coverage | None = None
+    u_zero: NotNegative | None = None
+    u_gain: _Share | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        """Reject a range that is none, shares of a full scale that is not stated, and what belongs to an accuracy that is not
+        stated: ValueError.
+        """
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            raise ValueError(f"low {self.low:g} is not below high {self.high:g}; correct the range.")
+        for key in ("accuracy_full_scale", "daq_full_scale"):
+            if getattr(self, key) is not None and not (self.high or self.low):
+                raise ValueError(f"{key} has no full scale; give the range as high = ... too.")
+        of_sensor = (self.accuracy, self.accuracy_full_scale, self.accuracy_reading)
+        of_daq = (self.daq_full_scale, self.daq_reading)
+        for key, needs in (("coverage", of_sensor), ("daq_coverage", of_daq)):
+            if getattr(self, key) is not None and not any(needs):
+                raise ValueError(f"{key} belongs to an accuracy, and none is stated; add it or leave {key} out.")
+        if any(of_daq) and not any((*of_sensor, self.u_zero, self.u_gain)):
+            raise ValueError(
+                "it has the share of the acquisition system and no accuracy of the sensor; add it, such as "
+                "accuracy_reading = ..."
+            )
 
 
 Side = Literal["drum", "shaft", "generator"]
@@ -174,11 +161,18 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str = ""
     unit: str | None = None
     override: bool = False
-    number: int | None = None
+    number: Annotated[int, Meta(ge=1, le=100_000)] | None = None
     side: Side | None = None
 
+    def __post_init__(self) -> None:
+        """Reject both or neither of name and number, and an override of nothing: ValueError."""
+        if bool(self.name.strip()) == (self.number is not None):
+            raise ValueError('expected either name = "..." or number = ..., the place of the column from 1 on.')
+        if self.override and self.unit is None:
+            raise ValueError('override = true without a unit; add unit = "...", or leave override out.')
 
-class Winch(msgspec.Struct, frozen=True):
+
+class Winch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The drum that the tether turns.
 
     `motion` is where displacement and velocity are measured: by an encoder on the drum, which counts radius times angle, or on
@@ -186,44 +180,44 @@ class Winch(msgspec.Struct, frozen=True):
     `line_can_push` of a rod or a rack in its place: the force of the line then has both signs, and is never slack.
     """
 
-    r_drum: Annotated[Quantity | None, Measure("length", 1e-3, 100.0)] = None
+    r_drum: Annotated[Quantity | None, Measure("length", Annotated[float, Meta(ge=1e-3, le=100.0)])] = None
     inertia: Annotated[Quantity | None, Measure("inertia")] = None
-    motion: Annotated[Literal["drum", "line"], Expected('"drum" or "line"')] = "drum"
-    line_can_push: Annotated[bool, Expected("true or false")] = False
+    motion: Literal["drum", "line"] = "drum"
+    line_can_push: bool = False
 
 
-class Restoring(msgspec.Struct, frozen=True):
+class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Screw, piston and gas-charged accumulator that keep the tether taut."""
 
-    lead: Annotated[Quantity | None, Measure("lead", positive=True)] = None
+    lead: Annotated[Quantity | None, Measure("lead", Positive)] = None
     lead_angle: Annotated[Quantity | None, Measure("angle")] = None
     half_angle: Annotated[Quantity | None, Measure("angle")] = None
     mu_screw: Annotated[Quantity | None, Measure("number")] = None
-    area_piston: Annotated[Quantity | None, Measure("area", positive=True)] = None
+    area_piston: Annotated[Quantity | None, Measure("area", Positive)] = None
     p_precharge: Annotated[Quantity | None, Measure("pressure")] = None
-    volume_gas: Annotated[Quantity | None, Measure("volume", positive=True)] = None
+    volume_gas: Annotated[Quantity | None, Measure("volume", Positive)] = None
 
 
-class Drivetrain(msgspec.Struct, frozen=True):
+class Drivetrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Clutch, shaft, gear and fast shaft between drum and generator.
 
     `one_way_clutch` is None where the file does not state it: the model then has one, and bins hold whole payouts.
     """
 
-    gear_ratio: Annotated[Quantity | None, Measure("number", 1e-3, 1e5)] = None
-    eta_mesh: Annotated[Quantity | None, Measure("number", high=1.0, positive=True)] = None
+    gear_ratio: Annotated[Quantity | None, Measure("number", Annotated[float, Meta(ge=1e-3, le=1e5)])] = None
+    eta_mesh: Annotated[Quantity | None, Measure("number", _ShareOfAll)] = None
     b_rotor: Annotated[Quantity | None, Measure("damping")] = None
     k_shaft: Annotated[Quantity | None, Measure("stiffness")] = None
     c_shaft: Annotated[Quantity | None, Measure("damping")] = None
     inertia_rotor: Annotated[Quantity | None, Measure("inertia")] = None
-    one_way_clutch: Annotated[bool | None, Expected("true or false")] = None
+    one_way_clutch: bool | None = None
 
 
-class Generator(msgspec.Struct, frozen=True):
+class Generator(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Permanent-magnet machine and its diode bridge."""
 
     pole_pairs: Annotated[Quantity | None, Measure("number")] = None
-    k_e: Annotated[Quantity | None, Measure("back_emf", positive=True)] = None
+    k_e: Annotated[Quantity | None, Measure("back_emf", Positive)] = None
     r_s: Annotated[Quantity | None, Measure("resistance")] = None
     l_s: Annotated[Quantity | None, Measure("inductance")] = None
     v_diode: Annotated[Quantity | None, Measure("voltage")] = None
@@ -231,10 +225,10 @@ class Generator(msgspec.Struct, frozen=True):
     i_rated: Annotated[Quantity | None, Measure("current")] = None
 
 
-_LoadPercent = Expected("percent of the load, from 0 on", lambda percent: 0.0 <= percent < 1e9)
+_LoadPercent = Annotated[float, Meta(ge=0.0, lt=1e9, description="percent of the load, from 0 on")]
 
 
-class DcLink(msgspec.Struct, frozen=True):
+class DcLink(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Capacitor, bleed resistance and load behind the bridge.
 
     The uncertainty of a load is one standard uncertainty or the +- limits of its maker, in percent of the load.
@@ -242,8 +236,13 @@ class DcLink(msgspec.Struct, frozen=True):
 
     c_dc: Annotated[Quantity | None, Measure("capacitance")] = None
     r_bleed: Annotated[Quantity | None, Measure("resistance")] = None
-    load_u_percent: Annotated[float, _LoadPercent] = 0.0
-    load_limits_percent: Annotated[float, _LoadPercent] = 0.0
+    load_u_percent: _LoadPercent = 0.0
+    load_limits_percent: _LoadPercent = 0.0
+
+    def __post_init__(self) -> None:
+        """Reject two uncertainties of a load: ValueError."""
+        if self.load_u_percent and self.load_limits_percent:
+            raise ValueError("load_u_percent and load_limits_percent are both there; expected one of them.")
 
     @property
     def load_u(self) -> float:
@@ -251,43 +250,45 @@ class DcLink(msgspec.Struct, frozen=True):
         return (self.load_u_percent + self.load_limits_percent / math.sqrt(3.0)) / 100.0
 
 
-class Thresholds(msgspec.Struct, frozen=True):
+class Thresholds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What decides where a phase, a window and a finding begins. SI units; defaults are the published rules."""
 
-    window: str = "auto"
-    v_onset: Annotated[float, Measure("velocity", 1e-6, 100.0)] = 0.03
+    window: Literal["auto", "payout"] | Annotated[float, Meta(gt=0.0, lt=1e9, description="a length in seconds")] = (
+        "auto"
+    )
+    v_onset: Annotated[float, Meta(ge=1e-6, le=100.0), Measure("velocity")] = 0.03
     """Payout begins where the smoothed line velocity first exceeds this (Sec. 3.2). [m/s]"""
-    smoothing: Annotated[float, Measure("time", 1e-3, 10.0)] = 0.6
+    smoothing: Annotated[float, Meta(ge=1e-3, le=10.0), Measure("time")] = 0.6
     """Width of the local quadratic that smooths the line velocity for detection. [s]"""
-    stroke_min: Annotated[float, Measure("length", 1e-6, 1e4)] = 0.2
+    stroke_min: Annotated[float, Meta(ge=1e-6, le=1e4), Measure("length")] = 0.2
     """Motions that travel less are no payout. [m]"""
-    reversal_max: Annotated[float, Measure(None, high=1.0, positive=True)] = 0.5
+    reversal_max: _ShareOfAll = 0.5
     """A reversal inside a payout takes back less than this share of it; a haul-in takes back more. [1]"""
-    creep_max: Annotated[float, Measure(None, high=1.0)] = 0.1
+    creep_max: _Share = 0.1
     """A motion apart that stays below this share of the payout's top speed is crane creep. [1]"""
-    aborted_below: Annotated[float, Measure(None, high=1.0)] = 0.5
+    aborted_below: _Share = 0.5
     """A payout that travels less than this share of the median is an aborted one (not with window `payout`). [1]"""
-    plateau_quantile: Annotated[float, Measure(None, high=1.0)] = 0.99
-    plateau_band: Annotated[float, Measure(None, high=1.0)] = 0.90
-    plateau_level: Annotated[float, Measure(None, high=1.0)] = 0.98
-    plateau_hold: Annotated[float, Measure("time", 1e-3, 1e3)] = 0.2
+    plateau_quantile: _Share = 0.99
+    plateau_band: _Share = 0.90
+    plateau_level: _Share = 0.98
+    plateau_hold: Annotated[float, Meta(ge=1e-3, le=1e3), Measure("time")] = 0.2
     """The plateau begins where the velocity stays above its level for this long. [s]"""
-    settle: Annotated[float, Measure("time", 0.0, 1e6)] = 0.5
+    settle: Annotated[float, Meta(ge=0.0, le=1e6), Measure("time")] = 0.5
     """The window `auto` ends this long after the plateau begins. [s]"""
-    tau_engaged: Annotated[float, Measure("torque")] = 2.0
+    tau_engaged: Annotated[NotNegative, Measure("torque")] = 2.0
     """With less torque on the PTO shaft than this the shaft runs free: zero and noise of the torque sensor. [N m]"""
-    rpm_bin: Annotated[float, Measure(None, 1.0, 1e5)] = 100.0
+    rpm_bin: Annotated[float, Meta(ge=1.0, le=1e5)] = 100.0
     """Width of a bin of generator speed (Sec. 3.2). [rpm]"""
-    gap_max: Annotated[float, Measure("time", 0.0, 1e6)] = 1.0
+    gap_max: Annotated[float, Meta(ge=0.0, le=1e6), Measure("time")] = 1.0
     """A longer gap inside a window makes its cycle incomplete. [s]"""
-    gap_energy_max: Annotated[float, Measure(None)] = 0.005
+    gap_energy_max: NotNegative = 0.005
     """So does a gap whose bridging could change an energy by more than this share. [1]"""
 
 
-_ModelShare = Annotated[float, Expected("a share from 0 to 0.5", lambda share: 0.0 <= share <= 0.5)]
+_ModelShare = Annotated[float, Meta(ge=0.0, le=0.5)]
 
 
-class ModelAccuracy(msgspec.Struct, frozen=True):
+class ModelAccuracy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How closely the model can follow any rig, and from which size on a cause matters.
 
     The model against an independent simulation with a switched circuit: means of phases within 0.08 % of their level, blocks
@@ -308,11 +309,20 @@ class EffectNumber(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `value`, `low` and `high` are in SI units; `unit` is that of the file, "" for the unit of the catalogue.
     """
 
-    value: float
+    value: Finite
     unit: str = ""
     source: str = ""
-    low: float | None = None
-    high: float | None = None
+    low: Finite | None = None
+    high: Finite | None = None
+
+    def __post_init__(self) -> None:
+        """Reject a value outside of its interval: ValueError."""
+        if (
+            not (-math.inf if self.low is None else self.low)
+            <= self.value
+            <= (math.inf if self.high is None else self.high)
+        ):
+            raise ValueError(f"the value {self.value:g} is not between low and high; correct the interval.")
 
 
 class StatedEffect(msgspec.Struct, frozen=True):
@@ -330,41 +340,11 @@ class StatedEffect(msgspec.Struct, frozen=True):
         return f"sensors.errors.{name}" if self.of_a_sensor else f"effects.{name}"
 
 
-_KINDS: dict[str, type[Any]] = {
-    "name": str,
-    "winch": Winch,
-    "restoring": Restoring,
-    "drivetrain": Drivetrain,
-    "generator": Generator,
-    "dc_link": DcLink,
-    "thresholds": Thresholds,
-    "model": ModelAccuracy,
-    "phases": PhaseRule,
-    "cascade": Cascade,
-    "sensors": Mapping,
-    "columns": Mapping,
-    "channels": Mapping,
-    "effects": Mapping,
-}
-"""Kinds of the parts of a rig."""
-
-
 @cache
-def _measured(kind: type[msgspec.Struct]) -> list[tuple[str, Measure | None]]:
-    """Numbers of a part; of thresholds with what is possible: quantities may leave their limits while they are fitted."""
-    return [
-        (field.name, measure if kind is Thresholds else None)
-        for field in struct_fields(kind)
-        for measure in get_args(field.type)
-        if isinstance(measure, Measure)
-    ]
-
-
-def _is_possible(value: object, measure: Measure | None) -> bool:
-    """Whether a value is a finite quantity or none, or a number that a measure allows."""
-    if measure is not None:
-        return isinstance(value, float | int) and measure.holds(value)
-    return value is None or (isinstance(value, Quantity) and math.isfinite(value.value))
+def measures(kind: type[msgspec.Struct]) -> dict[str, Measure]:
+    """What the numbers of a part of a rig measure, by their names; none for what is no part."""
+    fields = struct_fields(kind) if issubclass(kind, msgspec.Struct) else ()
+    return {f.name: note for f in fields for note in get_args(f.type) if isinstance(note, Measure)}
 
 
 class Rig(msgspec.Struct, frozen=True):
@@ -397,14 +377,17 @@ class Rig(msgspec.Struct, frozen=True):
     assumed: bool = False
 
     def __post_init__(self) -> None:
-        """Reject what no rig file could give. Raises RigError."""
-        for name, kind in _KINDS.items():
+        """Reject what no rig file could give, but for numbers beyond their limits, which a fit may need. Raises RigError."""
+        for name, kind in kinds_of_rig().items():
             if not isinstance(part := getattr(self, name), kind):
                 raise RigError(f"Rig: {name} is {part!r:.100}; expected a {kind.__name__}.")
-            for number, measure in _measured(type(part)) if isinstance(part, msgspec.Struct) else ():
-                if not _is_possible(value := getattr(part, number), measure):
-                    words = 'a finite Quantity, such as Quantity(0.13, "m")' if measure is None else measure.words
-                    raise RigError(f"Rig: {name}.{number} is {value!r:.100}; expected {words}.")
+            for number in measures(kind) if kind is not Thresholds else ():
+                value = getattr(part, number)
+                if not (value is None or (isinstance(value, Quantity) and math.isfinite(value.value))):
+                    raise RigError(
+                        f"Rig: {name}.{number} is {value!r:.100}; expected a finite Quantity, such as Quantity(0.13, 'm')."
+                    )
+        convert(msgspec.structs.asdict(self.thresholds), Thresholds, "Rig: thresholds", RigError)
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:
@@ -423,6 +406,13 @@ class Rig(msgspec.Struct, frozen=True):
         if self.r_drum is None or gear is None:
             return None
         return gear.value / self.r_drum * 30.0 / math.pi
+
+
+@cache
+def kinds_of_rig() -> dict[str, Any]:
+    """Classes of the texts and parts of a rig."""
+    kinds = {field.name: get_origin(field.type) or field.type for field in struct_fields(Rig)}
+    return {name: kind for name, kind in kinds.items() if isinstance(kind, type) and kind is not UnionType}
 
 
 WindowRule = Literal["auto", "payout", "whole"] | float

@@ -4,49 +4,41 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
+from msgspec.structs import replace
 
 from winchcascade.core.cascade import PAPER, Cascade
+from winchcascade.core.cascade_toml import CascadeTable, StageTable, read_cascade
 from winchcascade.core.channels import CHANNELS, Channel
-from winchcascade.core.errors import RigError
-from winchcascade.core.quantity import find_unit, read_as
+from winchcascade.core.errors import RigError, check_type
+from winchcascade.core.quantity import Calibrated, Quantity, Unit, find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
-    DcLink,
-    Drivetrain,
     EffectNumber,
-    Generator,
+    Finite,
     Measure,
-    ModelAccuracy,
-    Restoring,
     Rig,
     Sensor,
     StatedEffect,
     Thresholds,
-    Winch,
-    phase_rule,
+    kinds_of_rig,
+    measures,
 )
-from winchcascade.core.rig_number import HUGE, check_replaced, convert, finite, number_of, possible, quantity
-from winchcascade.core.toml_text import (
-    Entries,
-    Expected,
-    check_keys,
-    entries,
-    entry,
-    read_toml,
-    struct_fields,
-    toml_values,
-)
+from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
 _FOLDER = Path(__file__).parent.parent / "rigfiles"
+
+HUGE = 1e12
+"""No range, accuracy or uncertainty of a rig is larger, in SI units."""
 
 
 def built_in_text(name: str) -> str:
@@ -79,7 +71,68 @@ def read_rig(rig: str | Path) -> Rig:
             f"rig {str(rig)!r}: no such file and no built-in rig of that name; give a rig file or one of "
             f"{', '.join(BUILT_IN)} (`winchcascade rig hsu2026 > rig.toml` writes one to start from)."
         )
-    return parse_rig(read_toml(path, "a rig file that can be read", RigError), str(path))
+    return parse_rig(read_toml(path, RigError), str(path))
+
+
+@cache
+def assumed_rig() -> Rig:
+    """The rig of the paper, marked as taken because none was named."""
+    return replace(built_in(), assumed=True)
+
+
+def first_named(*names: str | Path | None, read: Callable[[str | Path], Rig] = read_rig) -> Rig:
+    """Read the first rig that is named; that of the paper, as assumed, if none is. Raises RigError as `read`.
+
+    >>> first_named(None, "kitepower").name, first_named(None).assumed
+    ('kitepower', True)
+    """
+    return next((read(name) for name in names if name is not None), None) or assumed_rig()
+
+
+def given_rig(call: str, rig: Rig | None, usual: Rig | None = None) -> Rig:
+    """The rig that a call of the library was given, else the usual one, of a run, else that of the paper, as assumed.
+
+    Raises
+    ------
+    OptionError : something else than a rig was given
+    """
+    found = rig if rig is not None else usual if usual is not None else assumed_rig()
+    check_type(f"{call}, rig", found, Rig, "load_rig(name)")
+    return found
+
+
+ERRORS = "errors"
+"""Table under [sensors] with effects that are errors of sensors."""
+
+_Text = Annotated[str, Meta(min_length=1, description='the name of the rig, such as name = "my rig"')]
+
+
+class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Table [log]: what holds for every log of the rig."""
+
+    sample_rate_hz: Annotated[float, Meta(gt=0.0, lt=1e300)] | None = None
+
+
+class _RigFile(msgspec.Struct, frozen=True):
+    """What a rig file has beside the tables of the parts, and tables that are read one by one."""
+
+    name: _Text
+    title: str = ""
+    source: str = ""
+    note: str = ""
+    drivetrain: Table = {}
+    sensors: dict[str, Table] = {}
+    columns: dict[str, Table | str] = {}
+    channels: dict[str, Table] = {}
+    effects: dict[str, Table] = {}
+    cascade: Table | None = None
+    stage: dict[str, Table] = {}
+
+
+_PARTS = {
+    name: kind for name, kind in kinds_of_rig().items() if issubclass(kind, msgspec.Struct) and kind is not Cascade
+}
+"""Tables of a rig file that a struct declares whole."""
 
 
 def parse_rig(text: str, where: str) -> Rig:
@@ -92,11 +145,32 @@ def parse_rig(text: str, where: str) -> Rig:
     if base is not None:
         if base not in BUILT_IN:
             raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
-        raw = _merged(toml_values(built_in_text(base), base, RigError), raw)
-    return _rig(raw, where)
+        raw = _merged(toml_values(built_in_text(str(base)), str(base), RigError), raw)
+    check_keys(raw, dict.fromkeys((*_RigFile.__struct_fields__, *_PARTS, "log")), f"{where}:", RigError)
+    file: _RigFile = convert(raw, _RigFile, f"{where}:", RigError)
+    own = {name: _channel(name, table, f"{where}: [channels.{name}]") for name, table in file.channels.items()}
+    known = {**CHANNELS, **own}
+    return Rig(
+        name=file.name,
+        title=file.title,
+        source=file.source,
+        note=file.note,
+        sensors={
+            name: _sensor(table, _channel_of(name, known, f"{where}: [sensors.{name}]"), f"{where}: [sensors.{name}]")
+            for name, table in file.sensors.items()
+            if name != ERRORS
+        },
+        columns=_columns(file, where, known),
+        channels=own,
+        effects=_effects(file, where),
+        cascade=_cascade(file, known, where),
+        sample_rate=_part(raw.get("log", {}), _Log, f"{where}: [log]").sample_rate_hz,
+        path=where,
+        **{name: _part(raw.get(name, {}), kind, f"{where}: [{name}]") for name, kind in _PARTS.items()},
+    )
 
 
-def _merged(base: dict[str, object], over: dict[str, object]) -> dict[str, object]:
+def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
     """Lay one table over another; what has a unit or a name is replaced whole, so that no old number clings to it."""
     loads = {"load_u_percent", "load_limits_percent"}
     merged = {key: value for key, value in base.items() if not (key in loads and loads & over.keys())}
@@ -107,295 +181,213 @@ def _merged(base: dict[str, object], over: dict[str, object]) -> dict[str, objec
             and isinstance(value, dict)
             and {"value", "name", "unit", "number"}.isdisjoint(value)
         ):
-            merged[key] = _merged(below, value)
-        else:
-            merged[key] = value
+            value = _merged(below, value)
+        merged[key] = value
     return merged
 
 
-_SECTIONS: Mapping[str, type[Any]] = {
-    "winch": Winch,
-    "restoring": Restoring,
-    "drivetrain": Drivetrain,
-    "generator": Generator,
-    "dc_link": DcLink,
-}
+def _part(raw: object, kind: Any, place: str) -> Any:
+    """Read a table by the struct that declares its entries: numbers with a unit first, then all others."""
+    table: Table = convert(raw, Table, place, RigError)
+    _check_replaced(table, place)
+    numbers: Table = {}
+    for name, measure in measures(kind).items():
+        if (stated := table.get(name)) is None or (kind is Thresholds and not isinstance(stated, dict)):
+            continue
+        number = _quantity(stated, f"{place} {name}", measure)
+        numbers[name] = number.value if kind is Thresholds else number
+    return convert({**table, **numbers}, kind, place, RigError)
 
-_TABLE_OF = {field: table for table, kind in _SECTIONS.items() for field in kind.__struct_fields__}
-"""Table of each entry with a number of the rig."""
 
-_TABLES = sorted({*Rig.__struct_fields__, "stage", "log"} - {"sample_rate", "path", "assumed"})
-"""Entries of a rig file, tables and texts."""
+def _check_replaced(table: Mapping[str, object], place: str) -> None:
+    """Reject a tolerance, which does not state whether it is a standard uncertainty or a limit."""
+    for key in table:
+        if found := re.fullmatch("(load_)?tolerance(_percent)?", key):
+            load, percent = found[1] or "", found[2] or ""
+            raise RigError(
+                f"{place} {key}: a tolerance is not read; write {load}u{percent} for one standard uncertainty, or "
+                f"{load}limits{percent} for the maker's +- limits."
+            )
 
-_Window = Annotated[
-    str | float,
-    Expected(
-        '"auto", "payout" or a length in seconds',
-        lambda rule: rule in ("auto", "payout") if isinstance(rule, str) else 0 < rule < 1e9,
+
+_Uncertainty = Annotated[float, Meta(ge=0.0, le=1e300, description="a number that is not negative")]
+_Digest = Annotated[
+    str,
+    Meta(
+        pattern="^([0-9a-f]{64})?$", description='the 64 hexadecimal digits of the SHA-256 of the log, "" for no file'
     ),
 ]
 
-
-class _Log(msgspec.Struct, frozen=True):
-    """Table [log]: what holds for every log of the rig."""
-
-    sample_rate_hz: Annotated[float | None, Expected("a number above 0", lambda rate: 0.0 < rate < float("inf"))] = None
+UNCERTAINTIES = ("u", "u_percent", "limits", "limits_percent")
+"""Keys of the uncertainty of a number, of which one is stated: a standard uncertainty, or the maker's +- limits."""
 
 
-ERRORS = "errors"
-"""Table under [sensors] with effects that are errors of sensors."""
+class _Calibrated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where a calibrated number comes from."""
 
-_MAX_COLUMNS = 100_000
-"""No log has more columns."""
-
-
-def _rig(raw: dict[str, object], where: str) -> Rig:
-    _check_keys(raw, _TABLES, f"{where}: ")
-    name = raw.get("name")
-    if not isinstance(name, str) or not name:
-        raise RigError(f'{where}: the entry name is missing; add name = "my rig".')
-    texts = {key: convert(raw.get(key, ""), str, f"{where}: {key}") for key in ("title", "source", "note")}
-    own = _channels(_table(raw, "channels", where), where)
-    known = {**CHANNELS, **own}
-    sensors = _table(raw, "sensors", where)
-    sections = {key: _section(raw, key, kind, where) for key, kind in _SECTIONS.items()}
-    if sections["dc_link"].load_u_percent and sections["dc_link"].load_limits_percent:
-        raise RigError(
-            f"{where}: [dc_link] has load_u_percent and load_limits_percent; expected one of them, leave the other out."
-        )
-    return Rig(
-        name=name,
-        **texts,
-        sensors=_sensors({name: table for name, table in sensors.items() if name != ERRORS}, where, known),
-        columns=_columns(
-            _table(raw, "columns", where), where, known, geared="gear_ratio" in _table(raw, "drivetrain", where)
-        ),
-        channels=own,
-        cascade=_cascade(raw, known, where),
-        effects=_stated_effects(_table(raw, "effects", where), sensors.get(ERRORS, {}), where),
-        sample_rate=_section(raw, "log", _Log, where).sample_rate_hz,
-        thresholds=_thresholds(raw, where),
-        model=_section(raw, "model", ModelAccuracy, where),
-        phases=phase_rule(_table(raw, "phases", where), where),
-        path=where,
-        **sections,
-    )
+    log: str
+    sha256: _Digest
+    prior: Table | None = None
 
 
-def _section(raw: dict[str, object], key: str, kind: type[Entries], where: str) -> Entries:
-    """Read a table of a rig file by the struct that declares its entries."""
-    declared = {field.name: field.type for field in struct_fields(kind)}
-    values = _table(raw, key, where)
-    place = f"{where}: [{key}]"
-    check_replaced(values, place)
-    for name in values:
-        table = None if name in declared else _TABLE_OF.get(name)
-        if table is not None:
-            raise RigError(f"{place} {name} is an entry of [{table}]; move it there.")
-    _check_keys(values, list(declared), f"{place} ")
-    return kind(**{name: _declared(value, name, declared[name], place) for name, value in values.items()})
+class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A number as a rig file writes it, with one of `UNCERTAINTIES` at most."""
+
+    value: Finite
+    unit: str
+    source: str = ""
+    u: _Uncertainty | None = None
+    u_percent: _Uncertainty | None = None
+    limits: _Uncertainty | None = None
+    limits_percent: _Uncertainty | None = None
+    calibrated: _Calibrated | None = None
+
+    def __post_init__(self) -> None:
+        """Reject several uncertainties: ValueError."""
+        stated = [key for key in UNCERTAINTIES if getattr(self, key) is not None]
+        if len(stated) > 1:
+            raise ValueError(f"{' and '.join(stated)} are both there; expected one of them, leave the others out.")
 
 
-def _declared(value: object, name: str, kind: Any, place: str) -> Any:
-    """Read an entry by its declaration: a number with a unit or, if it is declared as a plain one, also without."""
-    python_type, *notes = get_args(kind)
-    measure = next((note for note in notes if isinstance(note, Measure)), None)
-    if measure is None:
-        return entry(value, name, kind, place, RigError)
-    place = f"{place} {name}"
-    if python_type is not float:
-        return quantity(value, place, measure)
-    if measure.dimension is not None and isinstance(value, dict):
-        return quantity(value, place, measure).value
-    return possible(number_of(value, place), place, measure)
+def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
+    """Read a number with unit, source and uncertainty in SI units; limits are those of a rectangular distribution.
+
+    Raises
+    ------
+    RigError : it cannot be used, or is not possible for what it measures
+    """
+    _check_replaced(raw if isinstance(raw, dict) else {}, place)
+    number: _Number = convert(raw, _Number, place, RigError)
+    unit = find_unit(number.unit)
+    if unit is None or unit.dimension != measure.dimension:
+        raise RigError(f"{place}: the unit {number.unit!r} is none of {measure.dimension.replace('_', ' ')}.")
+    value: float = convert(number.value * unit.factor + unit.offset, measure.si, f"{place} in SI units", RigError)
+    key = next((key for key in UNCERTAINTIES if getattr(number, key) is not None), None)
+    u, limits = None, key is not None and key.startswith("limits")
+    if key is not None:
+        half = getattr(number, key) * (abs(value) / 100.0 if key.endswith("_percent") else unit.factor)
+        u = half / math.sqrt(3.0) if limits else half
+        if u > HUGE:
+            raise RigError(f"{place} {key} gives {u:g} in SI units; check it and its unit.")
+    calibrated = None
+    if (record := number.calibrated) is not None:
+        prior, where = None, f"{place} calibrated prior"
+        if record.prior is not None:
+            check_keys(record.prior, ("value", "u", "source"), where, RigError)
+            prior = _quantity({"unit": number.unit, **record.prior}, where, measure)
+        calibrated = Calibrated(record.log, record.sha256, prior)
+    return Quantity(value, number.unit, number.source, u, calibrated, limits)
 
 
-def _thresholds(raw: dict[str, object], where: str) -> Thresholds:
-    values = _table(raw, "thresholds", where)
-    window = values.pop("window", Thresholds().window)
-    entry(window, "window", _Window, f"{where}: [thresholds]", RigError)
-    others = _section({"thresholds": values}, "thresholds", Thresholds, where)
-    return msgspec.structs.replace(others, window=str(window))
-
-
-def _cascade(raw: dict[str, object], known: Mapping[str, Channel], where: str) -> Cascade:
+def _cascade(file: _RigFile, known: Mapping[str, Channel], where: str) -> Cascade:
     """Stages and their order, `[cascade]` and `[stage.NAME]`; those of the paper where the file states none."""
-    if not raw.keys() & {"cascade", "stage"}:
+    if file.cascade is None and not file.stage:
         return PAPER
-    from winchcascade.core.cascade_toml import CascadeTable, StageTable, read_cascade
-
-    table = convert(raw["cascade"], CascadeTable, f"{where}: [cascade]") if "cascade" in raw else None
-    stages = _table(raw, "stage", where)
-    own = {name: convert(stage, StageTable, f"{where}: [stage.{name}]") for name, stage in stages.items()}
-    return read_cascade(table, own, known, where)
+    order = None if file.cascade is None else convert(file.cascade, CascadeTable, f"{where}: [cascade]", RigError)
+    own = {name: convert(raw, StageTable, f"{where}: [stage.{name}]", RigError) for name, raw in file.stage.items()}
+    return read_cascade(order, own, known, where)
 
 
-def _table(raw: dict[str, object], key: str, where: str) -> dict[str, object]:
-    value = raw.get(key, {})
-    if not isinstance(value, dict):
-        raise RigError(f"{where}: {key} is {value!r}; expected a table [{key}].")
-    return dict(value)
+class _OwnChannel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Table [channels.NAME]: a channel of the rig's own."""
+
+    unit: str
 
 
-def _check_keys(raw: Mapping[str, object], known: Sequence[str], place: str) -> None:
-    check_keys(raw, known, place, f"no entry of a rig file; expected {', '.join(known)}", RigError)
-
-
-_OWN_NAME = re.compile(r"[A-Za-z]\w*")
-"""A name of a channel of your own: it is used in products such as `torque * speed`."""
-
-
-def _channels(raw: dict[str, object], where: str) -> dict[str, Channel]:
-    """Channels of the rig's own, `[channels.NAME] unit = "..."`; the unit decides what is measured."""
-    channels = {}
-    for name, stated in raw.items():
-        place = f"{where}: [channels.{name}]"
-        if name in CHANNELS or name == "time" or _OWN_NAME.fullmatch(name) is None:
-            raise RigError(
-                f"{place}: expected a name of letters, digits and underscores that no built-in channel has; those "
-                f"are time, {', '.join(CHANNELS)}."
-            )
-        if not isinstance(stated, dict):
-            raise RigError(
-                f'{where}: [channels] {name} is {stated!r}; expected a table [channels.{name}] with unit = "...".'
-            )
-        _check_keys(stated, ("unit",), f"{place} ")
-        text = convert(stated.get("unit", ""), str, f"{place} unit")
-        unit = find_unit(text)
-        if unit is None:
-            raise RigError(f'{place}: the unit {text!r} is unknown; expected one such as "W", "bar", "L/min" or "1".')
-        channels[name] = Channel(name, name, unit.dimension, text, f"{name} ({text})")
-    return channels
-
-
-def _sensors(raw: dict[str, object], where: str, known: Mapping[str, Channel]) -> dict[str, Sensor]:
-    sensors = {}
-    for name, table in raw.items():
-        place = f"{where}: [sensors.{name}]"
-        if name not in known:
-            raise RigError(f"{place} is no channel; expected one of {', '.join(known)}.")
-        if not isinstance(table, dict):
-            raise RigError(f"{where}: [sensors] {name} is {table!r}; expected a table [sensors.{name}].")
-        _check_keys(table, Sensor.__struct_fields__, f"{place} ")
-        sensor = entries(table, Sensor, place, RigError)
-        unit = read_as(find_unit(sensor.unit), known[name].dimension)
-        if unit is None:
-            raise RigError(f"{place} unit {sensor.unit!r} is none of {known[name].dimension}.")
-        counts_from = unit.offset if unit.dimension == "temperature" else 0.0
-        if unit.offset != counts_from and (sensor.low is not None or sensor.high is not None):
-            raise RigError(
-                f"{place} unit {sensor.unit!r} does not count from the zero of the channel, as gauge pressure does; "
-                'give the range as gauge pressure, such as low = 0, high = 20, unit = "bar".'
-            )
-        if sensor.low is not None and sensor.high is not None and sensor.low >= sensor.high:
-            raise RigError(f"{place} low {sensor.low:g} is not below high {sensor.high:g}.")
-        _check_accuracy(sensor, place)
-        in_si = {
-            key: value * unit.factor + (counts_from if key in ("low", "high") else 0.0)
-            for key in ("low", "high", "resolution", "accuracy", "u_zero")
-            if (value := getattr(sensor, key)) is not None
-        }
-        if any(abs(value) > HUGE for value in in_si.values()):
-            raise RigError(f"{place} has a number beyond {HUGE:g} in SI units; check it and its unit.")
-        sensors[name] = msgspec.structs.replace(sensor, **in_si)
-    return sensors
-
-
-def _check_accuracy(sensor: Sensor, place: str) -> None:
-    """Reject shares of a full scale that is not stated, and shares and coverage factors of an accuracy that is not stated."""
-    for key in ("accuracy_full_scale", "daq_full_scale"):
-        if getattr(sensor, key) is not None and not (sensor.high or sensor.low):
-            raise RigError(f"{place} {key} has no full scale; give the range as high = ... too.")
-    known = (sensor.accuracy, sensor.accuracy_full_scale, sensor.accuracy_reading, sensor.u_zero, sensor.u_gain)
-    if any((sensor.daq_full_scale, sensor.daq_reading)) and not any(known):
+def _channel(name: str, table: Table, place: str) -> Channel:
+    """A channel of the rig's own; its unit decides what is measured, and a power may name it, such as `torque * pump`."""
+    if name in CHANNELS or name == "time" or re.fullmatch(r"[A-Za-z]\w*", name) is None:
         raise RigError(
-            f"{place} has the share of the acquisition system and no accuracy of the sensor; add the one of the "
-            "sensor, such as accuracy_reading = ..."
+            f"{place}: expected a name of letters, digits and underscores that no built-in channel has; those are time, "
+            f"{', '.join(CHANNELS)}."
         )
-    stated = {
-        "coverage": (sensor.accuracy, sensor.accuracy_full_scale, sensor.accuracy_reading),
-        "daq_coverage": (sensor.daq_full_scale, sensor.daq_reading),
+    text = convert(table, _OwnChannel, place, RigError).unit
+    unit = find_unit(text)
+    if unit is None:
+        raise RigError(f'{place}: the unit {text!r} is unknown; expected one such as "W", "bar", "L/min" or "1".')
+    return Channel(name, name, unit.dimension, text, f"{name} ({text})")
+
+
+def _channel_of(name: str, known: Mapping[str, Channel], place: str) -> Channel:
+    """A channel by its name; RigError for one that is none."""
+    if name not in known:
+        raise RigError(f"{place} is no channel; expected one of {', '.join(known)}.")
+    return known[name]
+
+
+def _sensor(table: Table, channel: Channel, place: str) -> Sensor:
+    """A sensor in SI units."""
+    sensor: Sensor = convert(table, Sensor, place, RigError)
+    unit = read_as(find_unit(sensor.unit), channel.dimension)
+    if unit is None:
+        raise RigError(f"{place} unit {sensor.unit!r} is none of {channel.dimension}.")
+    counts_from = unit.offset if unit.dimension == "temperature" else 0.0
+    if unit.offset != counts_from and (sensor.low is not None or sensor.high is not None):
+        raise RigError(
+            f"{place} unit {sensor.unit!r} does not count from the zero of the channel, as gauge pressure does; "
+            'give the range as gauge pressure, such as low = 0, high = 20, unit = "bar".'
+        )
+    in_si = {
+        key: value * unit.factor + (counts_from if key in ("low", "high") else 0.0)
+        for key in ("low", "high", "resolution", "accuracy", "u_zero")
+        if (value := getattr(sensor, key)) is not None
     }
-    for key, accuracies in stated.items():
-        if getattr(sensor, key) is not None and not any(accuracies):
-            raise RigError(f"{place} {key} belongs to an accuracy, and none is stated; add it or leave {key} out.")
+    if any(abs(value) > HUGE for value in in_si.values()):
+        raise RigError(f"{place} has a number beyond {HUGE:g} in SI units; check it and its unit.")
+    return replace(sensor, **in_si)
 
 
-def _columns(raw: dict[str, object], where: str, known: Mapping[str, Channel], *, geared: bool) -> dict[str, Column]:
-    """Columns by channel; `geared`: the file states a gear ratio, which a speed of the generator is divided by."""
+def _columns(file: _RigFile, where: str, known: Mapping[str, Channel]) -> dict[str, Column]:
+    """Columns by channel."""
     columns: dict[str, Column] = {}
-    for name, stated in raw.items():
+    for name, stated in file.columns.items():
         place = f"{where}: [columns] {name}"
-        if name not in known and name != "time":
-            raise RigError(f"{place} is no channel; expected time or one of {', '.join(known)}.")
-        column = Column(stated) if isinstance(stated, str) else convert(stated, Column, place)
-        if bool(column.name.strip()) == (column.number is not None):
-            raise RigError(f'{place}: expected either name = "..." or number = ..., the column from 1 on.')
-        if column.number is not None and not 1 <= column.number <= _MAX_COLUMNS:
-            raise RigError(f"{place}: number is {column.number}; expected the column's place, from 1 on.")
-        if column.override and column.unit is None:
-            raise RigError(f'{place}: override = true without a unit; add unit = "...", or leave override out.')
+        dimension = "time" if name == "time" else _channel_of(name, known, place).dimension
+        column = convert({"name": stated} if isinstance(stated, str) else stated, Column, place, RigError)
         if column.side is not None and name != "speed":
             raise RigError(f"{place}: only the speed of rotation has a side; leave it out.")
-        if column.side == "generator" and not geared:
+        if column.side == "generator" and "gear_ratio" not in file.drivetrain:
             raise RigError(
                 f'{place}: side = "generator" needs the gear ratio; add gear_ratio under [drivetrain], with the '
                 'value 1 for a direct drive, or side = "shaft".'
             )
-        dimension, unit = "time" if name == "time" else known[name].dimension, find_unit(column.unit or "")
+        unit = find_unit(column.unit or "")
         if unit is not None and read_as(unit, dimension) is None:
             raise RigError(f"{place}: the unit {column.unit!r} is none of {dimension}.")
         for other, taken in columns.items():
             if (taken.name, taken.number) == (column.name, column.number):
-                called = repr(column.name) if column.number is None else str(column.number)
-                raise RigError(f"{place} and {other} both name the column {called}; expected one each.")
+                raise RigError(
+                    f"{place} and {other} both name the column {column.name or column.number!r}; expected one each."
+                )
         columns[name] = column
     return columns
 
 
-def _stated_effects(of_rig: dict[str, object], of_sensors: object, where: str) -> dict[str, StatedEffect]:
+def _effects(file: _RigFile, where: str) -> dict[str, StatedEffect]:
     """Effects of the rig, and those that are errors of sensors."""
-    if not isinstance(of_sensors, dict):
-        raise RigError(
-            f"{where}: [sensors] {ERRORS} is {of_sensors!r}; expected tables [sensors.{ERRORS}.NAME] of effects."
-        )
-    twice = [name for name in of_rig if name in of_sensors]
-    if twice:
-        raise RigError(
-            f"{where}: {twice[0]} stands under [effects] and under [sensors.{ERRORS}]; expected one of them, so leave one out."
-        )
-    return _effects(of_rig, "effects", where) | {
-        name: msgspec.structs.replace(effect, of_a_sensor=True)
-        for name, effect in _effects(of_sensors, f"sensors.{ERRORS}", where).items()
-    }
-
-
-def _effects(raw: dict[str, object], table: str, where: str) -> dict[str, StatedEffect]:
-    """Effects with their fields, each a number or a table; `logs` lists the logs that they come from."""
+    of_sensors: dict[str, Table] = convert(
+        file.sensors.get(ERRORS, {}), dict[str, Table], f"{where}: [sensors.{ERRORS}]", RigError
+    )
+    for name in file.effects:
+        if name in of_sensors:
+            raise RigError(
+                f"{where}: {name} stands under [effects] and under [sensors.{ERRORS}]; leave one of them out."
+            )
     effects = {}
-    for name, stated in raw.items():
-        place = f"{where}: [{table}.{name}]"
-        if not isinstance(stated, dict):
-            raise RigError(f"{where}: [{table}] {name} is {stated!r}; expected a table [{table}.{name}].")
-        logs = convert(stated.get("logs", ()), tuple[str, ...], f"{place} logs")
-        fields = {key: _effect_number(value, f"{place} {key}") for key, value in stated.items() if key != "logs"}
-        effects[name] = StatedEffect(fields, logs)
+    for name, table in {**file.effects, **of_sensors}.items():
+        stated = StatedEffect({}, of_a_sensor=name in of_sensors)
+        place = f"{where}: [{stated.table(name)}]"
+        logs = convert(table.get("logs", ()), tuple[str, ...], f"{place} logs", RigError)
+        fields = {key: _effect_number(value, f"{place} {key}") for key, value in table.items() if key != "logs"}
+        effects[name] = replace(stated, fields=fields, logs=logs)
     return effects
 
 
-def _effect_number(value: object, place: str) -> EffectNumber:
-    if not isinstance(value, dict):
-        return EffectNumber(number_of(value, place))
-    number: EffectNumber = convert(value, EffectNumber, place)
-    unit = find_unit(number.unit) if number.unit else None
-    if unit is None and number.unit:
+def _effect_number(raw: object, place: str) -> EffectNumber:
+    """A field of an effect, a number or a table; with a unit its numbers are read in SI units."""
+    number: EffectNumber = convert(raw if isinstance(raw, dict) else {"value": raw}, EffectNumber, place, RigError)
+    unit = find_unit(number.unit) if number.unit else Unit("number", 1.0)
+    if unit is None:
         raise RigError(f"{place}: the unit {number.unit!r} is unknown.")
-    factor = 1.0 if unit is None else unit.factor
-    in_si = {
-        key: finite(given, f"{place} {key}") * factor
-        for key in ("value", "low", "high")
-        if (given := getattr(number, key)) is not None
-    }
-    if not in_si.get("low", -math.inf) <= in_si["value"] <= in_si.get("high", math.inf):
-        raise RigError(f"{place}: the value {number.value:g} is not between low and high; correct the interval.")
-    return msgspec.structs.replace(number, **in_si)
+    ends = {key: value for key in ("value", "low", "high") if (value := getattr(number, key)) is not None}
+    return replace(number, **{key: value * unit.factor for key, value in ends.items()})

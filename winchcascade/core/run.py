@@ -9,10 +9,9 @@ import msgspec
 
 from winchcascade.core.arguments import LOAD, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
-from winchcascade.core.late_module import LateModule
 from winchcascade.core.public_names import public
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.viewed import Units
+from winchcascade.core.viewed import LateModule, Units
 
 LOAD_HEADER = "Load (ohm)"
 """Last column of a simulated log: the load of its run in every row, inf for an open circuit."""
@@ -68,6 +67,9 @@ FindingKind = Literal[
     "clock_mismatch",
     "channel_lag",
     "zero_offset",
+    "gain_step",
+    "stroke_mismatch",
+    "repeated_log",
     "open_clutch_torque",
     "window_beyond_payout",
     "phase_source",
@@ -171,6 +173,7 @@ class Run(msgspec.Struct, frozen=True):
     simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
     origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from
     labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere, where the rig file names a column of phases
+    signs : -1 for each channel that is logged with the opposite sign, and was turned
     first_stamp : date and time of the first sample as the log writes it, where its stamps are texts
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
     started : when the run began, on a clock that the runs of a campaign share: since 1970, of local times as if they were UTC;
@@ -189,6 +192,7 @@ class Run(msgspec.Struct, frozen=True):
     samples: int
     gaps: Mapping[str, Signal] = msgspec.field(default_factory=dict)
     labels: Signal | None = None
+    signs: Mapping[str, float] = msgspec.field(default_factory=dict)
     load: float | None = None
     load_source: str = "unknown"
     path: str = ""

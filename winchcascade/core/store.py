@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -24,13 +23,6 @@ the digest; neither."""
 
 _SILENT = 10.0
 """A call that waits longer than this reports it. [s]"""
-
-_BLANK = "0" * 64
-_DIGEST = re.compile(rb'"sha256":\s*"([0-9a-f]{64})"\s*\}\s*\}\s*\Z')
-"""Where a record holds the digest of itself: at the end of its last entry."""
-
-_TAIL = 120
-"""Bytes at the end of a record among which its digest is."""
 
 
 class Kept(msgspec.Struct, frozen=True):
@@ -204,28 +196,29 @@ def altered(folder: Path, digests: Mapping[str, str]) -> list[str]:
 
 
 def with_digest(record: Mapping[str, object], entry: str, about: Mapping[str, object], *, indent: int = 0) -> bytes:
-    """A record as JSON with a last entry that ends in the digest of all its bytes, taken with zeros for the digest.
+    """A record as JSON with a last entry that ends in the digest of all before it.
 
     >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}))
     'kept'
     >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}).replace(b"1.0", b"1.1"))
     'altered'
     """
-    content = msgspec.json.encode({**record, entry: {**about, "sha256": _BLANK}})
-    if indent:
-        content = msgspec.json.format(content, indent=indent)
-    content += b"\n"
-    head, _, tail = content.rpartition(_BLANK.encode())
-    return head + digest_of(content).encode() + tail
+    digest = digest_of(msgspec.json.encode({**record, entry: about}))
+    content = msgspec.json.encode({**record, entry: {**about, "sha256": digest}})
+    return (msgspec.json.format(content, indent=indent) if indent else content) + b"\n"
 
 
 def digest_in(content: bytes) -> State:
-    """Whether a record is as it was written, by the digest within it; "other" for a record without one."""
-    found = _DIGEST.search(content, max(0, len(content) - _TAIL))
-    if found is None:
+    """Whether a record holds what was written, by the digest within its last entry; "other" for one without a digest."""
+    try:
+        record = msgspec.json.decode(content)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return "altered"
+    about = list(record.values())[-1] if isinstance(record, dict) and record else None
+    if not isinstance(about, dict) or "sha256" not in about:
         return "other"
-    blank = content[: found.start(1)] + _BLANK.encode() + content[found.end(1) :]
-    return "kept" if digest_of(blank) == found[1].decode() else "altered"
+    digest = about.pop("sha256")
+    return "kept" if digest_of(msgspec.json.encode(record)) == digest else "altered"
 
 
 def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:
@@ -235,14 +228,15 @@ def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:
     """
     try:
         content = record.read_bytes()
-        entries = msgspec.json.decode(content, type=dict[str, msgspec.Raw])
-        found = msgspec.json.decode(entries.get(entry, b"{}"), type=Kept)
     except OSError:
         return "other"
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return "altered"
     state = digest_in(content)
-    return found if state == "kept" else state
+    if state != "kept":
+        return state
+    try:
+        return msgspec.convert(msgspec.json.decode(content).get(entry, {}), Kept)
+    except msgspec.ValidationError:
+        return "altered"
 
 
 def state_of(folder: Path, output: Output) -> Present:

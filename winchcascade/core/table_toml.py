@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 
+from winchcascade.core.campaign_file import Load
 from winchcascade.core.published_table import (
     DEVIATIONS,
     DIMENSIONS,
@@ -18,19 +20,19 @@ from winchcascade.core.published_table import (
     BoundClaim,
     Claim,
     LargestClaim,
+    Printed,
     PrintedColumn,
     PublishedTable,
     RisesClaim,
     ShareClaim,
-    Statement,
     TableError,
     TableRow,
     ValueClaim,
     load_text,
     same_load,
 )
-from winchcascade.core.quantity import find_unit, is_load
-from winchcascade.core.toml_text import Expected, check_keys, entries, entry, read_toml, toml_values
+from winchcascade.core.quantity import find_unit
+from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
 
 BUILT_IN = ("hsu2026-table2",)
 _FOLDER = Path(__file__).parent.parent / "published"
@@ -50,7 +52,7 @@ def load_table(table: str | Path) -> PublishedTable:
                 f"{' or '.join(BUILT_IN)}."
             )
         path = _FOLDER / f"{table}.toml"
-    return parse_table(read_toml(path, "a table that can be read", TableError), str(path), name=path.stem)
+    return parse_table(read_toml(path, TableError), str(path), name=path.stem)
 
 
 def table_place(path: str) -> str:
@@ -62,90 +64,68 @@ def table_place(path: str) -> str:
     return f"built-in table {Path(path).stem}" if Path(path).parent == _FOLDER else path
 
 
-def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable:
-    """Turn the text of a table file into a PublishedTable; `where` names the file in the one sentence of a TableError."""
-    raw = toml_values(text, where, TableError)
-    _known(raw, {"title", "source", "cycles", "columns", "row", "claim", *(f"{d}_percent" for d in DEVIATIONS)}, where)
-    columns = _columns(raw.get("columns"), where)
-    rows, total = _rows(_listed_tables(raw, "row", where, text), columns, where)
-    caption = entries(raw, _Caption, where, TableError)
-    return PublishedTable(
-        name=name,
-        title=caption.title,
-        source=caption.source,
-        columns=columns,
-        rows=rows,
-        cycles=caption.cycles,
-        deviations={d: _deviation(raw, f"{d}_percent", where) for d in DEVIATIONS if f"{d}_percent" in raw},
-        total=total,
-        claims=tuple(_claim(listed) for listed in _listed_tables(raw, "claim", where, text)),
-        path=where,
-    )  # fmt: skip
+Text = Annotated[str, Meta(pattern=r"\S", description='a text, such as "Table 2"')]
+_Percent = Annotated[float, Meta(ge=0.0, le=100.0, description="percent of the mean, from 0 to 100")]
 
 
-def _known(raw: Mapping[str, object], known: set[str], place: str) -> None:
-    check_keys(raw, known, f"{place}: ", f"no entry here; expected {', '.join(sorted(known))}", TableError)
+class _TableFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A table file as written."""
+
+    title: Text
+    source: Text
+    columns: Annotated[dict[str, Table], Meta(min_length=1)]
+    row: Annotated[list[Table], Meta(description="a [[row]] table with load_ohm and its cells for each load")]
+    cycles: Annotated[int, Meta(ge=1, lt=10**9)] | None = None
+    claim: list[Table] = []
+    deviation_energy_percent: _Percent | None = None
+    deviation_eta_percent: _Percent | None = None
 
 
-def _get(raw: Mapping[str, object], key: str, kind: Any, place: str) -> Any:
-    return entry(raw.get(key), key, kind, place, TableError)
+class _Row(msgspec.Struct, frozen=True):
+    """Key of a row: its load, or that it holds the sums of the energies."""
 
-
-class _Caption(msgspec.Struct, frozen=True):
-    """Title and source of a table, and the number of cycles that its means are over."""
-
-    title: Annotated[str, Expected('a text, such as title = "..."', str.strip)]
-    source: Annotated[str, Expected('a text, such as source = "..."', str.strip)]
-    cycles: Annotated[
-        int | None,
-        Expected("the number of cycles that the means are over, such as 3", lambda n: 1 <= n < 10**9),
-    ] = None
+    load_ohm: Load | None = None
+    total: bool = False
 
 
 class _Quotation(msgspec.Struct, frozen=True):
     """The words of a claim, and the place in the source."""
 
-    says: Annotated[str, Expected('a text, such as says = "..."', str.strip)]
-    where: Annotated[str, Expected('a text, such as where = "..."', str.strip)]
+    says: Text
+    where: Text
 
 
-_Load = Annotated[float, Expected("ohms above 0, or inf for an open circuit", is_load)]
-_Decimals = Annotated[
-    int, Expected("how many are printed, such as 3, or -1 for values rounded to tens", lambda n: -9 <= n <= 12)
-]
-_Number = Annotated[
-    float,
-    Expected("a number without quotes, unit or thousands sign"),
-    Expected("a finite number that is not negative", lambda x: math.isfinite(x) and x >= 0),
-    Expected("less than 1e15, so check the unit of the column", lambda x: x <= 1e15),
-]
-_Percent = Annotated[_Number, Expected("percent of the mean, at most 100", lambda x: x <= 100)]
+def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable:
+    """Turn the text of a table file into a PublishedTable; `where` names the file in the one sentence of a TableError."""
+    raw = toml_values(text, where, TableError)
+    file: _TableFile = convert(raw, _TableFile, f"{where}:", TableError)
+    check_keys(file.columns, ("load_ohm", *DIMENSIONS), f"{where}: [columns]", TableError)
+    columns = {
+        column: _column(stated, DIMENSIONS.get(column, "resistance"), f"{where}: [columns] {column}")
+        for column, stated in file.columns.items()
+    }
+    lines = _lines_of(text, "row", len(file.row))
+    rows = [_row(row, columns, f"{where}: row {k + 1}", lines[k]) for k, row in enumerate(file.row)]
+    _check_rows(rows, where)
+    of_claims = _lines_of(text, "claim", len(file.claim))
+    return PublishedTable(
+        name=name,
+        title=file.title,
+        source=file.source,
+        columns=columns,
+        rows=tuple(row for row in rows if not math.isnan(row.load)),
+        cycles=file.cycles,
+        deviations={d: _deviation(raw[f"{d}_percent"]) for d in DEVIATIONS if f"{d}_percent" in raw},
+        total=next((row for row in rows if math.isnan(row.load)), None),
+        claims=tuple(
+            _claim(claim, f"{where}: claim {k + 1}", of_claims[k].get("")) for k, claim in enumerate(file.claim)
+        ),
+        path=where,
+    )
 
 
-def _one_of(names: tuple[str, ...]) -> Any:
-    """Type of an entry that is one of some names."""
-    return Annotated[str, Expected(f"one of {', '.join(names)}", names.__contains__)]
-
-
-_Metric, _Bounded = _one_of(tuple(DIMENSIONS)), _one_of((*DIMENSIONS, *DEVIATIONS))
-_Stage = _one_of(tuple(DIMENSIONS)[:6])
-
-
-class _Listed(NamedTuple):
-    """One of several tables of a name: its entries, its place for a message, and the lines of its entries in the file.
-
-    The line of its header has the key "".
-    """
-
-    raw: dict[str, object]
-    place: str
-    lines: dict[str, int]
-
-
-def _listed_tables(raw: Mapping[str, object], key: str, where: str, text: str) -> list[_Listed]:
-    """Tables of one name; without lines where the text writes them in another way than under [[headers]]."""
-    kind = Annotated[list[dict[str, object]], Expected(f"[[{key}]] tables")]
-    tables: list[dict[str, object]] = entry(raw.get(key, []), key, kind, where, TableError)
+def _lines_of(text: str, key: str, tables: int) -> list[dict[str, int]]:
+    """Lines of the entries of each of several tables of a name, of its header by the key ""; empty without [[headers]]."""
     lines: list[dict[str, int]] = []
     inside = False
     for number, line in enumerate(text.splitlines(), 1):
@@ -154,161 +134,109 @@ def _listed_tables(raw: Mapping[str, object], key: str, where: str, text: str) -
             lines += [{"": number}] if inside else []
         elif inside and (named := re.match(r"\s*(\w+)\s*=", line)):
             lines[-1].setdefault(named[1], number)
-    if len(lines) != len(tables):
-        lines = [{} for _ in tables]
-    return [_Listed(table, f"{where}: {key} {k + 1}", lines[k]) for k, table in enumerate(tables)]
+    return lines if len(lines) == tables else [{} for _ in range(tables)]
 
 
-def _deviation(raw: Mapping[str, object], key: str, where: str) -> tuple[float, PrintedColumn]:
+def _deviation(printed: object) -> tuple[float, PrintedColumn]:
     """A deviation as printed: the digits written in the file show how it was rounded."""
-    _, _, digits = repr(raw[key]).partition(".")
-    return _get(raw, key, _Percent, where), PrintedColumn("%", len(digits) if digits.isdigit() else 0, 0.01)
+    _, _, digits = repr(printed).partition(".")
+    return float(str(printed)), PrintedColumn("%", len(digits) if digits.isdigit() else 0, 0.01)
 
 
-_LIKE = {"energy": "J or kJ", "power": "W or kW", "number": "1 or %", "resistance": "ohm"}
+_NUMBER = ("unit", "decimals")
+"""Entries of a printed number, of a column or of a claim."""
+
+_USUAL = {"energy": "J or kJ", "power": "W or kW", "number": "1 or %", "resistance": "ohm"}
 """Usual units of each dimension, for a message."""
 
 
 def _column(raw: Mapping[str, object], dimension: str, place: str) -> PrintedColumn:
     """Unit and decimals of the numbers of a column, or of the number of a claim."""
-    name = raw.get("unit")
-    unit = find_unit(name) if isinstance(name, str) and dimension != "energy" else None
-    factor = ENERGY_UNITS.get(str(name)) if dimension == "energy" else unit.factor if unit else None
-    if factor is None or (unit is not None and unit.dimension != dimension):
-        raise TableError(f"{place}: the unit {name!r} is none of {dimension}; expected one such as {_LIKE[dimension]}.")
-    return PrintedColumn(str(name), _get(raw, "decimals", _Decimals, place), factor)
-
-
-def _columns(raw: object, where: str) -> dict[str, PrintedColumn]:
-    if not isinstance(raw, dict) or not raw:
+    check_keys(raw, _NUMBER, place, TableError)
+    column: PrintedColumn = convert(raw, PrintedColumn, place, TableError)
+    unit = find_unit(column.unit) if dimension != "energy" else None
+    factor = ENERGY_UNITS.get(column.unit) if dimension == "energy" else unit.factor if unit else None
+    other = (unit is not None and unit.dimension != dimension) or (dimension == "resistance" and factor != 1.0)
+    if factor is None or other:
         raise TableError(
-            f'{where}: no columns; expected [columns] with an entry such as power_line = {{ unit = "W", decimals = 0 }}.'
+            f"{place}: the unit {column.unit!r} is none of {dimension}; expected one such as {_USUAL[dimension]}."
         )
-    _known(raw, {"load_ohm", *DIMENSIONS}, f"{where}: [columns]")
-    columns = {}
-    for name, cell in raw.items():
-        place = f"{where}: [columns] {name}"
-        if not isinstance(cell, dict):
-            raise TableError(f'{place} is {cell!r}; expected {{ unit = "...", decimals = ... }}.')
-        _known(cell, {"unit", "decimals"}, place)
-        columns[name] = _column(cell, DIMENSIONS.get(name, "resistance"), place)
-        if name == "load_ohm" and columns[name].factor != 1.0:
-            raise TableError(f"{place}: the unit is {columns[name].unit!r}; expected ohm, as the name says.")
-    return columns
+    return PrintedColumn(column.unit, column.decimals, factor)
 
 
-def _rows(
-    listed: list[_Listed], columns: Mapping[str, PrintedColumn], where: str
-) -> tuple[tuple[TableRow, ...], TableRow | None]:
-    rows: list[TableRow] = []
-    total = None
-    for raw, place, lines in listed:
-        _known(raw, {"load_ohm", "total", *DIMENSIONS}, place)
-        if raw.get("total", False) is not False:
-            if total is not None:
-                raise TableError(f"{place}: a second row has total = true; expected one row of sums.")
-            odd = [] if raw["total"] is True else [f"total = {raw['total']!r}"]
-            odd += [key for key in raw if key != "total" and DIMENSIONS.get(key) != "energy"]
-            if odd:
-                raise TableError(f"{place}: {odd[0]} in a row of sums; expected total = true and energies alone.")
-            total = TableRow(math.nan, _cells(raw, columns, place), lines)
-            continue
-        load = _get(raw, "load_ohm", _Load, place)
-        if any(same_load(row.load, load) for row in rows):
-            raise TableError(f"{place}: {load_text(load)} has a row already; expected one row for each load.")
-        rows.append(TableRow(load, _cells(raw, columns, place), lines))
-    if not rows:
-        raise TableError(f"{where}: no rows; expected a [[row]] table with load_ohm and its cells for each load.")
-    return tuple(rows), total
-
-
-def _cells(row: dict[str, object], columns: Mapping[str, PrintedColumn], place: str) -> dict[str, float]:
+def _row(raw: Table, columns: Mapping[str, PrintedColumn], place: str, lines: Mapping[str, int]) -> TableRow:
+    """The cells of a load; a row of sums has NaN in place of the load."""
+    check_keys(raw, ("load_ohm", "total", *DIMENSIONS), place, TableError)
+    key: _Row = convert(raw, _Row, place, TableError)
     cells = {}
-    for metric in (metric for metric in DIMENSIONS if metric in row):
+    for metric in (metric for metric in DIMENSIONS if metric in raw):
         if metric not in columns:
             raise TableError(f"{place}: {metric} has no entry under [columns]; add its unit and decimals there.")
-        cells[metric] = _rounded(row, metric, columns[metric].decimals, place)
+        cells[metric] = convert(raw[metric], Printed, f"{place} {metric}", TableError)
+        _check_rounded(cells[metric], columns[metric], f"{place} {metric}")
     if not cells:
         raise TableError(f"{place}: no cells; expected some of {', '.join(DIMENSIONS)}.")
-    return cells
+    if key.total == (key.load_ohm is not None) or (
+        key.total and {DIMENSIONS[metric] for metric in cells} != {"energy"}
+    ):
+        raise TableError(f"{place}: expected load_ohm with its cells, or total = true with sums of energies alone.")
+    return TableRow(math.nan if key.load_ohm is None else key.load_ohm, cells, lines)
 
 
-def _rounded(raw: Mapping[str, object], key: str, decimals: int, place: str) -> float:
-    """Read a number that is printed with a given number of decimals."""
-    value: float = _get(raw, key, _Number, place)
+def _check_rows(rows: Sequence[TableRow], where: str) -> None:
+    """Reject a table without rows, and two rows of one load or of sums."""
+    loads: list[float] = []
+    for k, load in enumerate((row.load for row in rows), 1):
+        if any(same_load(load, other) or (math.isnan(load) and math.isnan(other)) for other in loads):
+            what = "a second row of sums" if math.isnan(load) else f"{load_text(load)} has a row already"
+            raise TableError(f"{where}: row {k}: {what}; expected one row for each load, and one of sums at most.")
+        loads.append(load)
+    if all(map(math.isnan, loads)):
+        raise TableError(f"{where}: no rows; expected a [[row]] table with load_ohm and its cells for each load.")
+
+
+def _check_rounded(value: float, column: PrintedColumn, place: str) -> None:
+    """Reject a number with more decimals than are said to be printed."""
+    decimals = column.decimals
     if abs(value - round(value, decimals)) > 1e-9 * max(10.0**-decimals, value * 1e-3):
         raise TableError(
-            f"{place}: {key} is {value:.15g}, but {decimals} decimals are said to be printed; expected a value "
+            f"{place} is {value:.15g}, but {decimals} decimals are said to be printed; expected a value "
             f"rounded to {10.0**-decimals:g}, so correct the cell or the decimals."
         )
-    return value
 
 
-def _claim(listed: _Listed) -> Claim:
-    """Read a claim by the first key of `_CLAIMS` that it has."""
-    raw, place, lines = listed
-    kind = next((key for key in _CLAIMS if key in raw), None)
-    if kind is None:
-        raise TableError(f"{place}: nothing claimed; expected one of {', '.join(_CLAIMS)}.")
-    known, read = _CLAIMS[kind]
-    _known(raw, {"says", "where", *known}, place)
-    quoted = entries(raw, _Quotation, place, TableError)
-    return Claim(quoted.says, quoted.where, read(raw, place), lines.get(""))
-
-
-def _each(raw: dict[str, object], key: str, kind: Any, place: str) -> tuple[Any, ...]:
-    """Values of an entry that is a list or a single value."""
-    value = raw.get(key)
-    values = value if isinstance(value, list) and value else [value]
-    return tuple(entry(one, key, kind, place, TableError) for one in values)
-
-
-def _claimed(raw: dict[str, object], key: str, dimension: str, place: str) -> tuple[float, PrintedColumn]:
-    column = _column(raw, dimension, place)
-    return _rounded(raw, key, column.decimals, place), column
-
-
-def _value(raw: dict[str, object], place: str) -> ValueClaim:
-    metric = _get(raw, "metric", _Metric, place)
-    value, column = _claimed(raw, "value", DIMENSIONS[metric], place)
-    return ValueClaim(metric, _get(raw, "load_ohm", _Load, place), value, column)
-
-
-def _share(raw: dict[str, object], place: str) -> ShareClaim:
-    part, of = _get(raw, "part", _Stage, place), _get(raw, "of", _Stage, place)
-    order = tuple(DIMENSIONS)
-    if part.partition("_")[0] != of.partition("_")[0] or order.index(part) <= order.index(of):
-        raise TableError(f"{place}: part is {part} and of is {of}; expected energies or powers, part behind of.")
-    return ShareClaim(part, of, _get(raw, "load_ohm", _Load, place), *_claimed(raw, "value", "number", place))
-
-
-def _bound(raw: dict[str, object], place: str) -> BoundClaim:
-    if "at_most" in raw and "at_least" in raw:
-        raise TableError(f"{place}: at_most and at_least together; expected one of them in a claim.")
-    side: Literal["at_most", "at_least"] = "at_most" if "at_most" in raw else "at_least"
-    metric = _get(raw, "metric", _Bounded, place)
-    load = _get(raw, "load_ohm", _Load, place) if "load_ohm" in raw else None
-    return BoundClaim(metric, side, load, *_claimed(raw, side, DIMENSIONS.get(metric, "number"), place))
-
-
-def _largest(raw: dict[str, object], place: str) -> LargestClaim:
-    return LargestClaim(_each(raw, "metric", _Metric, place), _each(raw, "largest_at_ohm", _Load, place))
-
-
-def _rises(raw: dict[str, object], place: str) -> RisesClaim:
-    first, last = _get(raw, "rises_from_ohm", _Load, place), _get(raw, "to_ohm", _Load, place)
-    if same_load(first, last):
-        raise TableError(f"{place}: rises_from_ohm and to_ohm are both {load_text(first)}; expected two loads.")
-    return RisesClaim(_each(raw, "metric", _Metric, place), first, last)
-
-
-_NUMBER = ("load_ohm", "unit", "decimals")
-_CLAIMS: dict[str, tuple[tuple[str, ...], Callable[[dict[str, object], str], Statement]]] = {
-    "part": (("part", "of", "value", *_NUMBER), _share),
-    "value": (("metric", "value", *_NUMBER), _value),
-    "at_most": (("metric", "at_most", "at_least", *_NUMBER), _bound),
-    "at_least": (("metric", "at_most", "at_least", *_NUMBER), _bound),
-    "largest_at_ohm": (("metric", "largest_at_ohm"), _largest),
-    "rises_from_ohm": (("metric", "rises_from_ohm", "to_ohm"), _rises),
+_CLAIMS: dict[str, Any] = {
+    "part": ShareClaim,
+    "value": ValueClaim,
+    "at_most": BoundClaim,
+    "at_least": BoundClaim,
+    "largest_at_ohm": LargestClaim,
+    "rises_from_ohm": RisesClaim,
 }
-"""Kinds of claims by a key that each has: their keys, and how they are read. A share has a value too, so it comes first."""
+"""Kinds of claims by a key that each has; a share has a value too, so it comes first."""
+
+
+def _claim(raw: Table, place: str, line: int | None) -> Claim:
+    """Read a claim by the first key of `_CLAIMS` that it has."""
+    key = next((key for key in _CLAIMS if key in raw), None)
+    if key is None:
+        raise TableError(f"{place}: nothing claimed; expected one of {', '.join(_CLAIMS)}.")
+    kind, quoted = _CLAIMS[key], convert(raw, _Quotation, place, TableError)
+    names = [field.encode_name for field in msgspec.structs.fields(kind)]
+    stated = {name: value for name, value in raw.items() if name not in (*_NUMBER, "says", "where")}
+    if kind is BoundClaim:
+        names[names.index("value")] = key
+        stated |= {"side": key, "value": stated.pop(key), "load_ohm": raw.get("load_ohm")}
+    if kind in (LargestClaim, RisesClaim):
+        several = {name for name in ("metric", "largest_at_ohm") if name in stated}
+        stated |= {name: [stated[name]] for name in several if not isinstance(stated[name], list)}
+    has_number = "column" in names
+    known = [name for name in names if name not in ("column", "side")]
+    check_keys(raw, (*known, "says", "where", *(_NUMBER if has_number else ())), place, TableError)
+    if has_number:
+        dimension = "number" if kind is ShareClaim else DIMENSIONS.get(str(raw.get("metric")), "number")
+        stated["column"] = _column({name: raw[name] for name in _NUMBER if name in raw}, dimension, place)
+    statement = convert(stated, kind, place, TableError)
+    if has_number:
+        _check_rounded(statement.value, statement.column, f"{place} {key}")
+    return Claim(quoted.says, quoted.where, statement, line)

@@ -1,13 +1,34 @@
-"""Results in a notebook: methods that the public functions `frame`, `plot` and `summary_html` answer."""
+"""Results in a notebook: methods that the public functions `frame`, `plot` and `summary_html` answer, and types of signatures
+that are imported late.
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
-from winchcascade.core.late_module import LateModule
 from winchcascade.core.public_names import public
+
+
+class LateModule:
+    """A module that is imported when one of its names is taken.
+
+    `inspect.signature(..., eval_str=True)` resolves annotations among the names of a module; one that is imported for a type
+    checker alone is not among them.
+
+    >>> LateModule("fractions").Fraction(1, 2)
+    Fraction(1, 2)
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> object:
+        """A name of the module."""
+        return getattr(import_module(self._name), name)
+
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,9 +12,9 @@ from winchcascade.core.accuracy import open_circuit_current
 from winchcascade.core.arguments import CYCLES, SPANS, check_arguments
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.integrate import median
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import (

@@ -12,7 +12,7 @@ from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.quantity import KGCM2
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.model_comparison import ModelComparison
-from winchcascade.reduction.bins import stored_by
+from winchcascade.reduction.bins import stored_powers
 
 MIN_BIN_SAMPLES = 3
 """Minimum number of samples of a bin, or the number of cycles where these are fewer."""
@@ -134,7 +134,7 @@ def quantities(comparison: ModelComparison, run: Run) -> dict[str, Signal]:
     found |= {name: watt for name, watt in powers.items() if watt is not None}
     if found.keys() >= powers.keys():
         shaft = model.drivetrain
-        stored = stored_by(run, comparison.rig, shaft.inertia_rotor, shaft.k_shaft, model.dc_link.c_dc)
+        stored = stored_powers(run, comparison.rig, shaft.inertia_rotor, shaft.k_shaft, model.dc_link.c_dc)
         found["input_w"] = found["power_mech_w"] - stored["rotor"] - stored.get("spring", 0.0)
         found["output_w"] = found["power_gen_w"] + stored["capacitor"]
         found["loss_w"] = found["input_w"] - found["output_w"]

@@ -15,8 +15,7 @@ import numpy as np
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import Quantity, Unit, find_unit
 from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
-from winchcascade.core.rig_number import UNCERTAINTIES
-from winchcascade.core.rig_toml import ERRORS, built_in_text, parse_rig
+from winchcascade.core.rig_toml import ERRORS, UNCERTAINTIES, built_in_text, parse_rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of
 from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity

@@ -87,6 +87,8 @@ def number(cell: str, decimal: str) -> float:
     (1234.5, -0.018, nan)
     """
     text = cell.strip().strip("\"'").translate(_MINUS)
+    if "," in text and "." in text:
+        decimal = max(",.", key=text.rfind)  # the sign that comes first parts thousands
     group = _GROUPED[decimal].match(text)
     if group is not None:
         text = re.sub(r"[^-+\d]", "", group[1]) + (group[2] or "")

@@ -5,46 +5,50 @@ Stamps as text are read in `cells`.
 
 from __future__ import annotations
 
-from datetime import date
-
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.integrate import median, positive_median
-from winchcascade.core.run import Finding, Index, Mask, Signal
+from winchcascade.core.integrate import median
+from winchcascade.core.run import Finding, FindingKind, Index, Mask, Signal
 
-JITTER = 0.1
+JITTER_SHARE = 0.1
 """Share of the usual interval from which a deviation counts as jitter."""
 
-LATEST = 1e17
+STAMP_MAX = 1e17
 """A stamp beyond this is no time: three thousand million years. [s]"""
 
-CROWDED = 1.5
+CROWDED_RATIO = 1.5
 """Number of samples between two stamps, over the number that fits there, from which there are too many. [1]"""
 
-LOST = 1.5
+LOST_RATIO = 1.5
 """An interval longer than this many usual ones has lost samples."""
 
-GLITCH = 5
+WRONG_STAMPS_MAX = 5
 """A backward step that at most this many samples explain is their fault; otherwise the clock was set back."""
 
-MANY = 1000
+BACKWARD_STEPS_MAX = 1000
 """More backward steps than this and the stamps are no clock."""
 
-UNEVEN = 0.2
+UNEVEN_SHARE = 0.2
 """With more than this share of intervals off, the log is stamped unevenly, and only long intervals are gaps."""
+
+SHARED_SHARE = 0.3
+"""With more than this share of stamps that repeat, the clock counts in steps longer than the intervals. [1]"""
+
+COARSE_RATE_SHARE = 0.01
+"""Deviation of the mean interval from the usual one from which stamps are a coarse rounding of an even clock. [1]"""
 
 _BLOCK = 1 << 18
 
 
-NO_TIME = 1e-150
+RISE_MIN = 1e-150
 """The square of a shorter interval is no number: stamps of wrong bytes, which no clock makes. [s]"""
 
-SHORTEST = 1e-9
+INTERVAL_MIN = 1e-9
 """No log is sampled more often. [s]"""
 
-MAX_LOST = 1e12
+LOST_SAMPLES_MAX = 1e12
 """Samples that one gap may have lost; a gap that would hold more comes from a wrong stamp."""
 
 
@@ -58,6 +62,12 @@ class Clock(msgspec.Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
 
 
+def _found(kind: FindingKind, message: str, action: str, at: Signal, count: int, removed: int = 0) -> Finding:
+    """A finding on the clock, from the first to the last of some stamps [s]."""
+    start, end = float(at[0]), float(at[-1])
+    return Finding(kind, message, action, start=start, end=end, count=count, removed=removed)
+
+
 def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
     """Stamp n samples of a waveform that states its own increment. [s]"""
     return Clock(start + step * np.arange(n, dtype=np.float64), 1.0 / step)
@@ -65,30 +75,19 @@ def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
 
 def require_rising(t: Signal, where: str) -> None:
     """Reject stamps that floating-point numbers cannot distinguish, after a wrong stamp or a start aeons ago; LogError."""
-    if t.size > 1 and not np.diff(t).min() > NO_TIME:
+    if t.size > 1 and not np.diff(t).min() > RISE_MIN:
         raise LogError(
             f"{where}: stamps from {t.min():.6g} to {t.max():.6g} s lie too far from zero to be distinguished; expected stamps "
             "that rise from row to row. Correct the wrong ones."
         )
 
 
-_MODULI = tuple(
-    float(n) for n in (*(2**k for k in (8, 10, 12, 14, 15, 16, 20, 24, 31, 32)), *(10**k for k in range(2, 10)))
-)
-_PERIODS = (60.0, 3600.0, 43_200.0, 86_400.0)
-"""Where counters and clocks begin again: powers of two and of ten in their own unit; minute, hour, half day and day. [s]"""
-
-_NEAR_END = 3.0
-"""Number of intervals, from its end and from zero, within which a counter begins again, unless samples were lost there."""
-
-
-def read_clock(stamps: Signal, where: str, *, unit: float = 1.0) -> Clock:
+def read_clock(stamps: Signal, where: str) -> Clock:
     """Check the stamps of a log and repair what can be repaired.
 
     Parameters
     ----------
     stamps : (n,) as logged, NaN where a stamp could not be read [s]
-    unit : in which the log counts [s]
 
     Raises
     ------
@@ -100,11 +99,9 @@ def read_clock(stamps: Signal, where: str, *, unit: float = 1.0) -> Clock:
     t, rows = with_all_stamps(stamps, findings, where)
     usual = _usual(np.diff(t), where)
     if np.any(np.diff(t) < 0):
-        t = counted_on(t, usual, unit, findings)
-    if np.any(np.diff(t) < 0):
         t, rows = forward(t, rows, usual, findings, where)
         usual = _usual(np.diff(t), where)
-    if np.count_nonzero(np.diff(t) == 0) > 0.3 * t.size:
+    if np.count_nonzero(np.diff(t) == 0) > SHARED_SHARE * t.size:
         t = spread(t, findings)
         usual = _usual(np.diff(t), where)
     even = evened(t, np.diff(t), usual)
@@ -126,7 +123,7 @@ def _usual(interval: Signal, where: str) -> float:
     """Usual interval of a clock that advances. [s]"""
     ahead = interval[interval > 0]
     usual = _median(ahead) if ahead.size else 0.0
-    if usual < SHORTEST:
+    if usual < INTERVAL_MIN:
         raise LogError(
             f"{where}: the time column does not advance; expected stamps that rise from row to row. Name the right column "
             f"in a rig file under [columns]."
@@ -148,7 +145,7 @@ def _steady(stamps: Signal) -> bool:
         return False
     for start in range(0, stamps.size - 1, _BLOCK):
         interval = np.diff(stamps[start : start + _BLOCK + 1])
-        if not (interval.min() > (1 - JITTER) * usual and interval.max() < (1 + JITTER) * usual):
+        if not (interval.min() > (1 - JITTER_SHARE) * usual and interval.max() < (1 + JITTER_SHARE) * usual):
             return False
     return True
 
@@ -159,30 +156,23 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
     off = np.abs(interval - usual) > _tolerance(t, interval, usual)
     if not off.any():
         return np.empty((0, 2)), _rate(float(np.mean(interval)))
-    long = interval > LOST * usual
-    whole = np.abs(interval / usual - np.rint(interval / usual)) < 2 * JITTER
+    long = interval > LOST_RATIO * usual
+    whole = np.abs(interval / usual - np.rint(interval / usual)) < 2 * JITTER_SHARE
     jitters = off & ~(long & whole)
-    if np.count_nonzero(jitters) > UNEVEN * interval.size:
-        long = interval > GLITCH * usual
+    if np.count_nonzero(jitters) > UNEVEN_SHARE * interval.size:
+        long = interval > WRONG_STAMPS_MAX * usual
     at = np.flatnonzero(jitters & ~long)
     if at.size:
+        least, most = interval[at].min(), interval[at].max()
         message = (
-            f"{at.size} of {interval.size} intervals differ from the usual {usual:.4g} s by more than {JITTER:.0%}, between "
-            f"{interval[at].min():.4g} and {interval[at].max():.4g} s"
+            f"{at.size} of {interval.size} intervals differ from the usual {usual:.4g} s by more than {JITTER_SHARE:.0%}, "
+            f"between {least:.4g} and {most:.4g} s"
         )
-        findings.append(
-            Finding(
-                "clock_jitter",
-                message,
-                "used on their own stamps",
-                start=float(t[at[0]]),
-                end=float(t[at[-1] + 1]),
-                count=int(at.size),
-            )
-        )
+        around = np.append(t[at], t[at[-1] + 1])
+        findings.append(_found("clock_jitter", message, "used on their own stamps", around, int(at.size)))
     at = np.flatnonzero(long)
     gaps = np.column_stack((t[at], t[at + 1]))
-    steps = np.rint(np.minimum(interval[at] / usual, MAX_LOST)).astype(np.int64)
+    steps = np.rint(np.minimum(interval[at] / usual, LOST_SAMPLES_MAX)).astype(np.int64)
     unlogged = steps - 1 - np.maximum(rows[at + 1] - rows[at] - 1, 0)
     lost = unlogged > 0
     if lost.any():
@@ -193,31 +183,22 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
             f"{what} never logged, in {begin.size} gap{'s' if begin.size > 1 else ''}; the longest lasts "
             f"{end[k] - begin[k]:.2f} s at {begin[k]:.2f} s"
         )
-        findings.append(
-            Finding(
-                "dropped_samples",
-                message,
-                "bridged by straight lines",
-                start=float(begin[0]),
-                end=float(end[-1]),
-                count=count,
-                removed=count,
-            )
-        )
+        around = np.append(begin, end[-1])
+        findings.append(_found("dropped_samples", message, "bridged by straight lines", around, count, count))
     return gaps, _rate(usual if long.all() else float(np.mean(interval[~long])))
 
 
 def _tolerance(t: Signal, interval: Signal, usual: float) -> float:
     """What an interval may be off; stamps rounded so coarsely that the rate does not fit them differ by their step. [s]"""
-    near = interval[interval < LOST * usual]
-    if near.size == 0 or abs(float(np.mean(near)) - usual) <= 0.01 * usual:
-        return JITTER * usual
-    return max(JITTER * usual, 1.05 * resolution(t, usual))
+    near = interval[interval < LOST_RATIO * usual]
+    if near.size == 0 or abs(float(np.mean(near)) - usual) <= COARSE_RATE_SHARE * usual:
+        return JITTER_SHARE * usual
+    return max(JITTER_SHARE * usual, 1.05 * resolution(t, usual))
 
 
 def _rate(interval: float) -> float:
     """Sampling rate from the mean interval, to the digits that stamps carry. [Hz]"""
-    return float(f"{1.0 / float(interval):.6g}")
+    return float(f"{1.0 / interval:.6g}")
 
 
 def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tuple[Signal, Index]:
@@ -226,7 +207,7 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
     Rows at the ends that have none are left out, and those between two stamps that are too close for so many samples: such
     rows are not of the log's rate, as the empty ones that a spreadsheet holds between two tables.
     """
-    good = np.flatnonzero(np.abs(stamps) < LATEST)
+    good = np.flatnonzero(np.abs(stamps) < STAMP_MAX)
     if good.size < 3:
         raise LogError(
             f"{where}: the time column holds {good.size} readable stamp{'' if good.size == 1 else 's'}; expected seconds, "
@@ -243,17 +224,8 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
     done = ["filled between their neighbours"] if lost > outside + crowded else []
     done += [f"{outside} rows at the ends left out"] if outside else []
     done += [f"{crowded} rows between stamps that leave no room for them left out"] if crowded else []
-    findings.append(
-        Finding(
-            "not_a_number",
-            f"{lost} stamps could not be read",
-            "; ".join(done),
-            start=float(at[0]),
-            end=float(at[-1]),
-            count=lost,
-            removed=outside + crowded,
-        )
-    )
+    message = f"{lost} stamps could not be read"
+    findings.append(_found("not_a_number", message, "; ".join(done), at, lost, outside + crowded))
     return t[kept], rows[kept]
 
 
@@ -261,7 +233,7 @@ def _crowded(stamps: Signal, good: Index) -> Mask:
     """Rows from the first stamp to the last whose neighbours' stamps leave no room for them at the usual interval."""
     between, apart = np.diff(good), np.diff(stamps[good])
     usual = median(apart[between == 1]) if np.any(between == 1) else 0.0
-    crowded = np.append(np.repeat((between * usual > CROWDED * apart) & (apart >= 0), between), False)
+    crowded = np.append(np.repeat((between * usual > CROWDED_RATIO * apart) & (apart >= 0), between), False)
     crowded[good - good[0]] = False
     return crowded
 
@@ -269,8 +241,8 @@ def _crowded(stamps: Signal, good: Index) -> Mask:
 def evened(t: Signal, interval: Signal, usual: float) -> Signal | None:
     """Even stamps that the log's own are a rounding of, as 75 Hz in steps of 0.01 s; None where rows are missing. [s]"""
     step = resolution(t, usual)
-    coarse = 0 < step < 1.01 * usual and abs(float(np.mean(interval)) - usual) >= 0.01 * usual
-    if not coarse or np.count_nonzero(np.abs(interval - usual) > JITTER * usual) < GLITCH:
+    coarse = 0 < step < 1.01 * usual and abs(float(np.mean(interval)) - usual) >= COARSE_RATE_SHARE * usual
+    if not coarse or np.count_nonzero(np.abs(interval - usual) > JITTER_SHARE * usual) < WRONG_STAMPS_MAX:
         return None
     place = np.arange(t.size) - 0.5 * (t.size - 1)
     dt = float(place @ (t - t[0])) / float(place @ place)
@@ -299,43 +271,10 @@ def spread(t: Signal, findings: list[Finding]) -> Signal:
 
 def _coarse(t: Signal, repeated: int, counts: str) -> Finding:
     """Finding for a clock that counts in steps longer than the intervals between samples."""
-    return Finding(
-        "repeated_stamp",
-        f"{repeated} stamp{'s repeat' if repeated > 1 else ' repeats'} the one before: the clock counts in {counts}",
-        "samples spread evenly",
-        start=float(t[0]),
-        end=float(t[-1]),
-        count=repeated,
+    message = (
+        f"{repeated} stamp{'s repeat' if repeated > 1 else ' repeats'} the one before: the clock counts in {counts}"
     )
-
-
-def counted_on(t: Signal, usual: float, unit: float, findings: list[Finding]) -> Signal:
-    """Count on where a counter modulo N, such as one of 16 bits, begins again from zero; as it is for any other clock. [s]
-
-    >>> found = []
-    >>> counted_on(np.array([65.534, 65.535, 0.0, 0.001]), 0.001, 0.001, found).round(3).tolist()
-    [65.534, 65.535, 65.536, 65.537]
-    """
-    back = np.flatnonzero(np.diff(t) < 0)
-    largest = float(t.max())
-    if t.min() < 0:
-        return t
-    slack = _NEAR_END * usual
-    for period in sorted({*(n * unit for n in _MODULI), *_PERIODS}):
-        step = t[back + 1] + period - t[back]
-        if largest < period <= largest + slack and np.all((step > 0.5 * usual) & (t[back] > 0.5 * period)):
-            message = (
-                f"the clock counts up to {period:g} s and begins again at {back.size} place{'s' * (back.size > 1)}"
-            )
-            start, end = float(t[back[0]]), float(t[back[-1]] + period * (back.size - 1))
-            findings.append(
-                Finding("backward_stamp", message, "counted on", start=start, end=end, count=int(back.size))
-            )
-            after: Signal = t.copy()
-            for k in back.tolist():
-                after[k + 1 :] += period
-            return after
-    return t
+    return _found("repeated_stamp", message, "samples spread evenly", t, repeated)
 
 
 def forward(t: Signal, rows: Index, usual: float, findings: list[Finding], where: str) -> tuple[Signal, Index]:
@@ -345,25 +284,18 @@ def forward(t: Signal, rows: Index, usual: float, findings: list[Finding], where
     start = end = float(t[int(np.argmax(np.diff(t) < 0))])
     while (back := np.flatnonzero(np.diff(t) < 0)).size:
         steps += 1
-        if steps > MANY:
+        if steps > BACKWARD_STEPS_MAX:
             raise LogError(
-                f"{where}: the time column runs backward at more than {MANY} places; expected stamps that rise from row "
-                f"to row. Name the right column in a rig file under [columns]."
+                f"{where}: the time column runs backward at more than {BACKWARD_STEPS_MAX} places; expected stamps that rise "
+                "from row to row. Name the right column in a rig file under [columns]."
             )
         end = float(t[back[0]])
         t, rows, action, lost = _put_right(t, rows, int(back[0]) + 1, usual)
         removed += lost
         done.add(action)
+    message = f"the clock steps back at {steps} place{'s' if steps > 1 else ''}"
     findings.append(
-        Finding(
-            "backward_stamp",
-            f"the clock steps back at {steps} place{'s' if steps > 1 else ''}",
-            " and ".join(sorted(done)),
-            start=start,
-            end=end,
-            count=steps,
-            removed=removed,
-        )
+        _found("backward_stamp", message, " and ".join(sorted(done)), np.array([start, end]), steps, removed)
     )
     return t, rows
 
@@ -374,12 +306,16 @@ def _put_right(t: Signal, rows: Index, k: int, usual: float) -> tuple[Signal, In
     later = np.flatnonzero(t[k:] > t[k - 1])
     behind = k + int(later[0]) if later.size else t.size
     early, late = k - ahead, behind - k
-    if min(early, late) > GLITCH:
+    if min(early, late) > WRONG_STAMPS_MAX:
         t[k:] += t[k - 1] + usual - t[k]
         return t, rows, "later stamps moved forward to follow on", 0
     order = ahead + np.argsort(t[ahead:behind], kind="stable")
     steps = np.diff(np.concatenate((t[ahead - 1 : ahead], t[order], t[behind : behind + 1])))
-    if early <= GLITCH and late <= GLITCH and np.all((steps > 0.5 * usual) & (steps < LOST * usual)):
+    if (
+        early <= WRONG_STAMPS_MAX
+        and late <= WRONG_STAMPS_MAX
+        and np.all((steps > 0.5 * usual) & (steps < LOST_RATIO * usual))
+    ):
         t[ahead:behind] = t[order]
         rows = rows.copy()
         rows[ahead:behind] = rows[order]
@@ -398,17 +334,8 @@ def without_repeats(t: Signal, rows: Index, usual: float, findings: list[Finding
     left_out = np.setdiff1d(again, missing)
     done = [f"{left_out.size} left out"] if left_out.size else []
     done += [f"{missing.size} given the stamp that was missing"] if missing.size else []
-    findings.append(
-        Finding(
-            "repeated_stamp",
-            f"{again.size} sample{'s repeat' if again.size > 1 else ' repeats'} the stamp before",
-            ", ".join(done),
-            start=float(t[again[0]]),
-            end=float(t[again[-1]]),
-            count=int(again.size),
-            removed=int(left_out.size),
-        )
-    )
+    message = f"{again.size} sample{'s repeat' if again.size > 1 else ' repeats'} the stamp before"
+    findings.append(_found("repeated_stamp", message, ", ".join(done), t[again], int(again.size), int(left_out.size)))
     return np.delete(mended, left_out), np.delete(rows, left_out)
 
 
@@ -420,56 +347,3 @@ def resolution(t: Signal, usual: float) -> float:
         if np.all(np.abs(scaled - np.rint(scaled)) < 1e-3 * max(1.0, usual * 10.0**digits)):
             return float(10.0**-digits)
     return 0.0
-
-
-_DAY = 86400.0
-_LONGEST = 10.0
-"""With longer intervals the jump from one minute to the next is not significant. [s]"""
-
-_NEAR = 0.5
-"""The interval over the end of a minute deviates from the usual one by less than this share."""
-
-
-@np.errstate(invalid="ignore")  # the remainder of an infinite stamp
-def clock_of_digits(stamps: Signal) -> Signal | None:
-    """Seconds since the first stamp, if the stamps are certain to be HHMMSS or YYYYMMDDHHMMSS; else None. [s]
-
-    They are where no minute and no second reaches 60, no hour 24, every date exists, and the next minute begins one interval
-    after the last stamp of each: read as plain seconds, that interval would be 40 s longer. NaN stays.
-
-    >>> clock_of_digits(np.array([95959.0, 95959.5, 100000.0, 100000.5])).tolist()
-    [0.0, 0.5, 1.0, 1.5]
-    """
-    if np.any(stamps % 100 >= 60):  # at once for nearly every log of plain seconds
-        return None
-    at = np.flatnonzero(np.isfinite(stamps))
-    whole = np.floor(stamps[at])
-    day, in_day = np.divmod(whole, 1e6)
-    hour, minute, second = in_day // 1e4, in_day // 100 % 100, in_day % 100
-    number = _numbers(day)
-    if at.size == 0 or number is None or hour.max() >= 24 or minute.max() >= 60:
-        return None
-    since = number * _DAY + hour * 3600 + minute * 60 + second + (stamps[at] - whole)
-    if not day.any():
-        since += _DAY * np.cumsum(np.diff(since, prepend=since[0]) < -_DAY / 2)
-    interval = np.diff(since)
-    over = interval[np.diff(whole // 100) != 0]
-    usual = positive_median(interval)
-    # Minutes end within the log, each a usual interval before the next one begins.
-    if not (0 < usual < _LONGEST and over.size and np.all(np.abs(over - usual) < _NEAR * usual)):
-        return None
-    seconds = np.full(stamps.size, np.nan)
-    seconds[at] = since - since[0]
-    return seconds
-
-
-def _numbers(days: Signal) -> Signal | None:
-    """Number each day, written YYYYMMDD; 0 for stamps without a date, None if one does not exist."""
-    different, which = np.unique(days, return_inverse=True)
-    if different.size == 1 and different[0] == 0:
-        return days
-    try:
-        numbers = [date(int(d) // 10000, int(d) // 100 % 100, int(d) % 100).toordinal() for d in different.tolist()]
-    except (ValueError, OverflowError):
-        return None
-    return np.array(numbers, dtype=np.float64)[which]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+import struct
+import tempfile
 from pathlib import Path
-from typing import Literal
+
+from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError
 from winchcascade.ingest.source import LogSource, reject_sheet
 
-_ISOLATED = {
+_READERS = {
     b"TDSm": "tdms",
     b"PAR1": "parquet",
     b"\x1f\x8b": "archive",
@@ -17,7 +20,39 @@ _ISOLATED = {
     b"MATLAB ": "mat",
     b"\x89HDF": "mat",
 }
-"""By first bytes, readers that run in a process of their own, as `isolated` names them."""
+"""Readers by first bytes."""
+
+_AS_CSV = "as CSV"
+_UNREADABLE = {
+    b"CDF\x01": ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`"),
+    b"CDF\x02": ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`"),
+    b"CDF\x05": ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`"),
+    b"MDF ": ("an MDF measurement (MF4)", "by `asammdf.MDF(...).export('csv')`"),
+    b"ARROW1": ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`"),
+    b"FEA1": ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`"),
+    b"#ROSBAG": ("a ROS bag", "by `rostopic echo -b FILE -p TOPIC`, which prints CSV"),
+    b"\x93NUMPY": ("a NumPy array", "by `numpy.savetxt(...)` with a header of names"),
+    b"BZh": ("bzip2-compressed", "by unpacking it"),
+    b"\xfd7zXZ": ("xz-compressed", "by unpacking it"),
+    b"\x28\xb5\x2f\xfd": ("zstd-compressed", "by unpacking it"),
+    b"7z\xbc\xaf": ("a 7z archive", "by unpacking it"),
+    b"Rar!": ("a RAR archive", "by unpacking it"),
+    b"SQLite format 3": ("an SQLite database", _AS_CSV),
+    b"%PDF": ("a PDF document", _AS_CSV),
+    b"\x89PNG": ("a PNG picture", _AS_CSV),
+    b"\xff\xd8\xff": ("a JPEG picture", _AS_CSV),
+    b"\x7fELF": ("a program", _AS_CSV),
+    b"MZ": ("a program", _AS_CSV),
+}
+"""What else first bytes show, and how its log is exported."""
+
+_ZIP_NAME = 30
+"""Place of the name of the first member in a zip archive."""
+
+_WORKBOOK = re.compile(
+    rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/|mimetype|META-INF/|(?:content|styles|meta|settings)\.xml"
+)
+"""How the names of the members of a workbook begin."""
 
 
 def open_log(path: Path, table: str | None = None, *, numbered: bool = False) -> LogSource:
@@ -33,18 +68,49 @@ def open_log(path: Path, table: str | None = None, *, numbered: bool = False) ->
     if not path.is_file():
         raise LogError(f"{path}: is not a file; give the path of one log.")
     reader = reader_of(path)
-    if reader != "delimited":
-        from winchcascade.ingest.isolated import open_isolated
+    if reader == "tdms":
+        from winchcascade.ingest.formats.tdms import open_tdms
 
-        return open_isolated(reader, path, table=table, numbered=numbered)
-    reject_sheet(table, path.name)
+        return open_tdms(path, table=table)
+    if reader == "archive":
+        return _open_archive(path, table, numbered=numbered)
+    if reader in ("excel", "mat"):
+        from winchcascade.ingest.isolated import read_isolated
+
+        options = {"numbered": numbered} if reader == "excel" else {}
+        return read_isolated(f"winchcascade.ingest.formats.{reader}:read_{reader}", path, table=table, **options)
+    if table is not None:
+        reject_sheet(table, path.name)
+    if reader == "parquet":
+        from winchcascade.ingest.formats.parquet import open_parquet
+
+        return open_parquet(path)
     from winchcascade.ingest.formats.text import open_text
 
     return open_text(path, numbered=numbered)
 
 
+def _open_archive(path: Path, table: str | None, *, numbered: bool) -> LogSource:
+    """Open the log in an archive, which stays unpacked in a temporary folder until the source is closed."""
+    from winchcascade.ingest.formats.archive import unpack
+
+    folder = tempfile.TemporaryDirectory(prefix="winchcascade-")
+    try:
+        log, inner = unpack(path, table, Path(folder.name))
+        try:
+            if reader_of(log) == "archive":
+                raise LogError(f"{log.name}: is an archive within an archive; expected one log; unpack the inner one.")
+            source = open_log(log, inner, numbered=numbered)
+        except LogError as fault:
+            raise LogError(f"{path.name}: {fault}") from None
+    except BaseException:
+        folder.cleanup()
+        raise
+    return replace(source, close=folder.cleanup)
+
+
 def reader_of(path: Path) -> str:
-    """Choose the reader of a file by its first bytes: `delimited`, or a name that `isolated` lists.
+    """Choose the reader of a file by its first bytes.
 
     Raises
     ------
@@ -57,39 +123,15 @@ def reader_of(path: Path) -> str:
         raise LogError(f"{path.name}: cannot be read ({fault.strerror}); check its permissions.") from None
     if not head:
         raise LogError(f"{path.name}: the file is empty; expected a log with column names and rows of numbers.")
-    for magic, name in _NO_LOGS.items():
+    for magic, (what, export) in _UNREADABLE.items():
         if head.startswith(magic):
             raise LogError(
-                f"{path.name}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
+                f"{path.name}: is {what}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel; export the log {export}."
             )
-    if is_zip(head):
+    if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):  # also an empty one
         return "excel" if _WORKBOOK.match(head, _ZIP_NAME) else "archive"
-    reader = next((name for magic, name in _ISOLATED.items() if head.startswith(magic)), None)
-    return reader or ("mat" if is_mat_v4(head) else "delimited")
-
-
-def is_zip(head: bytes) -> bool:
-    """Whether a file begins as a zip archive does, an empty one included."""
-    return head.startswith((b"PK\x03\x04", b"PK\x05\x06"))
-
-
-_ZIP_NAME = 30
-"""Place of the name of the first member in a zip archive."""
-
-_WORKBOOK = re.compile(
-    rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/|mimetype|META-INF/|(?:content|styles|meta|settings)\.xml"
-)
-"""How the names of the members of a workbook begin."""
-
-
-_V4_TYPE = re.compile(r"[01]0[0-5][012]")
-"""Byte order (0 little, 1 big), a zero, the precision and the kind of a variable of MATLAB v4, as one decimal number."""
-
-_V4_HEADER, _V4_LONGEST_NAME = 20, 64
-"""Bytes of the numbers before the name of such a variable, and most bytes of the name, its closing zero included."""
-
-_V4_ORDERS: tuple[tuple[Literal["little", "big"], str], ...] = (("little", "0"), ("big", "1"))
-_V4_NAME = re.compile(rb"[A-Za-z]\w*\0+")
+    reader = next((name for magic, name in _READERS.items() if head.startswith(magic)), None)
+    return reader or ("mat" if 0 in head[:4] and is_mat_v4(head) else "text")
 
 
 def is_mat_v4(head: bytes) -> bool:
@@ -97,35 +139,17 @@ def is_mat_v4(head: bytes) -> bool:
 
     No text has a zero among its first four bytes, except in UTF-16.
 
-    >>> import struct
     >>> is_mat_v4(struct.pack("<5i", 0, 500, 1, 0, 2) + b"v" + bytes(1))
     True
     >>> is_mat_v4(b"Time (s),Velocity (m/s),Pressure (bar)")
     False
     """
-    if 0 not in head[:4] or len(head) < _V4_HEADER:
+    if len(head) < 20:
         return False
-    for order, digit in _V4_ORDERS:
-        kind, rows, columns, imaginary, name = (
-            int.from_bytes(head[k : k + 4], order, signed=True) for k in range(0, _V4_HEADER, 4)
-        )
-        typed = _V4_TYPE.fullmatch(f"{kind:04d}") and f"{kind:04d}".startswith(digit)
-        shaped = rows >= 0 and columns >= 0 and imaginary in (0, 1) and 2 <= name <= _V4_LONGEST_NAME
-        if typed and shaped:
-            return _V4_NAME.fullmatch(head[_V4_HEADER : _V4_HEADER + name]) is not None
+    for order, digit in ("<0", ">1"):
+        kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[:20])
+        # Byte order, a zero, the precision and the kind of the variable, as one decimal number.
+        typed = re.fullmatch(rf"{digit}0[0-5][012]", f"{kind:04d}") is not None
+        if typed and rows >= 0 and columns >= 0 and imaginary in (0, 1) and 2 <= length <= 64:
+            return re.fullmatch(rb"[A-Za-z]\w*\0+", head[20 : 20 + length]) is not None
     return False
-
-
-_NO_LOGS = {
-    b"BZh": "bzip2-compressed",
-    b"\xfd7zXZ": "xz-compressed",
-    b"\x28\xb5\x2f\xfd": "zstd-compressed",
-    b"7z\xbc\xaf": "a 7z archive",
-    b"Rar!": "a RAR archive",
-    b"%PDF": "a PDF document",
-    b"\x89PNG": "a PNG picture",
-    b"\xff\xd8\xff": "a JPEG picture",
-    b"\x7fELF": "a program",
-    b"MZ": "a program",
-    b"SQLite format 3": "an SQLite database",
-}

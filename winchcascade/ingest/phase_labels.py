@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.plain_text import first_of
 from winchcascade.core.rig_file import PhaseRule
 from winchcascade.core.run import Finding, Signal
-from winchcascade.ingest.assign import listed
+from winchcascade.ingest.assign import named_column, near_columns
 from winchcascade.ingest.checks.quality import Checked
-from winchcascade.ingest.dialects import Header, read_header
+from winchcascade.ingest.dialects import Header
 from winchcascade.ingest.source import LogSource, LogTable
 
 MAX_VALUES = 8
@@ -23,15 +24,13 @@ NEARLY = 1.0 - 1e-9
 
 def label_column(headers: Sequence[Header], rule: PhaseRule, where: str) -> int:
     """Index of the column of labels; LogError for a log that does not have it."""
-    names = [header.name.strip() for header in headers]
-    bare = [read_header(header).name.strip() for header in headers]
-    name = rule.column.strip()
-    if name not in names and name not in bare:
+    index = named_column(headers, rule.column)
+    if index is None:
+        near = near_columns(rule.column, headers)
         raise LogError(
-            f"{where}: no column {rule.column!r}, which [phases] of the rig names; the log has {listed(names)}. Correct it in "
-            "the rig file."
+            f"{where}: no column {rule.column!r}, which [phases] of the rig names; {near}. Correct it in the rig file."
         )
-    return (names if name in names else bare).index(name)
+    return index
 
 
 def phase_labels(
@@ -50,52 +49,44 @@ def phase_labels(
     LogError : the column holds neither numbers nor texts; none of its values is one of payout
     """
     numbers = table.values[column]
-    if np.isfinite(numbers).any():
-        values: Sequence[str] = [f"{x:g}" for x in numbers.tolist()]
-    else:
+    values: Sequence[str] = [f"{x:g}" for x in numbers.tolist()]
+    if not np.isfinite(numbers).any():
         values = _texts(source, column, [k for k in table.values if k != column], time)
-        if not any(text.strip() for text in values):
-            raise LogError(
-                f"{where}: the column {rule.column!r} holds neither numbers nor texts; expected a label in each row. Correct "
-                "column under [phases] of the rig file."
-            )
+    if not any(text.strip() for text in values):
+        raise LogError(
+            f"{where}: the column {rule.column!r} holds neither numbers nor texts; expected a label in each row. Correct "
+            "column under [phases] of the rig file."
+        )
     if len(values) != numbers.size:
         raise LogError(
             f"{where}: {len(values)} labels in the column {rule.column!r} for {numbers.size} rows of numbers; expected a label "
             "in each row. Delete rows that hold no numbers."
         )
-    found = {value: _code(value, rule) for value in set(values)}
-    if 1 not in found.values():
-        seen = ", ".join(repr(value.strip()) for value in sorted(found)[:MAX_VALUES])
+    payout, haul_in = ({_plain(str(value)) for value in values} for values in (rule.payout, rule.haul_in))
+    found = {
+        value: 1.0 if _plain(value) in payout else -1.0 if _plain(value) in haul_in else 0.0 for value in set(values)
+    }
+    if 1.0 not in found.values():
+        seen = first_of([repr(value.strip()) for value in sorted(found)], MAX_VALUES)
         raise LogError(
             f"{where}: no sample of the column {rule.column!r} has a value of payout, {list(rule.payout)}; it holds {seen}. "
             "Correct payout under [phases] of the rig file."
         )
-    return np.array([found[value] for value in values], dtype=np.float64)
+    return np.array([found[value] for value in values])
 
 
 def _texts(source: LogSource, column: int, beside: Sequence[int], time: int | None) -> Sequence[str]:
     """A column as texts, in the rows of the columns beside it; empty where it holds none.
 
-    Formats other than text hand over texts as they do those of stamps.
+    Formats other than text hand over texts as they do those of stamps; channels with clocks of their own give stamps instead.
     """
     if source.texts is not None:
         return source.texts(column, beside)
-    for others in (
-        [*beside, *([] if time is None else [time])],
-        [],
-    ):  # channels with clocks of their own give stamps instead
+    for others in ([*beside, *([] if time is None else [time])], []):
         found = source.load(others, column).stamps
         if found is not None and not isinstance(found, np.ndarray):
             return found
     return ()
-
-
-def _code(value: str, rule: PhaseRule) -> int:
-    plain = _plain(value)
-    if plain in map(_plain, map(str, rule.payout)):
-        return 1
-    return -1 if plain in map(_plain, map(str, rule.haul_in)) else 0
 
 
 def _plain(text: str) -> str:

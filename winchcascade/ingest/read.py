@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,6 +20,7 @@ from winchcascade.core.arguments import (
     SHEET,
     TEXT,
     UNITS_OF_COLUMNS,
+    Expected,
     check_arguments,
 )
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
@@ -29,20 +29,20 @@ from winchcascade.core.checked_run import sealed, sealed_channels
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
-from winchcascade.core.late_module import LateModule
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import CLOCK, Finding, Repairs, Run, Signal
 from winchcascade.core.store import fingerprint
-from winchcascade.core.toml_text import Expected
-from winchcascade.ingest.assign import Assignment, assign, listed, load_column, of_machine
-from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
+from winchcascade.core.viewed import LateModule
+from winchcascade.ingest.assign import Assignment, assign, load_column, of_machine
 from winchcascade.ingest.checks.quality import check
-from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_clock, require_rising
+from winchcascade.ingest.clock import Clock
 from winchcascade.ingest.dialects import nameless
+from winchcascade.ingest.log_clock import first_stamp, is_clock, log_clock, start_of
 from winchcascade.ingest.open_log import open_log
+from winchcascade.ingest.phase_labels import label_column, phase_labels, steps_of_rows
 from winchcascade.ingest.source import MIN_ROWS, LogSource, LogTable
 from winchcascade.ingest.stated_load import stated_load
 
@@ -54,23 +54,8 @@ else:
 OVERFLOW = 1e30
 """Instruments write 9.9e37 where they have no reading (SCPI); nothing measured comes near."""
 
-_TRIES = 3
-"""A file that changed each time while it was read is one that a logger still writes."""
-
-_SECOND = 1_000_000_000
-"""One second. [ns]"""
-
-_FRESH, _FRESH_IN_SECONDS = _SECOND // 20, 3 * _SECOND
-"""Two changes of a file within one step of its file system's time have the same stamp: steps are 1 to 16 ms or, where stamps
-are whole seconds (FAT), up to 2 s. [ns]
-"""
-
-FEW_ROWS = 200
-"""Largest number of rows of a table without clock that may be step means."""
-
-_MIN_STAMPS = 3
-"""Fewer stamps show no clock."""
-
+READS_MAX = 3
+"""A file that changed each of so many times while it was read is one that a logger still writes."""
 
 _ORIGIN = Expected("an Origin", lambda value: value is None or isinstance(value, Origin))
 
@@ -140,7 +125,14 @@ def read_run(
         ("origin", origin, _ORIGIN),
         ("repairs", repairs, ON_OFF),
     )
-    file = _file(path, units)
+    file = Path(path) if isinstance(path, str | os.PathLike) else None
+    if file is not None:
+        check_arguments("read_run", ("path", path, PATH))
+    if file is not None and units is not None:
+        raise OptionError(
+            f"{file}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
+            "out, or state them in a rig file under [columns]."
+        )
     sheet = None if table is None else str(table)
     settings = LogSettings(given_rig("read_run", rig))
     if campaign and file is not None:
@@ -148,23 +140,9 @@ def read_run(
     given = {"repairs": repairs, "load": load, "about": about or None, "origin": origin, "sheet": sheet}
     given["load_source"] = None if load is None else load_source
     settings = replace(settings, **{key: value for key, value in given.items() if value is not None})
-    if file is None:
-        return read_by(path, settings, simulated=simulated, units=units or {}, name=name or "data frame")
-    run = read_by(file, settings, simulated=simulated)
+    named = name or ("data frame" if file is None else file.name)
+    run = read_by(path if file is None else file, settings, simulated=simulated, units=units or {}, name=named)
     return run if name is None else replace(run, name=one_line(name))
-
-
-def _file(path: str | Path | pd.DataFrame, units: Mapping[str, str] | None) -> Path | None:
-    """Path of a log that is a file, None for a frame; OptionError for what is no path, and for units of a file."""
-    if not isinstance(path, str | os.PathLike):
-        return None
-    check_arguments("read_run", ("path", path, PATH))
-    if units is not None:
-        raise OptionError(
-            f"{path}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
-            "out, or state them in a rig file under [columns]."
-        )
-    return Path(path)
 
 
 def read_by(
@@ -181,38 +159,44 @@ def read_by(
     else:
         from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
 
-        loaded = _opened(open_frame(log, where=name, units=units, table=settings.sheet), settings.rig, name)
-        _check_units(loaded, units or {}, name)
+        loaded = _loaded(open_frame(log, where=name, units=units, table=settings.sheet), settings.rig, name)
+        assumed = {finding.channel for finding in loaded.found.findings if finding.kind == "unit_assumed"}
+        for channel, match in loaded.found.channels.items():
+            column = loaded.source.headers[match.index].name
+            if channel in assumed and units and units.get(column):
+                raise LogError(
+                    f"{name}: units gives {column!r} the unit {units[column]!r}, which is none of {channel}."
+                )
         run = replace(_run_of(loaded, settings, where=name, simulated=simulated), sha256=frame_digest(log))
     run = _with_origin(run, settings.origin)
     return run if settings.parts is None else replace(run, findings=(*run.findings, settings.parts))
 
 
-def _check_units(opened: _Opened, units: Mapping[str, str], where: str) -> None:
-    """Reject a unit that a call states of a column and that is none of its channel: LogError."""
-    assumed = {finding.channel for finding in opened.found.findings if finding.kind == "unit_assumed"}
-    for channel, match in opened.found.channels.items():
-        column = opened.source.headers[match.index].name
-        if channel in assumed and units.get(column):
-            raise LogError(f"{where}: units gives {column!r} the unit {units[column]!r}, which is none of {channel}.")
-
-
 def _read_unchanged(path: Path, settings: LogSettings, *, simulated: bool) -> Run:
     """Read a file that no logger writes to meanwhile; LogError for one that changes each time."""
-    for _ in range(_TRIES):
-        seen = _Seen(path)
+    for _ in range(READS_MAX):
+        before = _state(path)
         try:
             run = _read(path, settings, simulated=simulated)
         except LogError:
-            if seen.is_same():
+            if _state(path) == before:
                 raise
             continue
-        if seen.is_same(run.sha256):
+        if _state(path) == before:
             return run
     raise LogError(
-        f"{path}: changed each of {_TRIES} times while it was read; expected a file that is complete. Wait until the logger "
+        f"{path}: changed each of {READS_MAX} times while it was read; expected a file that is complete. Wait until the logger "
         "has closed it, or reduce a copy."
     )
+
+
+def _state(path: Path) -> tuple[int, ...] | None:
+    """Which file it is, its size and when it changed [ns]; None for a file that is not there."""
+    try:
+        about = os.stat(path)
+    except OSError:  # its reader reports it
+        return None
+    return about.st_dev, about.st_ino, about.st_size, about.st_ctime_ns, about.st_mtime_ns
 
 
 def _read(path: Path, settings: LogSettings, *, simulated: bool) -> Run:
@@ -220,57 +204,74 @@ def _read(path: Path, settings: LogSettings, *, simulated: bool) -> Run:
     numbered = any(column.number is not None for column in settings.rig.columns.values())
     source = open_log(path, settings.sheet, numbered=numbered)
     try:
-        loaded = _opened(source, settings.rig, path.name)
+        loaded = _loaded(source, settings.rig, path.name)
     finally:
         source.close()
-    # Hashing leaves the interpreter free for other work.
-    run, digest = side_by_side(
+    run, digest = side_by_side(  # hashing leaves the interpreter free for other work
         lambda: _run_of(loaded, settings, where=path.name, simulated=simulated),
         lambda: fingerprint(path),
-        samples=len(next(iter(loaded.table.values.values()))),
+        samples=loaded.samples,
     )
     if not digest:
         raise LogError(f"{path}: could not be read to its end; check that the file is still there.")
     return replace(run, path=one_line(str(path)), sha256=digest)
 
 
-class _Opened(NamedTuple):
-    """A log with its columns loaded; `labels` are the phases of its rows where a column states them."""
+class _Loaded(NamedTuple):
+    """A log with its columns loaded; `labels` are the phases of its rows where a column states them, (n,)."""
 
     source: LogSource
     found: Assignment
     table: LogTable
     labels: Signal | None
 
-
-def _opened(source: LogSource, rig: Rig, where: str) -> _Opened:
-    """Load the columns that a rig needs."""
-    found, table = _loaded(source, rig, where)
-    return _Opened(source, found, table, _labels(source, found, table, rig, where))
+    @property
+    def samples(self) -> int:
+        return len(next(iter(self.table.values.values())))
 
 
-def _run_of(opened: _Opened, settings: LogSettings, *, where: str, simulated: bool) -> Run:
+def _loaded(source: LogSource, rig: Rig, where: str) -> _Loaded:
+    """Load the channels, with the clock of a named column or else of the only column without a name that is one.
+
+    A data frame may have its clock in the index, which has no name.
+    """
+    found = assign(source.headers, rig, where)
+    label = label_column(source.headers, rig.phases, where) if rig.phases.source == "column" else None
+    matched = [match.index for match in (*found.channels.values(), found.temperature) if match is not None]
+    wanted = list(dict.fromkeys([*matched, *(k for k in (label, load_column(source.headers)) if k is not None)]))
+    table = None
+    if found.time is None and source.time_step is None:
+        columns = [k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted]
+        clocks = [(k, loaded) for k in columns if is_clock(loaded := source.load(wanted, k))]
+        if len(clocks) == 1:
+            found, table = assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
+    time = None if found.time is None else found.time.index
+    if table is None:
+        table = source.load(wanted, time)
+    labels = None if label is None else phase_labels(source, table, label, rig.phases, where, time=time)
+    return _Loaded(source, found, table, labels)
+
+
+def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bool) -> Run:
     """Check the loaded columns of a log; the load is that of the settings, else that of a property of the log."""
-    source, found, table, labels = opened
+    source, found, table, labels = loaded
     rig, load, load_source = settings.rig, settings.load, settings.load_source
-    samples = len(next(iter(table.values.values())))
-    minimum = 1 if rig.phases.source == "rows" else MIN_ROWS
-    if samples < minimum:
+    rows = rig.phases.source == "rows"
+    if loaded.samples < (1 if rows else MIN_ROWS):
         raise LogError(
-            f"{where}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {minimum}, as of a "
-            'test with a cycle. Where each row is the mean of a step, set from = "rows" under [phases] of the rig file.'
+            f"{where}: the log has {loaded.samples} row{'' if loaded.samples == 1 else 's'} of data; expected at least "
+            f"{1 if rows else MIN_ROWS}, as of a test with a cycle. Where each row is the mean of a step, set "
+            'from = "rows" under [phases] of the rig file.'
         )
-    clock, time_findings = _clock(source, table, found, rig, samples, where)
+    clock = log_clock(source, table, found, rig, loaded.samples, where)
+    load_findings: list[Finding] = []
     if load is None:
-        load, load_source, load_faults = stated_load(source, table)
-        time_findings += load_faults
-    channels, simulated = _channels(table, found, clock), found.simulated or simulated
-    if rig.phases.source == "rows":
-        from winchcascade.ingest.phase_labels import steps_of_rows
-
+        load, load_source, load_findings = stated_load(source, table)
+    channels = _channels(table, found, clock)
+    if rows:
         checked = steps_of_rows(channels)
     else:
-        open_circuit = load == math.inf
+        simulated, open_circuit = found.simulated or simulated, load == math.inf
         checked = check(
             clock.t, channels, rig, simulated=simulated, open_circuit=open_circuit, repairs=settings.repairs
         )
@@ -278,63 +279,31 @@ def _run_of(opened: _Opened, settings: LogSettings, *, where: str, simulated: bo
         raise LogError(
             f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
         )
-    lost = checked.clock
-    if clock.gaps.size:
-        lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), lost))
+    gaps = clock.gaps if rows else np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2)
+    lost = np.concatenate((gaps, checked.clock))
     return Run(
         name=one_line(where),
         t=sealed(checked.t),
         channels=sealed_channels(checked.channels),
         fs=clock.fs,
-        samples=samples,
+        samples=loaded.samples,
         gaps=dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {}),
         labels=labels if labels is None or clock.rows is None else labels[clock.rows],
+        signs=checked.signs,
         load=load,
         load_source=load_source,
         about=settings.about,
-        findings=(*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings),
+        findings=(*found.findings, *load_findings, *table.findings, *clock.findings, *checked.findings),
         simulated=found.simulated,
         table=None if source.table is None else one_line(source.table),
-        first_stamp=_first_stamp(table.stamps),
-        started=_started(table.stamps, float(checked.t[0])) if table.began is None else table.began,
+        first_stamp=first_stamp(table.stamps),
+        started=start_of(table, float(checked.t[0])),
         temperature=_temperature(table, found, checked.channels, rig),
         rig=rig,
         window=settings.window,
         cycles=settings.cycles,
         repairs=settings.repairs,
     )
-
-
-def _first_stamp(stamps: Signal | Sequence[str] | None) -> str:
-    """The first stamp as the log writes it; nothing where stamps are numbers."""
-    if stamps is None or isinstance(stamps, np.ndarray):
-        return ""
-    return one_line(next((str(stamp) for stamp in stamps[:FEW_ROWS] if str(stamp).strip()), ""))
-
-
-_DATED = 1e9, 5e9
-"""Seconds since 1970 or, by LabVIEW, 1904, with which a clock of this century begins. [s]"""
-
-
-def _started(stamps: Signal | Sequence[str] | None, first: float) -> float | None:
-    """When the run began, on a clock that other logs share; None where its stamps carry no date. [s]
-
-    Parameters
-    ----------
-    first : time of the first sample on the clock of the log [s]
-    """
-    if _DATED[0] <= first < _DATED[1]:
-        return first
-    if stamps is None:
-        return None
-    if not isinstance(stamps, np.ndarray):
-        return next((moment(text) for text in stamps if looks_like_a_stamp(text)), None)
-    good = stamps[np.isfinite(stamps)]
-    digits = f"{good[0]:.0f}" if first == 0.0 and good.size else ""  # of a clock of digits, which begins at 0
-    return moment(f"{digits[:8]}T{digits[8:]}") if len(digits) == _DIGITS else None
-
-
-_DIGITS = len("YYYYMMDDHHMMSS")
 
 
 def _temperature(table: LogTable, found: Assignment, channels: Mapping[str, Signal], rig: Rig) -> float | None:
@@ -364,145 +333,6 @@ def _with_origin(run: Run, stated: Origin) -> Run:
         "taken as not measured",
     )
     return replace(run, origin=SIMULATED, findings=(conflict, *run.findings))
-
-
-def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTable]:
-    """The channels, with the clock of a named column or else of the only column without a name that is one.
-
-    A data frame may have its clock in the index, which has no name. Of several columns for one channel the data choose.
-    """
-    found = assign(source.headers, rig, where)
-    wanted = [match.index for match in found.channels.values()]
-    wanted += [match.index for matches in found.candidates.values() for match in matches]
-    wanted += [] if found.temperature is None else [found.temperature.index]
-    if rig.phases.source == "column":
-        from winchcascade.ingest.phase_labels import label_column
-
-        wanted = list(dict.fromkeys([*wanted, label_column(source.headers, rig.phases, where)]))
-    written = load_column(source.headers)
-    wanted += [] if written is None else [written]
-    table = None
-    if found.time is None and source.time_step is None:
-        columns = [k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted]
-        clocks = [(k, loaded) for k in columns if _is_clock(loaded := source.load(wanted, k))]
-        if len(clocks) == 1:
-            found, table = assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
-    if table is None:
-        table = source.load(wanted, found.time.index if found.time else None)
-    if found.candidates:
-        from winchcascade.ingest.several_columns import with_chosen
-
-        found = with_chosen(found, table, source.headers, rig, where)
-    return found, table
-
-
-def _labels(source: LogSource, found: Assignment, table: LogTable, rig: Rig, where: str) -> Signal | None:
-    """Phase of each row where the rig names a column of them, (n,)."""
-    if rig.phases.source != "column":
-        return None
-    from winchcascade.ingest.phase_labels import label_column, phase_labels
-
-    column, time = label_column(source.headers, rig.phases, where), None if found.time is None else found.time.index
-    return phase_labels(source, table, column, rig.phases, where, time=time)
-
-
-def _is_clock(table: LogTable) -> bool:
-    """Whether a column holds stamps, or numbers that rise throughout; whole numbers are no clock, as they count rows."""
-    stamps = table.stamps
-    if stamps is None:
-        return False
-    if not isinstance(stamps, np.ndarray):
-        return 2 * sum(map(looks_like_a_stamp, stamps)) > len(stamps)
-    good = stamps[np.isfinite(stamps)]
-    if good.size < _MIN_STAMPS or table.stamped:
-        return good.size >= _MIN_STAMPS and bool(good[-1] > good[0])
-    return bool(np.all(good[1:] > good[:-1]) and np.any(good != np.rint(good)))
-
-
-class _Seen:
-    """A file as it was before it was read, to find out whether the digest is of the bytes that were parsed.
-
-    Stamps show that, as long as the last change lies further back than the steps in which a file system counts time; of a file
-    that was changed just now the digest is taken before it is read, too.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._before = self._stamps()
-        self._sha256 = fingerprint(path) if self._is_fresh() else ""
-
-    def _stamps(self) -> tuple[int, ...] | None:
-        try:
-            about = os.stat(self._path)
-        except OSError:  # its reader reports it
-            return None
-        return about.st_dev, about.st_ino, about.st_size, about.st_ctime_ns, about.st_mtime_ns
-
-    def _is_fresh(self) -> bool:
-        if self._before is None or not self._path.is_file():
-            return False
-        *_, changed, written = self._before
-        step = _FRESH if written % _SECOND else _FRESH_IN_SECONDS
-        return time.time_ns() - max(changed, written) < step
-
-    def is_same(self, sha256: str = "") -> bool:
-        """Whether the file is still the same, and of this digest where it is given."""
-        return self._stamps() == self._before and (not (self._sha256 and sha256) or self._sha256 == sha256)
-
-
-def _clock(
-    source: LogSource, table: LogTable, found: Assignment, rig: Rig, samples: int, where: str
-) -> tuple[Clock, list[Finding]]:
-    """Stamps from the time column, else from the increment that the file or the rig file states; rows of step means have
-    none.
-    """
-    if rig.phases.source == "rows":
-        return even_clock(samples, 1.0, 0.0), []
-    if table.stamps is None:
-        step = source.time_step or (rig.sample_rate and 1.0 / rig.sample_rate)
-        if step is None:
-            means = ' For rows that are step means, set from = "rows" under [phases].' if samples <= FEW_ROWS else ""
-            raise LogError(
-                f"{where}: no time column and no sampling interval; the log has "
-                f"{listed([h.name.strip() for h in source.headers])}. Name the column in a rig file under [columns], or "
-                f"its rate as sample_rate_hz under [log].{means}"
-            )
-        clock = even_clock(samples, step, source.time_start if source.time_step else 0.0)
-        require_rising(clock.t, where)
-        return clock, []
-    stamps = table.stamps if isinstance(table.stamps, np.ndarray) else seconds(table.stamps)
-    if table.stamped or stamps is not table.stamps or found.time is None:
-        return read_clock(stamps, where), []
-    factor = found.time.factor
-    findings = []
-    if found.time.unit is None:
-        digits = clock_of_digits(stamps)
-        if digits is not None:
-            return read_clock(digits, where), []
-        factor, finding = _assumed_time(stamps, table, found)
-        findings.append(finding)
-    return read_clock(stamps if factor == 1.0 else stamps * factor, where, unit=factor), findings
-
-
-_TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
-
-
-def _assumed_time(stamps: Signal, table: LogTable, found: Assignment) -> tuple[float, Finding]:
-    """Unit of a time column that names none: the one with which the velocity gives the displacement, else by its steps."""
-    step = np.diff(stamps[np.isfinite(stamps)])
-    usual = median(step) if step.size else 0.0
-    unit, why = ("ms", "its steps are long") if usual >= 2 else ("s", "the usual unit")
-    moved, speed = found.channels.get("displacement"), found.channels.get("velocity")
-    if moved is not None and speed is not None and usual > 0:
-        with np.errstate(over="ignore", invalid="ignore"):
-            travelled = float(np.nansum(np.abs(np.diff(table.values[moved.index])))) * moved.factor
-            expected = float(np.nansum(np.abs(table.values[speed.index]))) * speed.factor * usual
-        if 0 < travelled < math.inf and 0 < expected < math.inf:
-            ratio = math.log(travelled) - math.log(expected)  # the quotient itself may be too small for a number
-            unit = min(_TIME_UNITS, key=lambda name: abs(math.log(_TIME_UNITS[name]) - ratio))
-            why = "with which velocity and displacement agree"
-    column = "the time column names no unit" if found.time_named else "the clock is a column without name or unit"
-    return _TIME_UNITS[unit], Finding("unit_assumed", f"{column}; taken as {unit}, {why}", "assumed")
 
 
 def _channels(table: LogTable, found: Assignment, clock: Clock) -> dict[str, Signal]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 import numpy as np
@@ -70,6 +71,58 @@ class LogSource(msgspec.Struct, frozen=True):
     texts: Callable[[int, Sequence[int]], Sequence[str]] | None = None
     close: Callable[[], object] = lambda: None
     table: str | None = None
+
+
+class Column(msgspec.Struct, frozen=True):
+    """A column as a file holds it.
+
+    Parameters
+    ----------
+    numbers : (n,) float64, as bytes; None for a column of texts
+    texts : the n texts of a column that holds hardly a number
+    stamped, began : as of a `LogTable`, of a column of dates and times
+    """
+
+    numbers: bytes | None = None
+    texts: list[str] = msgspec.field(default_factory=list)
+    stamped: bool = False
+    began: float | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return len(self.texts) if self.numbers is None else len(self.numbers) // 8
+
+    @property
+    def values(self) -> Signal:
+        """The column as numbers, NaN for texts."""
+        return np.full(self.size, np.nan) if self.numbers is None else np.frombuffer(self.numbers)
+
+
+class Columns(msgspec.Struct, frozen=True):
+    """A whole table, read at once, with what the file states about it; as `LogSource` has it."""
+
+    headers: tuple[Header, ...]
+    columns: list[Column]
+    time_step: float | None = None
+    time_start: float = 0.0
+    properties: dict[str, str | float] = msgspec.field(default_factory=dict)
+    table: str | None = None
+    findings: tuple[Finding, ...] = ()
+
+
+def source_of(whole: Columns) -> LogSource:
+    """Make a source of a table that was read at once; rows that are notes beside a clock are left out."""
+
+    def load(wanted: Sequence[int], time: int | None) -> LogTable:
+        values = {k: whole.columns[k].values for k in wanted}
+        if time is None:
+            return LogTable(values, findings=whole.findings)
+        clock = whole.columns[time]
+        stamps = clock.texts if clock.numbers is None else clock.values
+        return without_notes(LogTable(values, stamps, clock.stamped, whole.findings, clock.began))
+
+    return LogSource(whole.headers, load, whole.time_step, whole.time_start, whole.properties, table=whole.table)
 
 
 def without_notes(table: LogTable) -> LogTable:
@@ -157,10 +210,9 @@ def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str)
     )
 
 
-def reject_sheet(wanted: str | None, where: str) -> None:
+def reject_sheet(wanted: str, where: str) -> NoReturn:
     """Reject the choice of a table in a file that holds one alone: LogError."""
-    if wanted is not None:
-        raise LogError(
-            f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a MATLAB file or TDMS; leave "
-            "--sheet out, or sheet in campaign.toml."
-        )
+    raise LogError(
+        f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a MATLAB file or TDMS; leave "
+        "--sheet out, or sheet in campaign.toml."
+    )

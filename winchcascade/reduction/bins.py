@@ -9,17 +9,20 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import Stream
-from winchcascade.core.integrate import BLOCK
+from winchcascade.core.errors import OptionError
+from winchcascade.core.integrate import largest
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Index, Mask, Run, Signal
+from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.phase_summary import PlateauSummary
 from winchcascade.reduction.phases import Cycle, Plateau
 
+MAX_BINS = 20_000
+"""Maximum number of bins of generator speed: more show an error in a rig file."""
+
 TORQUE = "torque"
 """Key of the torque of the PTO shaft among the quantities that a bin averages."""
-
 
 STORES = ("rotor", "spring", "capacitor")
 """Where energy is stored between the torque sensor and the load while the speed changes: the spring is that of the shaft."""
@@ -97,7 +100,7 @@ def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
 
 
 def storing(t: Signal, x: Signal, constant: float) -> Signal:
-    """Power into a store of the energy constant x^2 / 2.
+    """Power into a store of the energy constant x^2 / 2, (n,), negative where the store gives energy back. [W]
 
     J omega domega/dt of a rotor, tau dtau/dt / k of a spring, C V dV/dt of a capacitor.
 
@@ -105,10 +108,6 @@ def storing(t: Signal, x: Signal, constant: float) -> Signal:
     ----------
     t, x : (n,) stamps [s] and the signal
     constant : J [kg m2], 1 / k [rad/(N m)] or C [F], for the unit of the signal
-
-    Returns
-    -------
-    (n,) powers, negative where the store gives energy back [W]
 
     Examples
     --------
@@ -119,28 +118,19 @@ def storing(t: Signal, x: Signal, constant: float) -> Signal:
     if t.size < 2:
         return np.zeros_like(x)
     smooth = local_quadratic(t, x, STORED_WITHIN)
-    found: Signal = constant * smooth * np.gradient(smooth, t)
-    return found
+    return np.asarray(constant * smooth * np.gradient(smooth, t))
 
 
-def stored_powers(run: Run, rig: Rig) -> dict[str, Signal]:
-    """Powers that go into `STORES`, (n,), by the numbers that the rig file states. [W]"""
-    stated = rig.drivetrain.inertia_rotor, rig.drivetrain.k_shaft, rig.dc_link.c_dc
-    return stored_by(run, rig, *(None if number is None else number.value for number in stated))
-
-
-def stored_by(
-    run: Run, rig: Rig, inertia: float | None, k_shaft: float | None, c_dc: float | None
-) -> dict[str, Signal]:
+def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Signal]:
     """Powers that go into `STORES`, (n,), of those whose signal is logged and whose number is known. [W]
 
     Parameters
     ----------
-    rig : drum radius and gear ratio
-    inertia : of the rotor [kg m2]
-    k_shaft : stiffness of the shaft [N m/rad]
-    c_dc : capacitance of the DC link [F]
+    numbers : inertia of the rotor [kg m2], stiffness of the shaft [N m/rad], capacitance of the DC link [F]; by default those
+        of the rig file
     """
+    stated = rig.drivetrain.inertia_rotor, rig.drivetrain.k_shaft, rig.dc_link.c_dc
+    inertia, k_shaft, c_dc = numbers or (None if number is None else number.value for number in stated)
     found, speed, channels = {}, generator_speed(run, rig), run.channels
     if speed is not None and inertia is not None:
         signal, rpm = speed
@@ -152,12 +142,31 @@ def stored_by(
     return found
 
 
+def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None]) -> tuple[Bin, ...]:
+    """Bins over the payouts of some cycles; none where the speed of the generator is unknown.
+
+    Raises
+    ------
+    OptionError : the rig file makes more than `MAX_BINS`
+    """
+    found = generator_speed(run, rig)
+    if found is None:
+        return ()
+    speed, rpm = found
+    maximum = largest(speed) * rpm / rig.thresholds.rpm_bin
+    if maximum > MAX_BINS:
+        raise OptionError(
+            f"{run.name}: {maximum:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
+            f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
+        )
+    averaged: dict[str, Stream | None] = {s.name: s.stream(run.channels, rig.r_drum) for s in rig.cascade.stages}
+    averaged[TORQUE] = run.channels[TORQUE].__getitem__ if TORQUE in run.channels else None
+    averaged |= {store: watts.__getitem__ for store, watts in stored_powers(run, rig).items()}
+    return bin_powers(speed, rpm, engaged(run, cycles, plateaus, rig), averaged, rig.thresholds.rpm_bin)
+
+
 def bin_powers(
-    speed: Signal,
-    rpm: float,
-    driven: Mask,
-    powers: Mapping[str, Stream | None],
-    width: float,
+    speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Stream | None], width: float
 ) -> tuple[Bin, ...]:
     """Average each power in bins of generator speed; bins without a sample are left out.
 
@@ -169,40 +178,30 @@ def bin_powers(
         the torque [N m], under the names of `STORES` what is stored [W]
     width : of a bin [rpm]
     """
-    if not driven.any():
+    rows = np.flatnonzero(driven)
+    if rows.size == 0:
         return ()
-    per = rpm / width
-    ends = np.array([speed.min(initial=np.inf, where=driven), speed.max(initial=-np.inf, where=driven)])
-    low, high = sorted(np.floor(ends * per).astype(np.intp).tolist())
-    count = np.zeros(high - low + 1, dtype=np.intp)
-    sums = {name: (x, np.zeros((2, count.size))) for name, x in powers.items() if x is not None}
-    for start in range(0, driven.size, BLOCK):
-        part = slice(start, start + BLOCK)
-        rows = np.flatnonzero(driven[part])
-        number = np.floor(speed[part][rows] * per).astype(np.intp) - low
-        count += np.bincount(number, minlength=count.size)
-        for stream, total in sums.values():
-            x = stream(part)[rows]
-            total[0] += np.bincount(number, weights=x, minlength=count.size)
-            total[1] += np.bincount(number, weights=x * x, minlength=count.size)
-    none = [None] * count.size
-    columns = {name: _mean_and_error(sums[name][1], count) if name in sums else (none, none) for name in powers}
-    bins = []
-    samples = count.tolist()
-    for k in np.flatnonzero(count).tolist():
-        mean = {name: means[k] for name, (means, _) in columns.items()}
-        error = {name: errors[k] if samples[k] > 1 else None for name, (_, errors) in columns.items()}
-        torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
-        stored = {name: mean.pop(name, None) for name in STORES}
-        error = {name: u for name, u in error.items() if name in mean}
-        edges = (low + k) * width, (low + k + 1) * width
-        bins.append(Bin(*edges, samples[k], mean, error, torque, torque_error, stored))
-    return tuple(bins)
-
-
-def _mean_and_error(sums: Signal, count: Index) -> tuple[list[float], list[float]]:
-    """Mean and standard error of a power in each bin, from the sums of its samples and of their squares."""
+    number = np.floor(speed[rows] * (rpm / width)).astype(np.intp)
+    low = int(number.min())
+    number -= low
+    count = np.bincount(number)
     n = np.maximum(count, 1)
-    mean, square = sums / n
-    error = np.sqrt(np.maximum(square - mean * mean, 0.0) / np.maximum(n - 1, 1))
-    return mean.tolist(), error.tolist()
+    mean: dict[str, list[float]] = {}
+    error: dict[str, list[float]] = {}
+    for name, stream in powers.items():
+        if stream is not None:
+            x = stream(rows)
+            average, square = np.bincount(number, x) / n, np.bincount(number, x * x) / n
+            mean[name] = average.tolist()
+            error[name] = np.sqrt(np.maximum(square - average * average, 0.0) / np.maximum(n - 1, 1)).tolist()
+    stages = [name for name in powers if name not in (TORQUE, *STORES)]
+    bins = []
+    for k, samples in enumerate(count.tolist()):
+        if samples:
+            of = {name: x[k] for name, x in mean.items()}
+            u = {name: x[k] for name, x in error.items()} if samples > 1 else {}
+            powers_of, errors_of = ({name: found.get(name) for name in stages} for found in (of, u))
+            stored = {store: of.get(store) for store in STORES}
+            edges = (low + k) * width, (low + k + 1) * width
+            bins.append(Bin(*edges, samples, powers_of, errors_of, of.get(TORQUE), u.get(TORQUE), stored))
+    return tuple(bins)

@@ -73,7 +73,7 @@ class Metrics(dict[str, float | None]):
 NOTHING = 1e-9
 """An energy below this counts as zero: no sensor of a winch can distinguish it from zero. [J]"""
 
-IDLE = 0.2
+DELIVERED_IDLE = 0.2
 """A machine that delivers a smaller share of its energy than this runs as in an open circuit, whatever load is stated: its
 losses decide every ratio. [1]"""
 
@@ -100,8 +100,8 @@ def runs_idle(delivered: Sequence[float | None]) -> bool:
     >>> runs_idle([0.1, None, 0.2]), runs_idle([None])
     (True, False)
     """
-    mean = _mean([share for share in delivered if share is not None] or None)
-    return mean is not None and mean < IDLE
+    known = [share for share in delivered if share is not None]
+    return bool(known) and sum(known) / len(known) < DELIVERED_IDLE
 
 
 def metrics(
@@ -144,14 +144,15 @@ def ensemble_mean(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metric
     >>> ensemble_mean([Metrics(eta_trans=0.5), Metrics(eta_trans=0.75)]).eta_trans
     0.625
     """
-    return Metrics({name: _mean(column) for name, column in _columns(cycles, cascade).items()}, cascade.all_metrics)
+    columns = _columns(cycles, cascade)
+    return Metrics({name: sum(x) / len(x) if x else None for name, x in columns.items()}, cascade.all_metrics)
 
 
 def largest_deviation(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metrics:
     """Largest deviation of any cycle from the mean, in percent of the mean (Sec. 3.2); None for fewer than two. [%]"""
-    return Metrics(
-        {name: _deviation(column) for name, column in _columns(cycles, cascade).items()}, cascade.all_metrics
-    )
+    mean, columns = ensemble_mean(cycles, cascade), _columns(cycles, cascade)
+    deviations = {m: 100.0 * max(abs(x - mean.value(m)) for x in columns[m]) for m in columns if len(columns[m]) > 1}
+    return Metrics({m: d / abs(mean.value(m)) if mean[m] else None for m, d in deviations.items()}, cascade.all_metrics)
 
 
 def total(cycles: Sequence[Metrics], duration: float, *, open_circuit: bool, cascade: Cascade = PAPER) -> Metrics:
@@ -161,26 +162,14 @@ def total(cycles: Sequence[Metrics], duration: float, *, open_circuit: bool, cas
     ----------
     duration : length of all windows [s]
     """
-    columns = _columns(cycles, cascade)
-    sums = {name: None if column is None else float(sum(column)) for name, column in columns.items()}
+    sums = {name: sum(x) if x else None for name, x in _columns(cycles, cascade).items()}
     found, _ = metrics(sums, duration, open_circuit=open_circuit, cascade=cascade)
     for name, (out, into) in cascade.net_ratios.items():
         found[name] = ratio(sums[out], sums[into])
     return found
 
 
-def _columns(cycles: Sequence[Metrics], cascade: Cascade) -> dict[str, list[float] | None]:
-    """Each metric of the cycles that have it, None if none has, or, but for net energies, if any has it not."""
+def _columns(cycles: Sequence[Metrics], cascade: Cascade) -> dict[str, list[float]]:
+    """Each metric of the cycles that have it, none if, but for net energies, any has it not."""
     given = {m: [value for cycle in cycles if (value := cycle[m]) is not None] for m in cascade.all_metrics}
-    return {m: x if x and (m in cascade.net_metrics or len(x) == len(cycles)) else None for m, x in given.items()}
-
-
-def _mean(column: list[float] | None) -> float | None:
-    return None if column is None else float(sum(column)) / len(column)
-
-
-def _deviation(column: list[float] | None) -> float | None:
-    mean = _mean(column)
-    if column is None or mean is None or len(column) < 2 or mean == 0:
-        return None
-    return 100.0 * max(abs(value - mean) for value in column) / abs(mean)
+    return {m: x if m in cascade.net_metrics or len(x) == len(cycles) else [] for m, x in given.items()}

@@ -16,34 +16,29 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.run import Signal
-from winchcascade.reduction.efficiency_changes import ALPHA, PRIOR, probability
+from winchcascade.reduction.efficiency_changes import ALPHA, PRIOR
 
-SMOOTH = 0.005
+ETA_SCATTER = 0.005
 """Relative standard deviation of an efficiency about these laws that is assumed before any is measured: the repeatability from
 day to day, and what the laws leave of a real machine."""
 
-FAR = 0.01
+ETA_DISTANCE_MIN = 0.01
 """Smallest distance of interest: twice the 0.005 to which an efficiency can be stated at best. [1]"""
 
-MAX_FAR = 3
+MIN_OTHERS = 3
 """Minimum number of logs for each one that lies far from the others; with more of these the usual value is unclear."""
 
 MAX_PAIRED = 30
 """Maximum number of logs of which pairs are tried: of more the others outvote two that were swapped."""
 
-ALONE = 1e-6
-"""Share of its own variance below which a log decides a term of the law by itself. [1]"""
-
-TINY = 1e-6
+PHYSICAL_MIN = 1e-6
 """No rig has a load, a speed or a power below this, nor a load above its inverse. [ohm, m/s, W]"""
-
-LAWS = 3
-"""Terms of the laws above, the constant included."""
 
 
 class LogEfficiency(msgspec.Struct, frozen=True):
     """Efficiencies of a log: means with their standard uncertainties without the gains, load [ohm], speed of the
-    payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared.
+    payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared. `cycles`
+    has the energies of each complete cycle to six digits, which two cycles share by being the same one alone.
     """
 
     name: str
@@ -53,6 +48,7 @@ class LogEfficiency(msgspec.Struct, frozen=True):
     power: float | None
     eta: Mapping[str, float | None]
     uncertainty: Mapping[str, float | None]
+    cycles: frozenset[str] = frozenset()
 
 
 class Apart(msgspec.Struct, frozen=True):
@@ -67,15 +63,26 @@ class Apart(msgspec.Struct, frozen=True):
 
 
 class _Rows(NamedTuple):
-    """Logs that are compared: 1 / efficiency and its standard deviation, (n,); terms of the law, (n, p); ln of the speed and
-    share of the losses, (n,).
+    """Logs that are compared, by the standard deviation of 1 / efficiency, (n,): 1 / efficiency and ln of the speed over it,
+    (n,); terms of the law over it, (n, p); and the share of the losses, (n,).
     """
 
-    y: Signal
     sd: Signal
-    terms: Signal
+    y: Signal
     ln_v: Signal
+    terms: Signal
     lost: Signal
+
+
+class _Distance(NamedTuple):
+    """Some logs against the law that the others give: how far 1 / efficiency lies off, and what their speed explains of that,
+    (m,) each; the probability that chance alone separates them so far, and the square by which the others agree better.
+    """
+
+    off: Signal
+    allowed: Signal
+    chance: float
+    square: float
 
 
 def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
@@ -84,8 +91,11 @@ def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
     One log at a time is left out and predicted from the others, then two where no single one explains it, as of two logs that
     were swapped. Significance is that of all these comparisons together.
     """
-    loaded = [log for log in logs if log.load is None or TINY < log.load < 1.0 / TINY]
-    given = {m: [log for log in loaded if (log.eta.get(m) or 0.0) > FAR] for m in ("eta_trans", "eta_gen", "eta_pto")}
+    loaded = [log for log in logs if log.load is None or PHYSICAL_MIN < log.load < 1.0 / PHYSICAL_MIN]
+    given = {
+        m: [log for log in loaded if (log.eta.get(m) or 0.0) > ETA_DISTANCE_MIN]
+        for m in ("eta_trans", "eta_gen", "eta_pto")
+    }
     tested = [m for m in ("eta_trans", "eta_gen") if len(given[m]) > 1] or ["eta_pto"]
     found: list[Apart] = []
     for metric in tested:
@@ -97,19 +107,18 @@ def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
 def _apart(metric: str, logs: Sequence[LogEfficiency], metrics: int) -> list[Apart]:
     if metric != "eta_trans":
         logs = [log for log in logs if log.load is not None]
-    left = list(range(len(logs)))
-    rows = _rows(metric, logs)
+    left, rows = list(range(len(logs))), _rows(metric, logs)
     found: list[Apart] = []
-    while rows is not None and len(found) < max(len(logs) // MAX_FAR, 1):
+    while rows is not None and len(found) < max(len(logs) // MIN_OTHERS, 1):
         chosen, others = _most_apart(rows, left, metrics)
         if not chosen:
             break
         left = [k for k in left if k not in chosen]
         for k in chosen:
-            off, allowed, _ = (float(x[-1]) for x in _left_out(rows, [*left, k]))
-            eta, expected = 1.0 / float(rows.y[k]), 1.0 / (float(rows.y[k]) - off)
+            distance, y = _distance(rows, left, (k,)), float(rows.y[k] * rows.sd[k])
+            expected, allowed = 1.0 / (y - float(distance.off[0])), float(distance.allowed[0]) / y**2
             or_else = tuple(logs[n].name for n in others)
-            found.append(Apart(logs[k].name, metric, eta, expected, allowed * eta * eta, or_else))
+            found.append(Apart(logs[k].name, metric, 1.0 / y, expected, allowed, or_else))
     return found
 
 
@@ -118,81 +127,55 @@ def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
     eta = np.array([log.eta[metric] for log in logs])
     loads = [log.load for log in logs]
     distinct = len(set(loads)) if None not in loads else len(logs)
-    v = np.array([max(log.speed, TINY) for log in logs])
+    v = np.array([max(log.speed, PHYSICAL_MIN) for log in logs])
     if metric == "eta_trans":
-        if any((log.power or 0.0) < TINY for log in logs):
+        if any((log.power or 0.0) < PHYSICAL_MIN for log in logs):
             return None
         power = np.array([log.power for log in logs])
         terms = np.column_stack([np.ones(len(logs)), v / power, v * v / power])
     else:
         r = np.array(loads, dtype=np.float64)
         terms = np.column_stack([np.ones(len(logs)), 1.0 / r, r])
-    terms = terms[:, : min(LAWS, distinct)]
+    terms = terms[:, :distinct]
     terms /= np.linalg.norm(terms, axis=0) if len(logs) else 1.0
     u = np.array([log.uncertainty.get(metric) or 0.0 for log in logs]) / eta
-    return _Rows(1.0 / eta, np.hypot(SMOOTH, u) / eta, terms, np.log(v), 1.0 - eta)
+    sd = np.hypot(ETA_SCATTER, u) / eta
+    return _Rows(sd, 1.0 / eta / sd, np.log(v) / sd, terms / sd[:, None], 1.0 - eta)
 
 
-def _left_out(rows: _Rows, left: Sequence[int]) -> tuple[Signal, Signal, Signal]:
-    """Each of the logs against the law that the others give: how far 1 / efficiency lies off, what its speed explains of that,
-    and the share of its own variance in that of a prediction, 1 less its leverage; (k,) each, NaN where the others give no law.
-    """
-    sd = rows.sd[left]
-    q, size, _ = np.linalg.svd(rows.terms[left] / sd[:, None], full_matrices=False)
-    q = q[:, size > ALONE * size[0]]  # terms that go together, as at one speed, count once
-    own = 1.0 - np.sum(q * q, axis=1)
-    own[own < ALONE] = np.nan
-    y, ln_v = rows.y[left] / sd, rows.ln_v[left] / sd
-    off, speed = ((x - q @ (q.T @ x)) * sd / own for x in (y, ln_v))
-    return off, rows.lost[left] * np.abs(speed) * rows.y[left], own
+def _distance(rows: _Rows, left: Sequence[int], out: Sequence[int]) -> _Distance:
+    """Compare some logs, of those that are left, with what all others predict; chance alone where these give no law."""
+    from scipy.special import fdtrc
 
-
-def _chances(rows: _Rows, left: Sequence[int]) -> tuple[Signal, Signal]:
-    """Probability for each log that chance alone separates it so far from the others, (k,); 1 where these give no law.
-
-    With it the distance in standard deviations, by whose square the others agree better without the log.
-    """
-    off, allowed, own = _left_out(rows, left)
-    freedom = PRIOR + len(left) - 1 - rows.terms.shape[1]
-    apart = np.abs(off) * np.sqrt(own) / rows.sd[left]
-    square = np.nansum((off * own / rows.sd[left]) ** 2) - apart**2  # of the others alone
-    scale = (PRIOR + np.maximum(square, 0.0)) / freedom
-    beyond = np.maximum(np.abs(off) - allowed, 0.0)
-    t = beyond / rows.sd[left] * np.sqrt(own / scale)
-    of_interest = beyond / rows.y[left] ** 2 >= FAR
-    chances = [probability(x, freedom) if far else 1.0 for x, far in zip(t.tolist(), of_interest, strict=True)]
-    return np.array(chances), np.nan_to_num(apart)
-
-
-def _pair_chance(rows: _Rows, left: Sequence[int], pair: tuple[int, int]) -> float:
-    """Probability that chance alone separates two logs so far from the others; 1 where these give no law.
-
-    Both are left out, so that neither hides the other.
-    """
-    by = [k for k in left if k not in pair]
-    square = 0.0
-    for k, one in enumerate(pair):
-        off, allowed, _ = (float(x[-1]) for x in _left_out(rows, [*by, one]))
-        if not (abs(off) - allowed) / rows.y[one] ** 2 >= FAR:  # nor where it is no number
-            return 1.0
-        off, allowed, own = (float(x[-1]) for x in _left_out(rows, [*by, *pair[: k + 1]]))  # by what came before it too
-        square += own * (max(abs(off) - allowed, 0.0) / rows.sd[one]) ** 2
-    rest, _, share = _left_out(rows, by)
+    by, of = [k for k in left if k not in out], list(out)
+    inverse = np.linalg.pinv(rows.terms[by], rcond=PHYSICAL_MIN)  # terms that go together, as at one speed, count once
+    weights = rows.terms[of] @ inverse
+    known = np.abs(weights @ rows.terms[by] - rows.terms[of]).max() <= PHYSICAL_MIN * np.abs(rows.terms[of]).max()
+    off, moved = (x[of] - weights @ x[by] for x in (rows.y, rows.ln_v))
+    allowed = rows.lost[of] * np.abs(moved) * rows.y[of] * rows.sd[of]
+    beyond = np.maximum(np.abs(off) - allowed, 0.0) * np.sign(off)
+    variance = np.eye(len(of)) + weights @ weights.T
+    rest = rows.y[by] - rows.terms[by] @ (inverse @ rows.y[by])
     freedom = PRIOR + len(by) - rows.terms.shape[1]
-    scale = (PRIOR + float(np.nansum((rest * share / rows.sd[by]) ** 2))) / freedom
-    return float((1.0 + square / scale / freedom) ** (-0.5 * freedom))  # of Fisher's F with 2 and `freedom` degrees
+    f = beyond @ np.linalg.solve(variance, beyond) / len(of) / ((PRIOR + rest @ rest) / freedom)
+    far = known and bool(np.all(np.abs(beyond) / (rows.y[of] ** 2 * rows.sd[of]) >= ETA_DISTANCE_MIN))
+    square = float(off @ np.linalg.solve(variance, off)) if known else 0.0
+    chance = float(fdtrc(len(of), freedom, f)) if far else 1.0
+    return _Distance(off * rows.sd[of], allowed * rows.sd[of], chance, square)
 
 
-def _significant(rows: _Rows, left: Sequence[int], metrics: int) -> list[tuple[int, ...]]:
-    """The logs that lie apart from the others by more than chance allows, each alone, or two where no single one does."""
+def _significant(rows: _Rows, left: Sequence[int], metrics: int) -> dict[tuple[int, ...], float]:
+    """The logs that lie apart from the others by more than chance allows, each alone, or two where no single one does, and the
+    square by which the others agree better without them."""
     if len(left) <= rows.terms.shape[1]:
-        return []
-    chances = dict(zip(left, _chances(rows, left)[0].tolist(), strict=True))
-    found: list[tuple[int, ...]] = [(k,) for k in left if chances[k] * len(left) * metrics < ALPHA]
-    pairs = list(combinations(left, 2)) if not found and 2 * MAX_FAR <= len(left) <= MAX_PAIRED else []
-    of_pairs = {pair: _pair_chance(rows, left, pair) * len(pairs) * metrics for pair in pairs}
-    best = min(of_pairs, key=lambda pair: of_pairs[pair], default=(-1, -1))
-    return [best] if of_pairs.get(best, 1.0) < ALPHA else found
+        return {}
+    single: dict[tuple[int, ...], _Distance] = {(k,): _distance(rows, left, (k,)) for k in left}
+    found = {logs: d.square for logs, d in single.items() if d.chance * len(left) * metrics < ALPHA}
+    if found or not 2 * MIN_OTHERS <= len(left) <= MAX_PAIRED:
+        return found
+    pairs = {pair: _distance(rows, left, pair) for pair in combinations(left, 2)}
+    best = min(pairs, key=lambda pair: pairs[pair].chance)
+    return {best: pairs[best].square} if pairs[best].chance * len(pairs) * metrics < ALPHA else {}
 
 
 def _most_apart(rows: _Rows, left: Sequence[int], metrics: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -205,7 +188,7 @@ def _most_apart(rows: _Rows, left: Sequence[int], metrics: int) -> tuple[tuple[i
     if not found:
         return (), ()
     few = left if len(left) <= MAX_PAIRED else []
-    alone: list[tuple[int, ...]] = [(k,) for k in few if not _significant(rows, [n for n in left if n != k], metrics)]
-    apart = dict(zip(left, _chances(rows, left)[1].tolist(), strict=True))
-    best = max(alone or found, key=lambda logs: max(apart[k] for k in logs))
-    return best, tuple(k for (k,) in alone if (k,) != best)
+    alone = [k for k in few if not _significant(rows, [n for n in left if n != k], metrics)]
+    squares = {(k,): _distance(rows, left, (k,)).square for k in alone} or found
+    best = max(squares, key=lambda logs: round(squares[logs], 6))  # the first of those that explain it equally well
+    return best, tuple(k for k in alone if (k,) != best)

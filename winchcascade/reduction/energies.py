@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.cascade import ELECTRICAL, Stream
+from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import integrals, integrals_of
 from winchcascade.core.rig_file import Thresholds
-from winchcascade.core.run import Run, Signal
+from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import ratio
 from winchcascade.reduction.gap_error import energy_error, gap_limits, gaps_of, instant_error
-from winchcascade.reduction.phased_run import PhasedRun, Window, travel_in
+from winchcascade.reduction.phased_run import PhasedRun, Window, onsets, travel_in
 from winchcascade.reduction.phases import Cycle
 
 NET_TRAVEL_MAX = 0.01
@@ -42,55 +42,45 @@ class NetSpan(msgspec.Struct, frozen=True, rename={"begin": "begin_s", "end": "e
 def find_net_spans(phased: PhasedRun) -> list[NetSpan]:
     """Find the span of each whole cycle, and why a cycle is not whole.
 
-    The last cycle of a log ends with the log if its haul-in is complete and the line is at rest by then.
+    The last cycle of a log ends with the log if its haul-in is complete and the line is at rest by then, for as long as the
+    velocity is smoothed over.
     """
-    cycles, after = phased.cycles, phased.next_onset
-    ends = [*(c.onset for c in cycles[1:]), float(phased.run.t[-1]) if after is None else after]
-    spans = [(c.onset, end) for c, end in zip(cycles, ends, strict=False)]
+    run, limits, spans = phased.run, phased.rig.thresholds, onsets(phased)
+    rest = float(run.t[-1]) - limits.smoothing
+    at_rest = np.max(np.abs(phased.v_smooth[np.searchsorted(run.t, rest) :])) <= limits.v_onset
     found = []
-    for (begin, end), cycle, moved, stroke in zip(
-        spans, cycles, travel_in(phased.run, np.array(spans).reshape(-1, 2)), phased.travel, strict=True
-    ):
-        reason = _not_whole(phased.run, cycle)
-        if reason is None and after is None and cycle is cycles[-1] and not _ends_at_rest(phased):
+    for k, (cycle, moved) in enumerate(zip(phased.cycles, travel_in(run, spans), strict=True)):
+        last = k == len(phased.cycles) - 1 and phased.next_onset is None
+        reason = None
+        if "force" not in run.channels:
+            reason = "the log has no line tension"
+        elif run.open_circuit:
+            reason = "net energies are not evaluated in open circuit"
+        elif cycle.begins_inside:
+            reason = "the log begins inside the payout"
+        elif cycle.hold is None:
+            reason = "the log ends inside the payout"
+        elif cycle.haul_in is None:
+            reason = "no haul-in follows"
+        elif last and not (at_rest and cycle.haul_in[1] <= rest):
             reason = "the log ends before the line is at rest after the haul-in"
-        if reason is None and abs(moved) > NET_TRAVEL_MAX * abs(stroke):
+        elif abs(moved) > NET_TRAVEL_MAX * abs(phased.travel[k]):
             reason = f"the line ends more than {NET_TRAVEL_MAX:.0%} of its stroke from where it began"
+        begin, end = spans[k].tolist()
         found.append(NetSpan(begin, end, moved, reason))
     return found
 
 
-def _ends_at_rest(phased: PhasedRun) -> bool:
-    """Whether the last haul-in ends, and the line rests at the log's end for as long as the velocity is smoothed over."""
-    limits, t, haul_in = phased.rig.thresholds, phased.run.t, phased.cycles[-1].haul_in
-    begin = float(t[-1]) - limits.smoothing
-    if haul_in is None or haul_in[1] > begin:
-        return False
-    return bool(np.max(np.abs(phased.v_smooth[np.searchsorted(t, begin) :])) <= limits.v_onset)
-
-
-def _not_whole(run: Run, cycle: Cycle) -> str | None:
-    if "force" not in run.channels:
-        return "the log has no line tension"
-    if run.open_circuit:
-        return "net energies are not evaluated in open circuit"
-    if cycle.begins_inside:
-        return "the log begins inside the payout"
-    if cycle.hold is None:
-        return "the log ends inside the payout"
-    return None if cycle.haul_in is not None else "no haul-in follows"
-
-
 def spans_of(windows: Sequence[Window], cycles: Sequence[Cycle], nets: Sequence[NetSpan]) -> dict[str, Signal]:
     """Begin and end of the spans of all cycles by name, (k, 2) each [s]; without length for a cycle that is not whole."""
-    rows = [
-        (*window, c.onset, c.payout_end, *c.haul_in, n.begin, n.end)
-        if n.reason is None and c.haul_in is not None
-        else (*window, *(c.onset,) * 6)
-        for window, c, n in zip([(w.onset, w.cutoff) for w in windows], cycles, nets, strict=True)
-    ]
-    spans = np.array(rows).reshape(-1, 4, 2).swapaxes(0, 1)
-    return dict(zip(("window", "payout", "haul_in", "cycle"), spans, strict=True))
+    whole = [c.haul_in if n.reason is None else None for c, n in zip(cycles, nets, strict=True)]
+    found = {
+        "window": [(w.onset, w.cutoff) for w in windows],
+        "payout": [(c.onset, c.payout_end if haul_in else c.onset) for c, haul_in in zip(cycles, whole, strict=True)],
+        "haul_in": [haul_in or (c.onset, c.onset) for c, haul_in in zip(cycles, whole, strict=True)],
+        "cycle": [(n.begin, n.end if haul_in else n.begin) for n, haul_in in zip(nets, whole, strict=True)],
+    }
+    return {name: np.array(spans).reshape(-1, 2) for name, spans in found.items()}
 
 
 def net_metrics(joules: Mapping[str, float | None], span: NetSpan) -> tuple[dict[str, float | None], NetSpan]:
@@ -134,49 +124,43 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
 
     Gaps that make an energy uncertain become the fault of the window, or the reason why a cycle has no net energies.
     """
-    run, limits = phased.run, gap_limits(phased.run, phased.rig)
-    spans = spans_of(windows, phased.cycles, nets)
-    cascade, r_drum = phased.rig.cascade, phased.rig.r_drum
-    joules: dict[str, list[float] | None] = dict.fromkeys(cascade.parts)
-    bridged: dict[str, tuple[float, ...]] = {}
-    faults: dict[str, dict[int, str]] = {span: {} for span in spans}
+    run, rig, cascade = phased.run, phased.rig, phased.rig.cascade
+    limits, spans = gap_limits(run, rig), spans_of(windows, phased.cycles, nets)
+    powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in cascade.stages}
+    known = {name: power.stream(run.channels, rig.r_drum) for name, power in powers.items() if power is not None}
+    whole = integrals_of(run.t, list(known.values()), np.concatenate(list(spans.values())))
+    of_stages = dict(zip(known, whole.reshape(len(known), len(spans), len(windows)), strict=True))
+    of_span = {span: k for k, span in enumerate(spans)}
     moved = dict.fromkeys(spans, np.zeros(len(windows)))  # at an onset the line hardly moves
     if phased.rule != "payout":  # what moves onset or plateau moves the cutoff that depends on it
         onset, cutoff = spans["window"].T
         instants = onset if isinstance(phased.rule, float) else cutoff - limits.settle
         moved["window"] = instant_error(run, phased.v_smooth, instants)
-    measured = [
-        (stage, watts, product.channels)
-        for stage in cascade.stages
-        if (watts := stage.stream(run.channels, r_drum)) and (product := stage.power(run.channels, r_drum))
-    ]
-    whole = integrals_of(run.t, [watts for _, watts, _ in measured], np.concatenate(list(spans.values())))
-    whole = whole.reshape(len(measured), len(spans), len(windows))
-    for (stage, watts, channels), of_spans in zip(measured, whole, strict=True):
-        gaps, joule = gaps_of(run, channels), dict(zip(spans, of_spans, strict=True))
-        for name, span in [(name, span) for name, (source, span) in cascade.parts.items() if source == stage.name]:
-            part = joule[span]
-            joules[name] = (SIGN.get(name, 1.0) * part).tolist()
-            idle = stage.name in ELECTRICAL and run.open_circuit  # no current flows: any of it is a large share
-            if len(gaps) and not idle:
-                changed = energy_error(run.t, watts(slice(None)), gaps, spans[span], moved[span])
-                bridged[name] = tuple(changed.tolist())
-                flow = np.abs(part) if phased.rig.phases.by_motion else _flow(run.t, watts, spans[span])
-                share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(flow, 1e-9), 0.0)
-                which, place = ("window", "its window") if span == "window" else ("cycle", "the cycle")
-                for k, fault in gap_faults(name, place, gaps, spans[span], share, limits).items():
-                    faults[which].setdefault(k, fault)
+    joules: dict[str, list[float] | None] = dict.fromkeys(cascade.parts)
+    bridged: dict[str, tuple[float, ...]] = {}
+    faults: dict[str, dict[int, str]] = {"its window": {}, "the cycle": {}}
+    for name, (stage, span) in cascade.parts.items():
+        power = powers[stage]
+        if power is None:
+            continue
+        energy, gaps = of_stages[stage][of_span[span]], gaps_of(run, power.channels)
+        joules[name] = (SIGN.get(name, 1.0) * energy).tolist()
+        idle = stage in ELECTRICAL and run.open_circuit  # no current flows: any of it is a large share
+        if len(gaps) and not idle:
+            watts = known[stage](slice(None))
+            changed = energy_error(run.t, watts, gaps, spans[span], moved[span])
+            bridged[name] = tuple(changed.tolist())
+            # the net energy of a reciprocating machine may be small
+            flow = energy if rig.phases.by_motion else integrals(run.t, np.abs(watts).__getitem__, spans[span])
+            share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(np.abs(flow), 1e-9), 0.0)
+            place = "its window" if span == "window" else "the cycle"
+            faults[place] = gap_faults(name, place, gaps, spans[span], share, limits) | faults[place]
     return Energies(
-        [Window(w.onset, w.cutoff, w.fault or faults["window"].get(k)) for k, w in enumerate(windows)],
-        [NetSpan(n.begin, n.end, n.travel, n.reason or faults["cycle"].get(k)) for k, n in enumerate(nets)],
+        [Window(w.onset, w.cutoff, w.fault or faults["its window"].get(k)) for k, w in enumerate(windows)],
+        [NetSpan(n.begin, n.end, n.travel, n.reason or faults["the cycle"].get(k)) for k, n in enumerate(nets)],
         joules,
         bridged,
     )
-
-
-def _flow(t: Signal, watts: Stream, spans: Signal) -> Signal:
-    """Energy that flows in either direction in each span, (k,): the net energy of a reciprocating machine may be small. [J]"""
-    return integrals(t, lambda part: np.abs(watts(part)), spans)
 
 
 def gap_faults(name: str, place: str, gaps: Signal, spans: Signal, share: Signal, limits: Thresholds) -> dict[int, str]:

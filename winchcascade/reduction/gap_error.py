@@ -11,28 +11,25 @@ from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import CLOCK, Index, Run, Signal
 
-NEAR = 0.3
+INSTANT_REACH = 0.3
 """A gap of the velocity this close to an instant moves it: half the width that smooths the velocity. [s]"""
 
-BESIDE = 0.2
+SLOPE_LENGTH_MIN = 0.2
 """Slopes beside a gap are taken over at least this long. [s]"""
 
 TOUCH = 1e-9
 """A window that ends where a gap begins touches it: the gap is why it ends there. [s]"""
 
+SLOPE_MIN = 1e-3
+"""Smallest acceleration with which a velocity passes a level; a gap moves an instant by no more than its own length. [m/s2]"""
 
-WHOLE_RECORD = 0.01
-"""Share of a whole record that a gap in it may last: longer ones part the record. [1]"""
-
-WHOLE_ENERGY = 0.05
-"""Share of an energy of a whole record that bridging may change; its uncertainty contains it. [1]"""
+WHOLE_RECORD, WHOLE_ENERGY = 0.01, 0.05
+"""Shares of a whole record that a gap in it may last, and of its energy that bridging may change: it has no neighbours that
+could take its place, and its uncertainty contains what bridging may change. [1]"""
 
 
 def gap_limits(run: Run, rig: Rig) -> Thresholds:
-    """Thresholds of a rig with the longest gap and the largest change of an energy that are bridged in a log.
-
-    A whole record has no neighbours that could take its place, so it bears more.
-    """
+    """Thresholds of a rig with the longest gap and the largest change of an energy that are bridged in a log."""
     limits = rig.thresholds
     if rig.phases.source != "whole":
         return limits
@@ -42,16 +39,14 @@ def gap_limits(run: Run, rig: Rig) -> Thresholds:
 
 def all_gaps(run: Run, channels: Sequence[str]) -> Signal:
     """Gaps of the clock and of any of the channels, (k, 2) stamps in order of time [s]."""
-    gaps: Signal = np.concatenate(
-        [np.empty((0, 2)), *(run.gaps[name] for name in (CLOCK, *channels) if name in run.gaps)]
-    )
-    return gaps[np.argsort(gaps[:, 0], kind="stable")]
+    known = [run.gaps[name] for name in (CLOCK, *channels) if name in run.gaps]
+    gaps = np.concatenate([np.empty((0, 2)), *known])
+    return np.asarray(gaps[np.argsort(gaps[:, 0], kind="stable")])
 
 
 def gaps_of(run: Run, channels: Sequence[str]) -> Signal:
     """Gaps that touch any of the channels, (k, 2) in order of time [s]."""
-    gaps: Signal = all_gaps(run, channels) + np.array([-TOUCH, TOUCH])
-    return np.clip(gaps, run.t[0], run.t[-1])
+    return np.asarray(np.clip(all_gaps(run, channels) + np.array([-TOUCH, TOUCH]), run.t[0], run.t[-1]))
 
 
 def overlapped_windows(gaps: Signal, windows: Signal) -> tuple[Index, Index]:
@@ -68,18 +63,25 @@ def bridging_error(t: Signal, x: Signal, gaps: Signal) -> Signal:
     """What a straight line over each gap may miss of the integral of x, (k,) in the unit of x times seconds.
 
     The largest of what the same line would miss if the gap lay just before or just after, where the data are known, and
-    of what a kink or a jump inside would hide, by the slopes on either side.
+    of what a kink or a jump inside would hide: the area between the line and those that go on from either side, to where these
+    meet.
     """
-    error = _hidden(t, x, gaps)
-    width = gaps[:, 1] - gaps[:, 0]
+    width = np.maximum(gaps[:, 1] - gaps[:, 0], TOUCH)
+    beside = np.maximum(0.5 * width, SLOPE_LENGTH_MIN)
+    first, last = np.interp(gaps.T, t, x)
+    chord = (last - first) / width
+    bend_in = (first - np.interp(gaps[:, 0] - beside, t, x)) / beside - chord
+    bend_out = chord - (np.interp(gaps[:, 1] + beside, t, x) - last) / beside
+    kink = bend_in * bend_out > 0
+    meeting = np.abs(bend_in * bend_out / np.where(kink, bend_in + bend_out, 1.0))
+    error = 0.5 * width**2 * np.where(kink, meeting, np.maximum(np.abs(bend_in), np.abs(bend_out)))
     for shift in (-1.0, 1.0):
-        tried = gaps + shift * width[:, None]
+        tried = gaps + shift * np.diff(gaps, axis=1)
         inside = (tried[:, 0] >= t[0]) & (tried[:, 1] <= t[-1])
         tried = np.clip(tried, t[0], t[-1])
-        ends = np.interp(tried, t, x)
-        missed = np.abs(integrals(t, x.__getitem__, tried) - 0.5 * width * (ends[:, 0] + ends[:, 1]))
-        error = np.maximum(error, np.where(inside, missed, 0.0))
-    return error
+        line = 0.5 * (gaps[:, 1] - gaps[:, 0]) * np.interp(tried, t, x).sum(axis=1)
+        error = np.maximum(error, inside * np.abs(integrals(t, x.__getitem__, tried) - line))
+    return np.asarray(error)
 
 
 def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: Signal) -> Signal:
@@ -98,40 +100,23 @@ def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: S
     return np.sqrt(square)
 
 
-def _hidden(t: Signal, x: Signal, gaps: Signal) -> Signal:
-    """Area between the line over each gap and the lines that go on from either side: to where they meet, else a jump."""
-    width = np.maximum(gaps[:, 1] - gaps[:, 0], TOUCH)
-    half_width = np.maximum(0.5 * width, BESIDE)
-    first, last = np.interp(gaps.T, t, x)
-    chord = (last - first) / width
-    bend_in = (first - np.interp(gaps[:, 0] - half_width, t, x)) / half_width - chord
-    bend_out = chord - (np.interp(gaps[:, 1] + half_width, t, x) - last) / half_width
-    kink = bend_in * bend_out > 0
-    height = width * np.where(kink, bend_in * bend_out / np.where(kink, bend_in + bend_out, 1.0), bend_in)
-    jump = width * np.maximum(np.abs(bend_in), np.abs(bend_out))
-    area: Signal = 0.5 * width * np.where(kink, np.abs(height), jump)
-    return area
-
-
 def instant_error(run: Run, v_smooth: Signal, instants: Signal) -> Signal:
     """What gaps of the velocity may move the instants at which it passes a level, (k,) in rising order [s]."""
     moved = np.zeros(len(instants))
-    gaps = gaps_of(run, ("velocity",))
-    if len(gaps) == 0 or "velocity" not in run.channels:
+    if "velocity" not in run.channels:
         return moved
-    first = np.searchsorted(instants, gaps[:, 0] - NEAR)
-    error = bridging_error(run.t, run.channels["velocity"], gaps)
-    for gap, metres, k in zip(gaps, error, first.tolist(), strict=True):
-        if k < len(instants) and instants[k] <= gap[1] + NEAR:
-            width = gap[1] - gap[0]
-            half_width = max(width, NEAR)
-            before, after = np.interp([instants[k] - half_width, instants[k] + half_width], run.t, v_smooth)
-            slope = max((after - before) / (2 * half_width), 1e-3)
-            weight = _weight(max(gap[0] - instants[k], instants[k] - gap[1], 0.0) / NEAR)
-            moved[k] += min(metres * min(1.5 / width, weight / (2 * NEAR)) / slope, width + NEAR)
+    gaps = gaps_of(run, ("velocity",))
+    first = np.searchsorted(instants, gaps[:, 0] - INSTANT_REACH)
+    near = np.append(instants, np.inf)[first] <= gaps[:, 1] + INSTANT_REACH
+    gaps, first = gaps[near], first[near]
+    at, width = instants[first], gaps[:, 1] - gaps[:, 0]
+    half = np.maximum(width, INSTANT_REACH)
+    before, after = np.interp([at - half, at + half], run.t, v_smooth)
+    slope = np.maximum((after - before) / (2.0 * half), SLOPE_MIN)
+    # Weight of the smoothing quadratic over its mean, by the distance in its half widths (Savitzky and Golay 1964).
+    distance = np.maximum(np.maximum(gaps[:, 0] - at, at - gaps[:, 1]), 0.0) / INSTANT_REACH
+    weight = np.abs(9.0 / 4.0 - 15.0 / 4.0 * distance**2)
+    metres = bridging_error(run.t, run.channels["velocity"], gaps)
+    speed = metres * np.minimum(1.5 / width, weight / (2.0 * INSTANT_REACH))
+    np.add.at(moved, first, np.minimum(speed / slope, width + INSTANT_REACH))
     return moved
-
-
-def _weight(u: float) -> float:
-    """Weight of the smoothing quadratic over its mean, at a share u of its half width (Savitzky and Golay 1964)."""
-    return abs(9 / 4 - 15 / 4 * u * u)

@@ -15,7 +15,6 @@ share of its power (e). It is fitted by least squares.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -25,25 +24,18 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.reduction.loss_points import LossPoints, columns_at
 
-TERMS = ("speed", "speed_squared", "torque_squared", "torque", "speed_times_torque")
-"""Columns of the surface, in their order."""
-
-UNITS = ("N.m", "N.m.s/rad", "W/(N.m)2", "W/(N.m)", "1")
-"""Units of their coefficients."""
+TERMS = {
+    "speed": "N.m", "speed_squared": "N.m.s/rad", "torque_squared": "W/(N.m)2", "torque": "W/(N.m)", "speed_times_torque": "1",
+}  # fmt: skip
+"""Columns of the surface and units of their coefficients; of points that do not distinguish all, the first ones are fitted."""
 
 CONDITION_MAX = 100.0
 """Largest condition number of scaled columns that are still distinguished: points all over a rectangle of torque and speed have
 20 to 75, and from 100 on estimates suffer whatever the noise (Belsley, Kuh and Welsch 1980, Sec. 3.2). [1]"""
 
-ALIKE = 0.95
-"""Correlation about zero from which a column that was left out is said to be contained in another one. [1]"""
-
 BREAKPOINTS = 25
 """Breakpoints of torque and of speed in the table: linear interpolation of a quadratic surface between them errs by less than a
 thousandth of its curvature over the whole range."""
-
-FOLDS = 10
-"""Parts of the points that are held out one after the other, where there are too few logs and cycles to hold these out."""
 
 CLUSTERS = 12
 """Minimum number of cycles from which the errors of the points of one cycle are taken as correlated."""
@@ -52,8 +44,8 @@ CLUSTERS = 12
 class Coefficient(msgspec.Struct, frozen=True):
     """Coefficient of one column with its 95 % interval, in SI units.
 
-    All three are None for a column that the points cannot distinguish from `contained_in`, and is left out. The interval alone
-    is None where there are as many columns as points, so that no scatter shows.
+    All three are None for a column that is left out, as the points do not distinguish it from those of `contained_in`. The
+    interval alone is None where there are as many columns as points, so that no scatter shows.
     """
 
     term: str
@@ -75,7 +67,7 @@ class Surface(msgspec.Struct, frozen=True):
     condition_all : the same of all five columns; infinite where some are the same
     residual : root mean square of what the surface leaves of the points [W]
     held_out : the same of points that took no part in the fit [W]; None for too few of them
-    held_out_by : what was held out: log, cycle or point
+    held_out_by : what was held out: each log, or of fewer than three each cycle
     """
 
     coefficients: tuple[Coefficient, ...]
@@ -141,33 +133,40 @@ def make_loss_map(points: LossPoints, rig: Rig) -> LossMap:
 
 
 def fit_surface(points: LossPoints, rig: Rig) -> Surface:
-    """Fit the surface by least squares, with the columns that the points distinguish.
+    """Fit the surface by least squares, with as many of its columns as the points distinguish.
 
     Parameters
     ----------
     rig : states the accuracies of the sensors
     """
-    groups, by = _held_out_groups(points)
-    kept = _distinguished(points.columns, points.loss, groups)
-    x = points.columns[:, kept]
-    values = np.zeros(len(TERMS))
-    values[kept] = _solve(x, points.loss)
-    left = points.loss - x @ values[kept]
-    covariance, freedom = _scatter(x, left, points.cycle)
-    for changed in _with_errors(points, rig):
-        step = _solve(changed.columns[:, kept], changed.loss) - values[kept]
+    kept = [k for k in range(len(TERMS)) if np.any(points.columns[:, k])]
+    while len(kept) > 1 and condition_number(points.columns[:, kept]) > CONDITION_MAX:
+        kept.pop()
+    x, by = points.columns[:, kept], "log" if np.unique(points.log).size >= 3 else "cycle"
+    fitted = _solve(x, points.loss)
+    residual = points.loss - x @ fitted
+    covariance, freedom = _scatter(x, residual, points.cycle)
+    for wrong in _with_errors(points, rig):
+        step = _solve(wrong.columns[:, kept], wrong.loss) - fitted
         covariance = covariance + np.outer(step, step)
-    whole = np.zeros((len(TERMS), len(TERMS)))
-    whole[np.ix_(kept, kept)] = covariance
+    values, whole = np.zeros(len(TERMS)), np.zeros((len(TERMS), len(TERMS)))
+    values[kept], whole[np.ix_(kept, kept)] = fitted, covariance
+    names, found = list(TERMS), []
+    for k, (term, unit) in enumerate(TERMS.items()):
+        value, half = float(values[k]), student(freedom) * math.sqrt(whole[k, k]) if freedom else math.nan
+        ends = (value - half, value + half) if math.isfinite(half) else (None, None)
+        column = Coefficient(term, unit, value, *ends)
+        others = tuple(names[n] for n in kept) if np.any(points.columns[:, k]) else ()
+        found.append(column if k in kept else Coefficient(term, unit, contained_in=others))
     return Surface(
-        coefficients=_coefficients(points.columns, kept, values, whole, freedom),
+        coefficients=tuple(found),
         values=values,
         covariance=whole,
         freedom=freedom,
         condition=condition_number(x),
         condition_all=condition_number(points.columns),
-        residual=_rms(left),
-        held_out=_held_out(x, points.loss, groups),
+        residual=_rms(residual),
+        held_out=_held_out(x, points.loss, points.log if by == "log" else points.cycle),
         held_out_by=by,
     )
 
@@ -187,31 +186,8 @@ def condition_number(x: Signal) -> float:
     return float(sizes[0] / sizes[-1])
 
 
-def _distinguished(columns: Signal, loss: Signal, groups: Index) -> list[int]:
-    """Columns that the points distinguish; of too many the one is left out that held-out points need least."""
-    kept = [k for k in range(columns.shape[1]) if np.any(np.abs(columns[:, k]) > 0.0)]
-    while len(kept) > 1 and condition_number(columns[:, kept]) > CONDITION_MAX:
-        rest = [[k for k in kept if k != gone] for gone in kept]
-        errors = [_held_out(columns[:, some], loss, groups) for some in rest]
-        without = [math.inf if error is None else error for error in errors]
-        if all(math.isinf(error) for error in without):  # too few points: the first columns are the plainest ones
-            kept = kept[:-1]
-        else:
-            kept = rest[int(np.argmin(without))]
-    return kept
-
-
-def _held_out_groups(points: LossPoints) -> tuple[Index, str]:
-    """Number of the part of each point that is held out together, and what the parts are."""
-    if np.unique(points.log).size >= 3:
-        return points.log, "log"
-    if np.unique(points.cycle).size >= 3:
-        return points.cycle, "cycle"
-    return np.arange(points.loss.size) % FOLDS, "point"
-
-
 def _held_out(x: Signal, loss: Signal, groups: Index) -> float | None:
-    """Root mean square error of points that took no part in the fit [W]; None where what is left cannot be fitted."""
+    """Root mean square error of points that took no part in the fit [W]; None where the others cannot be fitted."""
     errors = np.empty(loss.size)
     for group in np.unique(groups):
         out = groups == group
@@ -232,33 +208,26 @@ def _rms(x: Signal) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _scatter(x: Signal, left: Signal, cycle: Index) -> tuple[Signal, int]:
-    """Covariance of the coefficients by what the surface leaves, whose size may differ from point to point, and its freedom.
+def _scatter(x: Signal, residual: Signal, cycle: Index) -> tuple[Signal, int]:
+    """Covariance of the coefficients by the residuals of the points, and its degrees of freedom; 0 for none.
 
-    Of many cycles the errors within each are added up before they are squared (Liang and Zeger 1986); of few each point
-    counts as independent, enlarged by its leverage (HC3, MacKinnon and White 1985).
+    Of many cycles the errors within each are added up before they are squared (Liang and Zeger 1986).
     """
     n, p = x.shape
     if n <= p:
         return np.full((p, p), np.nan), 0
     inverse = np.linalg.pinv(x)
     numbers, place = np.unique(cycle, return_inverse=True)
-    clustered = CLUSTERS <= numbers.size < n
-    leverage = np.minimum(np.einsum("ij,ji->i", x, inverse), 0.99)
-    scores = inverse * (left if clustered else left / (1.0 - leverage))
-    if clustered:
-        scores = np.stack([np.bincount(place, weights=row) for row in scores])
-        scores *= math.sqrt(numbers.size / (numbers.size - 1.0) * (n - 1.0) / (n - p))
-    return scores @ scores.T, numbers.size - 1 if clustered else n - p
+    if not CLUSTERS <= numbers.size < n:
+        return np.asarray(residual @ residual / (n - p) * inverse @ inverse.T), n - p
+    scores = np.stack([np.bincount(place, weights=row) for row in inverse * residual])
+    return scores @ scores.T * (numbers.size / (numbers.size - 1.0) * (n - 1.0) / (n - p)), numbers.size - 1
 
 
 def _with_errors(points: LossPoints, rig: Rig) -> list[LossPoints]:
     """The points as they would be with each sensor wrong by one standard uncertainty of its zero or gain."""
-    found = []
-    for channel, sensor in rig.sensors.items():
-        if channel in points.means:
-            found += [points.with_error(channel, s.part, s.u) for s in error_sources(channel, sensor)]
-    return found
+    sources = [s for name, sensor in rig.sensors.items() if name in points.means for s in error_sources(name, sensor)]
+    return [points.with_error(s.channel, s.part, s.u) for s in sources]
 
 
 def _energy(points: LossPoints, surface: Surface, rig: Rig) -> tuple[float, float]:
@@ -266,35 +235,10 @@ def _energy(points: LossPoints, surface: Surface, rig: Rig) -> tuple[float, floa
     energy = float(points.loss @ points.duration)
     if surface.freedom == 0:
         return energy, math.nan
-    left = (points.loss - points.columns @ surface.values) * points.duration
+    residual = (points.loss - points.columns @ surface.values) * points.duration
     _, place = np.unique(points.cycle, return_inverse=True)
-    u_square = float(np.sum(np.bincount(place, weights=left) ** 2))
-    u_square += sum(float((p.loss - points.loss) @ points.duration) ** 2 for p in _with_errors(points, rig))
-    return energy, math.sqrt(u_square)
-
-
-def _coefficients(
-    columns: Signal, kept: Sequence[int], values: Signal, covariance: Signal, freedom: int
-) -> tuple[Coefficient, ...]:
-    factor = student(freedom) if freedom else math.nan
-    found = []
-    for k, (term, unit) in enumerate(zip(TERMS, UNITS, strict=True)):
-        if k not in kept:
-            found.append(Coefficient(term, unit, contained_in=_contained_in(columns, k, kept)))
-            continue
-        value, reach = float(values[k]), factor * math.sqrt(covariance[k, k])
-        known = math.isfinite(reach)
-        found.append(Coefficient(term, unit, value, value - reach if known else None, value + reach if known else None))
-    return tuple(found)
-
-
-def _contained_in(columns: Signal, k: int, kept: Sequence[int]) -> tuple[str, ...]:
-    """Columns that follow nearly the same course as another one, or all that are fitted where none does alone."""
-    length = np.linalg.norm(columns, axis=0)
-    if length[k] == 0.0:
-        return ()
-    alike = {j: abs(float(columns[:, j] @ columns[:, k])) / (length[j] * length[k]) for j in kept}
-    return tuple(TERMS[j] for j in kept if alike[j] >= ALIKE) or tuple(TERMS[j] for j in kept)
+    shifts = [float((wrong.loss - points.loss) @ points.duration) for wrong in _with_errors(points, rig)]
+    return energy, math.hypot(*np.bincount(place, weights=residual), *shifts)
 
 
 EDGE = 1e-9
@@ -302,39 +246,24 @@ EDGE = 1e-9
 
 
 def convex_hull(x: Signal, y: Signal) -> Signal:
-    """Corners of the convex hull of points, (k, 2), anticlockwise (Andrew 1979); two ends for points on a line.
+    """Corners of the convex hull of points, (k, 2), anticlockwise from the least x; two ends for points on a line.
 
     >>> convex_hull(np.array([0.0, 2.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.5, 2.0])).tolist()
     [[0.0, 0.0], [2.0, 0.0], [1.0, 2.0]]
     """
-    corners = np.unique(np.column_stack((x, y)), axis=0).tolist()
-    if len(corners) < 3:
-        return np.array(corners).reshape(-1, 2)
-    minimum = EDGE * float(np.prod(np.ptp(corners, axis=0)))
-    lower, upper = _chain(corners, minimum), _chain(corners[::-1], minimum)
-    return np.array(lower[:-1] + upper[:-1])
+    from scipy.spatial import ConvexHull, QhullError
 
-
-def _chain(corners: Sequence[Sequence[float]], minimum: float) -> list[Sequence[float]]:
-    """Lower half of a hull of points in order, without points on its edges, where it turns by less than a least area."""
-    chain: list[Sequence[float]] = []
-    for point in corners:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= minimum:
-            chain.pop()
-        chain.append(point)
-    return chain
-
-
-def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
-    """Twice the area of a triangle, positive if it turns to the left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    corners = np.unique(np.column_stack((x, y)), axis=0)
+    try:
+        found = corners[ConvexHull(corners).vertices]
+    except QhullError:  # too few points, or all of them on a line
+        return corners[:: max(1, len(corners) - 1)]
+    return np.roll(found, -int(np.lexsort(found.T[::-1])[0]), axis=0)
 
 
 def within(hull: Signal, x: Signal, y: Signal) -> Mask:
     """Whether places lie in a convex hull or on its edge; none lies in a hull without area."""
-    if len(hull) < 3:
-        return np.zeros(np.shape(x), dtype=bool)
-    inside = np.ones(np.shape(x), dtype=bool)
+    inside = np.full(np.shape(x), len(hull) > 2)
     extent = float(np.prod(np.ptp(hull, axis=0)))
     for a, b in zip(hull, np.roll(hull, -1, axis=0), strict=True):
         inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) >= -EDGE * extent

@@ -1,12 +1,13 @@
-"""Cycles of a log by each source that a rig file may name under [phases], in one table of detectors.
+"""Cycles of a log by each source that a rig file may name under [phases].
 
 A cycle of a motion has payout, hold and haul-in. Each cycle of another source is one span, over which energies are integrated:
-its window. A wave is cut into its positive half, the payout, and its negative half, the haul-in.
+its window. A wave is cut into its positive half, the payout, and its negative half, the haul-in. A step is a steady operating
+point of a dynamometer, in which speed and torque stay within a band.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
 from itertools import pairwise
 
 import msgspec
@@ -14,14 +15,12 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.core.rig_file import PhaseSource, Rig, Thresholds
-from winchcascade.core.run import Index, Run, Signal
+from winchcascade.core.integrate import GAUSS, median, quantile
+from winchcascade.core.rig_file import PhaseRule, Rig, Thresholds
+from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps, gap_limits
 from winchcascade.reduction.phases import Cycle, detect, sides, smoothed_velocity
-
-TURN = 2.0 * np.pi
-"""Radians in one revolution."""
 
 BESIDE_GAP = 1e-6
 """Time between a gap and a span that does not touch it. [s]"""
@@ -29,15 +28,17 @@ BESIDE_GAP = 1e-6
 MIN_STRETCH = 2.0
 """Minimum length of a stretch between two gaps, in sampling intervals; shorter ones are left out."""
 
+BLOCKS_OF_STEP = 8
+"""Number of blocks in the shortest step: noise of torque averages out in each, and a step begins in time to an eighth."""
 
-class Detected(msgspec.Struct, frozen=True):
-    """Cycles of a run in order of time, and the smoothed motion in which they were found, (n,).
+STEP_NOISE = 5.0
+"""Widening of a band: range of a few dozen block means that scatter by noise alone, in their standard deviations."""
 
-    The motion is a line velocity [m/s]; where that is unknown, the speed of the shaft [rad/s], or zero without a motion.
-    """
+MIN_NOISY_CHANGES = 20
+"""Fewer changes show no noise."""
 
-    cycles: list[Cycle]
-    motion: Signal
+WIDTH_QUANTILE = 0.99
+"""Quantile of |speed| and |torque| whose share is the width of a band: a single peak does not widen it. [1]"""
 
 
 class Motion(msgspec.Struct, frozen=True):
@@ -47,15 +48,47 @@ class Motion(msgspec.Struct, frozen=True):
     thresholds: Thresholds
 
 
-def find_cycles(run: Run, rig: Rig) -> Detected:
-    """Find the cycles of a log by the source that its rig names.
+def find_cycles(run: Run, rig: Rig) -> tuple[list[Cycle], Signal]:
+    """Find the cycles of a log by the source that its rig names, in order of time, and the smoothed motion, (n,).
+
+    The motion is a line velocity [m/s]; where that is unknown, the speed of the shaft [rad/s], or zero without a motion.
 
     Raises
     ------
     LogError : the log lacks the channel that the source needs
     OptionError : ranges that the log does not hold, or that overlap
     """
-    return DETECTORS[rig.phases.source](run, rig)
+    rule, limits = rig.phases, rig.thresholds
+    source = rule.source
+    needed = {"displacement": ["displacement"], "speed": ["speed"], "steps": ["speed"], "waves": ["velocity", "speed"]}
+    if source in needed and run.channels.keys().isdisjoint(needed[source]):
+        raise LogError(
+            f"{run.name}: [phases] of the rig finds cycles in {' or '.join(needed[source])}, which the log has not; name its "
+            "column under [columns], or another source under [phases]."
+        )
+    if source == "displacement":
+        slope = np.gradient(local_quadratic(run.t, run.channels["displacement"], limits.smoothing), run.t)
+        return detect(run, slope, limits), slope
+    if source == "speed":
+        motion = _of_shaft(run, rig)
+        alone = replace(run, channels={name: x for name, x in run.channels.items() if name != "displacement"})
+        return detect(alone, motion.v_smooth, motion.thresholds), motion.v_smooth
+    if source == "velocity" and "velocity" not in run.channels:  # the message about no cycles names another source
+        return [], np.zeros(run.t.size)
+    motion = smoothed_motion(run, rig) or Motion(np.zeros(run.t.size), limits)
+    if source == "velocity":
+        cycles = detect(run, motion.v_smooth, limits)
+    elif source == "waves":
+        cycles = find_waves(run.t, motion.v_smooth, motion.thresholds.v_onset)
+    elif source == "steps":
+        cycles = find_steps(run, rule, limits.gap_max)
+    elif source == "column":
+        cycles = labelled_cycles(run, rule.column)
+    else:
+        cycles = [
+            Cycle(begin, end, None, None, begins_inside=False, ends_inside=False) for begin, end in _spans(run, rig)
+        ]
+    return cycles, motion.v_smooth
 
 
 def smoothed_motion(run: Run, rig: Rig) -> Motion | None:
@@ -70,135 +103,46 @@ def _of_shaft(run: Run, rig: Rig) -> Motion:
     omega = local_quadratic(run.t, run.channels["speed"], rig.thresholds.smoothing)
     if rig.r_drum is not None:
         return Motion(omega * rig.r_drum, rig.thresholds)
-    rule = rig.phases
-    return Motion(omega, replace(rig.thresholds, v_onset=rule.omega_onset, stroke_min=rule.turns_min * TURN))
+    onset, stroke = rig.phases.omega_onset, rig.phases.turns_min * 2.0 * np.pi
+    return Motion(omega, replace(rig.thresholds, v_onset=onset, stroke_min=stroke))
 
 
-def _by_velocity(run: Run, rig: Rig) -> Detected:
-    """Payouts of the line; none where its velocity is unknown, as the message about it names another source."""
-    if "velocity" not in run.channels:
-        return Detected([], _no_motion(run))
-    v_smooth = smoothed_velocity(run, rig.thresholds)
-    return Detected(detect(run, v_smooth, rig.thresholds), v_smooth)
+def _spans(run: Run, rig: Rig) -> list[tuple[float, float]]:
+    """Begin and end of each span of the sources `ranges`, `rows` and `whole`. [s]
 
-
-def _by_displacement(run: Run, rig: Rig) -> Detected:
-    """Payouts by the slope of the displacement."""
-    if "displacement" not in run.channels:
-        raise _lacks(run, "displacement")
-    slope = np.gradient(local_quadratic(run.t, run.channels["displacement"], rig.thresholds.smoothing), run.t)
-    return Detected(detect(run, slope, rig.thresholds), slope)
-
-
-def _by_speed(run: Run, rig: Rig) -> Detected:
-    """Payouts by the speed of the shaft."""
-    if "speed" not in run.channels:
-        raise _lacks(run, "speed")
-    motion = _of_shaft(run, rig)
-    turned = replace(run, channels={name: x for name, x in run.channels.items() if name != "displacement"})
-    return Detected(detect(turned, motion.v_smooth, motion.thresholds), motion.v_smooth)
-
-
-def _by_waves(run: Run, rig: Rig) -> Detected:
-    motion = smoothed_motion(run, rig)
-    if motion is None:
-        raise _lacks(run, "velocity, displacement or speed")
-    return Detected(find_waves(run.t, motion.v_smooth, motion.thresholds.v_onset), motion.v_smooth)
-
-
-def _by_steps(run: Run, rig: Rig) -> Detected:
-    from winchcascade.reduction.steps import find_steps
-
-    if "speed" not in run.channels:
-        raise _lacks(run, "speed")
-    return Detected(find_steps(run, rig.phases, rig.thresholds.gap_max), _motion(run, rig))
-
-
-def _by_column(run: Run, rig: Rig) -> Detected:
-    if run.labels is None:
-        raise LogError(
-            f"{run.name}: was read without the column {rig.phases.column!r} of its phases; read it with the same rig file."
-        )
-    return Detected(labelled_cycles(run.t, run.labels), _motion(run, rig))
-
-
-def _by_ranges(run: Run, rig: Rig) -> Detected:
-    begin, end = float(run.t[0]), float(run.t[-1])
-    if not rig.phases.ranges:
+    A row of a table of step means was written as two samples of one value by the reader. A whole record is cut by gaps that
+    are too long to bridge.
+    """
+    begin, end, ranges = float(run.t[0]), float(run.t[-1]), sorted(rig.phases.ranges)
+    if rig.phases.source == "rows":
+        return [(a, b) for a, b in run.t.reshape(-1, 2).tolist()]
+    if rig.phases.source == "whole":
+        gaps = all_gaps(run, tuple(run.channels))
+        gaps = gaps[gaps[:, 1] - gaps[:, 0] > gap_limits(run, rig).gap_max]
+        begins = [begin, *(np.maximum.accumulate(gaps[:, 1]) + BESIDE_GAP).tolist()]
+        ends = [*(gaps[:, 0] - BESIDE_GAP).tolist(), end]
+        return [(a, b) for a, b in zip(begins, ends, strict=True) if b - a > MIN_STRETCH / run.fs]
+    if not ranges:
         raise OptionError(
             f"{run.name}: cycles by ranges of time, but none is given; add ranges_s = [[begin, end], ...] to its entry of "
             "campaign.toml, or under [phases] of the rig file."
         )
-    for a, b in rig.phases.ranges:
+    for a, b in ranges:
         if a < begin or b > end:
             raise OptionError(
                 f"{run.name}: the range {a:g} to {b:g} s does not lie in the log, which goes from {begin:.2f} to {end:.2f} s; "
                 "correct ranges_s."
             )
-    ranges = sorted(rig.phases.ranges)
     for (a, b), (c, d) in pairwise(ranges):
         if c < b:
             raise OptionError(
                 f"{run.name}: the ranges {a:g} to {b:g} s and {c:g} to {d:g} s overlap, so that their energies would count "
                 "twice; correct ranges_s."
             )
-    return Detected([span(a, b) for a, b in ranges], _motion(run, rig))
+    return ranges
 
 
-def _whole(run: Run, rig: Rig) -> Detected:
-    """The record in one span, or the stretches between gaps that are too long to bridge."""
-    gaps = all_gaps(run, tuple(run.channels))
-    gaps = gaps[gaps[:, 1] - gaps[:, 0] > gap_limits(run, rig).gap_max]
-    begins = [float(run.t[0]), *(np.maximum.accumulate(gaps[:, 1]) + BESIDE_GAP).tolist()]
-    ends = [*(gaps[:, 0] - BESIDE_GAP).tolist(), float(run.t[-1])]
-    minimum = MIN_STRETCH / run.fs
-    spans = [span(a, b) for a, b in zip(begins, ends, strict=True) if b - a > minimum]
-    return Detected(spans, _motion(run, rig))
-
-
-def _by_rows(run: Run, rig: Rig) -> Detected:
-    """Each row of a table of step means, which the reader wrote as two samples of one value."""
-    return Detected([span(a, b) for a, b in run.t.reshape(-1, 2).tolist()], _motion(run, rig))
-
-
-def span(begin: float, end: float) -> Cycle:
-    """A cycle that is one span [s], without hold and haul-in."""
-    return Cycle(begin, end, None, None, begins_inside=False, ends_inside=False)
-
-
-def _motion(run: Run, rig: Rig) -> Signal:
-    motion = smoothed_motion(run, rig)
-    return _no_motion(run) if motion is None else motion.v_smooth
-
-
-def _no_motion(run: Run) -> Signal:
-    return np.zeros(run.t.size)
-
-
-def _lacks(run: Run, channel: str) -> LogError:
-    return LogError(
-        f"{run.name}: [phases] of the rig finds cycles in {channel}, which the log has not; name its column under [columns], "
-        "or another source under [phases]."
-    )
-
-
-Detector = Callable[[Run, Rig], Detected]
-
-DETECTORS: Mapping[PhaseSource, Detector] = {
-    "velocity": _by_velocity,
-    "displacement": _by_displacement,
-    "speed": _by_speed,
-    "column": _by_column,
-    "ranges": _by_ranges,
-    "waves": _by_waves,
-    "steps": _by_steps,
-    "rows": _by_rows,
-    "whole": _whole,
-}
-"""How cycles are found, by source."""
-
-
-def labelled_cycles(t: Signal, labels: Signal) -> list[Cycle]:
+def labelled_cycles(run: Run, column: str) -> list[Cycle]:
     """Cycles of a log whose samples are labelled; each begins with a payout, other labels between are its hold.
 
     A phase lasts from its first sample to the first sample of the next one. The haul-in that follows a payout is that of its
@@ -206,37 +150,29 @@ def labelled_cycles(t: Signal, labels: Signal) -> list[Cycle]:
 
     Parameters
     ----------
-    t : (n,) stamps that rise [s]
-    labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere
+    column : name of the column of the labels
 
-    Examples
-    --------
-    >>> (cycle,) = labelled_cycles(np.arange(8.0), np.array([0, 1, 1, 0, 0, -1, -1, 0]))
-    >>> cycle.onset, cycle.payout_end, cycle.haul_in
-    (1.0, 3.0, (5.0, 7.0))
+    Raises
+    ------
+    LogError : the log was read without its labels, (n,) 1 in payout, -1 in haul-in, 0 elsewhere
     """
+    t, labels = run.t, run.labels
+    if labels is None:
+        raise LogError(
+            f"{run.name}: was read without the column {column!r} of its phases; read it with the same rig file."
+        )
     named = np.flatnonzero(labels)
     if named.size == 0:
         return []
     turns = np.flatnonzero(np.diff(labels[named])) + 1
     first, last = named[np.append(0, turns)], named[np.append(turns - 1, named.size - 1)]
-    end = t[np.minimum(last + 1, t.size - 1)]
+    begin, end = t[first].tolist(), t[np.minimum(last + 1, t.size - 1)].tolist()
     cycles = []
     for k in np.flatnonzero(labels[first] > 0).tolist():
-        follows = k + 1 < first.size
-        haul_in = (float(t[first[k + 1]]), float(end[k + 1])) if follows else None
+        haul_in = (begin[k + 1], end[k + 1]) if k + 1 < first.size else None
         cut = bool(last[k] == t.size - 1)
-        hold_end = haul_in[0] if haul_in is not None else float(t[-1])
-        cycles.append(
-            Cycle(
-                onset=float(t[first[k]]),
-                payout_end=float(end[k]),
-                hold=None if cut else (float(end[k]), hold_end),
-                haul_in=haul_in,
-                begins_inside=bool(first[k] == 0),
-                ends_inside=cut,
-            )
-        )
+        hold = None if cut else (end[k], float(t[-1]) if haul_in is None else haul_in[0])
+        cycles.append(Cycle(begin[k], end[k], hold, haul_in, begins_inside=bool(first[k] == 0), ends_inside=cut))
     return cycles
 
 
@@ -258,14 +194,11 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
     [(0.5, 1.5), (2.5, 3.5), (4.5, 5.5), (6.5, 7.5)]
     """
     side = sides(v_smooth, v_onset)
-    edges = np.concatenate(([0], np.flatnonzero(side[1:] != side[:-1]) + 1, [side.size]))
-    start, stop = edges[:-1], edges[1:]
-    fast = side[start] != 0
-    start, stop = start[fast], stop[fast]
-    if start.size == 0:
+    fast = np.flatnonzero(side)
+    if fast.size == 0:
         return []
-    turns = np.flatnonzero(np.diff(side[start])) + 1
-    first, last = start[np.append(0, turns)], stop[np.append(turns - 1, start.size - 1)] - 1
+    turns = np.flatnonzero(np.diff(side[fast])) + 1
+    first, last = fast[np.append(0, turns)], fast[np.append(turns - 1, -1)]
     half = np.flatnonzero(side[first[:-1]] > 0)
     above, below = v_smooth > 0.0, v_smooth < 0.0
     rises = np.flatnonzero(above[1:] & ~above[:-1]) + 1
@@ -275,15 +208,76 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
     turn = falls.searchsorted(first[half + 1], side="right") - 1
     end = ends.searchsorted(last[half + 1] + 1)
     whole = (begin >= 0) & (end < ends.size)
-    rows = rises[begin[whole]], falls[turn[whole]], ends[end[whole]]
+    rows = np.array((rises[begin[whole]], falls[turn[whole]], ends[end[whole]]))
+    before, after = v_smooth[rows - 1], v_smooth[rows]
+    instants = t[rows - 1] - before / (after - before) * (t[rows] - t[rows - 1])
     return [
         Cycle(onset, middle, (middle, middle), (middle, rest), begins_inside=False, ends_inside=False)
-        for onset, middle, rest in zip(*(_zero_crossings(t, v_smooth, at) for at in rows), strict=True)
+        for onset, middle, rest in instants.T.tolist()
     ]
 
 
-def _zero_crossings(t: Signal, v: Signal, rows: Index) -> list[float]:
-    """Instants between some rows and the one before each at which v passes zero. [s]"""
-    before, after = v[rows - 1], v[rows]
-    instants: list[float] = (t[rows - 1] - before / (after - before) * (t[rows] - t[rows - 1])).tolist()
-    return instants
+def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
+    """Find the steady operating points of a run in order of time; its settling is left out of each.
+
+    Speed, and torque where it is logged, are averaged over blocks of an eighth of the shortest step. A step is the longest
+    stretch of blocks from its first one on that stay within both bands; blocks of the settling before it, which still lie
+    within the bands, do not make it shorter. It is none where the shaft rests.
+
+    Parameters
+    ----------
+    gap_max : a longer gap ends a step [s]
+    """
+    t, names = run.t, [name for name in ("speed", "torque") if name in run.channels]
+    rows = max(1, round(rule.step_min / BLOCKS_OF_STEP * run.fs))  # of a block
+    at = np.append(np.arange(0, t.size - rows + 1, rows), t.size)
+    if at.size < 2:
+        return []
+    means = np.array([np.add.reduceat(run.channels[name], at[:-1]) / np.diff(at) for name in names])
+    widths = []
+    for name, share in zip(names, (rule.speed_band, rule.torque_band), strict=False):
+        x = run.channels[name]
+        change = np.diff(x)
+        change = change[change != 0.0]
+        noise = GAUSS * median(np.abs(change - median(change))) if change.size >= MIN_NOISY_CHANGES else 0.0
+        widths.append(share * quantile(np.abs(x), WIDTH_QUANTILE) + STEP_NOISE * noise / math.sqrt(2.0 * rows))
+    gaps = all_gaps(run, names)
+    after = np.searchsorted(t, gaps[gaps[:, 1] - gaps[:, 0] > gap_max, 1])
+    unusable = np.abs(means[0]) <= rule.omega_onset
+    unusable[np.clip(np.searchsorted(at, after, side="right") - 1, 0, at.size - 2)] = True
+    found, k, ends = [], 0, at[1:] - 1
+    settling = math.ceil(rule.settle * run.fs / rows)
+    while k < ends.size:
+        k, stop = _longest(means, widths, unusable, range(k, min(k + settling + 1, ends.size)))
+        first = int(np.searchsorted(t, t[at[k]] + rule.settle))
+        last = int(ends[stop - 1])
+        if not unusable[k] and first < last and t[last] - t[first] >= rule.step_min:
+            found.append(Cycle(float(t[first]), float(t[last]), None, None, begins_inside=False, ends_inside=False))
+            k = stop
+        else:
+            k += 1
+    return found
+
+
+def _longest(means: Signal, widths: list[float], unusable: Mask, begins: range) -> tuple[int, int]:
+    """First block of the longest stretch, of those that begin within some steady blocks, and the block after it."""
+    first, stop = begins[0], _steady_until(means, widths, unusable, begins[0])
+    for k in begins[1:]:
+        if k >= stop:
+            break
+        if (end := _steady_until(means, widths, unusable, k)) - k > stop - first:
+            first, stop = k, end
+    return first, stop
+
+
+def _steady_until(means: Signal, widths: list[float], unusable: Mask, first: int) -> int:
+    """Number of the first block that does not belong to the steady stretch from a block on."""
+    low, high = means[:, first].copy(), means[:, first].copy()
+    for k in range(first + 1, means.shape[1]):
+        if unusable[k]:
+            return k
+        np.minimum(low, means[:, k], out=low)
+        np.maximum(high, means[:, k], out=high)
+        if np.any(high - low > widths):
+            return k
+    return int(means.shape[1])

@@ -11,13 +11,20 @@ import numpy as np
 from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import extremes, integrals, median
-from winchcascade.core.rig_file import Rig, Thresholds, WindowRule
+from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.phase_sources import find_cycles
 from winchcascade.reduction.phases import Cycle, Plateau, check_cycles, find_plateau
 
 MAX_CYCLES = 12
 """Maximum number of cycles that are checked: an even selection of those of a longer log. Faults of a sensor concern all."""
+
+
+SHORTEST = 2.0
+"""Minimum length of a window in sampling intervals: its ends are interpolated, and fewer samples would be only ends."""
+
+TOP_OF_PLATEAU = 1.03
+"""A payout cut by the end of the log has reached its plateau if its top speed exceeds the plateau's by no more than this."""
 
 
 class Window(msgspec.Struct, frozen=True):
@@ -82,8 +89,8 @@ def find_phases(run: Run, rig: Rig, rule: WindowRule, cycles: tuple[int, int] | 
     ------
     OptionError : the log has none of these cycles
     """
-    found = find_cycles(run, rig)
-    v_smooth, detected, by_motion = found.motion, found.cycles, rig.phases.by_motion
+    detected, v_smooth = find_cycles(run, rig)
+    by_motion = rig.phases.by_motion
     if cycles is not None:
         check_cycles(cycles, detected, run.name)
     first, last = cycles or (1, len(detected))
@@ -107,111 +114,90 @@ def travel_in(run: Run, spans: Signal) -> list[float]:
     """Net travel of the line in each span, (k, 2) [s], from the displacement, else the integral of the velocity; NaN where
     both are unknown. [m]
     """
-    displacement = run.channels.get("displacement")
-    if displacement is None and "velocity" not in run.channels:
-        return [math.nan] * len(spans)
-    if displacement is None:
-        return list(map(float, integrals(run.t, run.channels["velocity"].__getitem__, spans)))
-    return list(map(float, np.diff(np.interp(spans, run.t, displacement), axis=1)[:, 0]))
-
-
-STEADY = 1.03
-"""A payout cut by the end of the log has reached its plateau if its top speed exceeds the plateau's by no more than this."""
-
-
-def find_window(
-    cycle: Cycle, plateau: Plateau | None, top_speed: float, log_end: float, rule: WindowRule, thresholds: Thresholds
-) -> Window:
-    """Set the integration window of a payout by the rule (Sec. 3.2).
-
-    Parameters
-    ----------
-    top_speed : largest smoothed velocity of the payout [m/s]
-    log_end : last stamp [s]
-    rule : "auto" ends `settle` after the plateau begins, never past braking; "payout" with the payout; a number that
-        many seconds after the onset
-    """
-    if cycle.begins_inside:
-        return Window(cycle.onset, cycle.payout_end, "the log begins inside the payout, so its onset is unknown")
-    if rule == "payout":
-        fault = "the log ends inside the payout" if cycle.ends_inside else None
-        return Window(cycle.onset, cycle.payout_end, fault)
-    if rule != "auto":
-        late = cycle.onset + float(rule) - log_end
-        fault = f"the log ends {late:.2f} s before the window does" if late > 0.0 else None
-        return Window(cycle.onset, min(cycle.onset + float(rule), log_end), fault)
-    if plateau is None:
-        return Window(cycle.onset, cycle.payout_end, "the payout never holds a plateau speed")
-    settled = plateau.begin + thresholds.settle
-    early = cycle.ends_inside and (settled > cycle.payout_end or top_speed > STEADY * plateau.speed)
-    fault = "the log ends before the payout has settled on its plateau" if early else None
-    return Window(cycle.onset, min(settled, plateau.braking), fault)
+    if "displacement" in run.channels:
+        travel: Signal = np.diff(np.interp(spans, run.t, run.channels["displacement"]), axis=1)[:, 0]
+    elif "velocity" in run.channels:
+        travel = integrals(run.t, run.channels["velocity"].__getitem__, spans)
+    else:
+        travel = np.full(len(spans), math.nan)
+    return [float(metres) for metres in travel]
 
 
 def find_windows(phased: PhasedRun) -> list[Window]:
-    """Windows by the rule; where payouts should be alike, one that was aborted is distinguished from the others."""
-    if not phased.rig.phases.by_motion:
-        return [_whole_span(phased, cycle) for cycle in phased.cycles]
-    end, usual = float(phased.run.t[-1]), _usual_travel(phased)
-    following = [*(c.onset for c in phased.cycles[1:]), math.inf]
-    found = []
-    for k, (cycle, plateau, top) in enumerate(zip(phased.cycles, phased.plateaus, phased.speed_max, strict=True)):
-        window = find_window(cycle, plateau, top, end, phased.rule, phased.rig.thresholds)
-        fault = window.fault or _fault(phased, k, window, following[k], usual)
-        found.append(msgspec.structs.replace(window, fault=fault))
+    """Windows by the rule; where payouts should be alike, one that was aborted is distinguished from the others.
+
+    A cycle that is a span is its own window.
+    """
+    rig, fs, limits = phased.rig, phased.run.fs, phased.rig.thresholds
+    usual, slack, found = _usual_travel(phased), _detection_slack(phased), []
+    for k, cycle in enumerate(phased.cycles):
+        after = phased.cycles[k + 1].onset if k + 1 < len(phased.cycles) else math.inf
+        if rig.phases.by_motion:
+            window = find_window(phased, k)
+        else:
+            cut = cycle.begins_inside or cycle.ends_inside
+            window = Window(cycle.onset, span_end(cycle, rig), "the log begins or ends inside it" if cut else None)
+        length, late, fault = window.cutoff - window.onset, window.cutoff - cycle.payout_end, window.fault
+        alike = rig.phases.by_motion and phased.rule != "payout"
+        if length * fs < SHORTEST and rig.phases.source != "rows":
+            fault = (
+                fault or f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart"
+            )
+        elif alike and window.cutoff > after:
+            fault = fault or "its window reaches into the next payout"
+        elif alike and not cycle.ends_inside and phased.travel[k] < limits.aborted_below * usual:
+            fault = fault or f"the payout is aborted after {phased.travel[k]:.2f} m, where others travel {usual:.2f} m"
+        elif alike and not cycle.ends_inside and late > slack:
+            fault = fault or f"the payout ends {late:.2f} s before its window does"
+        found.append(Window(window.onset, window.cutoff, fault))
     return found
 
 
+def find_window(phased: PhasedRun, k: int) -> Window:
+    """Set the integration window of a payout by the rule (Sec. 3.2).
+
+    The rule "auto" ends `settle` after the plateau begins, never past braking; "payout" with the payout; a number that many
+    seconds after the onset.
+    """
+    cycle, plateau, rule, log_end = phased.cycles[k], phased.plateaus[k], phased.rule, float(phased.run.t[-1])
+    end, fault = cycle.payout_end, None
+    if cycle.begins_inside:
+        fault = "the log begins inside the payout, so its onset is unknown"
+    elif rule == "payout":
+        fault = "the log ends inside the payout" if cycle.ends_inside else None
+    elif isinstance(rule, float):
+        late = cycle.onset + rule - log_end
+        end, fault = (
+            min(cycle.onset + rule, log_end),
+            f"the log ends {late:.2f} s before the window does" if late > 0 else None,
+        )
+    elif plateau is None:
+        fault = "the payout never holds a plateau speed"
+    else:
+        settled = plateau.begin + phased.rig.thresholds.settle
+        end = min(settled, plateau.braking)
+        if cycle.ends_inside and (settled > cycle.payout_end or phased.speed_max[k] > TOP_OF_PLATEAU * plateau.speed):
+            fault = "the log ends before the payout has settled on its plateau"
+    return Window(cycle.onset, end, fault)
+
+
 def whole_cycles(phased: PhasedRun) -> Signal:
-    """Begin and end of each whole cycle, (k, 2): from onset to next onset or end of the log, or of a span its own. [s]"""
-    ends = [*(c.onset for c in phased.cycles[1:]), phased.next_onset or float(phased.run.t[-1])]
-    if not phased.rig.phases.by_motion:
-        ends = [span_end(c, phased.rig) for c in phased.cycles]
+    """Begin and end of each whole cycle, (k, 2): from onset to next onset, or of a span its own. [s]"""
+    if phased.rig.phases.by_motion:
+        return onsets(phased)
+    return np.array([(c.onset, span_end(c, phased.rig)) for c in phased.cycles]).reshape(-1, 2)
+
+
+def onsets(phased: PhasedRun) -> Signal:
+    """Onset of each cycle and onset of the next one, or the end of the log, (k, 2). [s]"""
+    last = float(phased.run.t[-1]) if phased.next_onset is None else phased.next_onset
+    ends = [*(c.onset for c in phased.cycles[1:]), last]
     return np.array([(c.onset, end) for c, end in zip(phased.cycles, ends, strict=False)]).reshape(-1, 2)
 
 
 def span_end(cycle: Cycle, rig: Rig) -> float:
     """End of a cycle that is a span: of a wave with its negative half, of a labelled cycle that of its payout. [s]"""
     return cycle.haul_in[1] if rig.phases.source == "waves" and cycle.haul_in is not None else cycle.payout_end
-
-
-SHORTEST = 2.0
-"""Minimum length of a window in sampling intervals: its ends are interpolated, and fewer samples would be only ends."""
-
-
-def _whole_span(phased: PhasedRun, cycle: Cycle) -> Window:
-    """Window of a cycle that is a span: all of it."""
-    end = span_end(cycle, phased.rig)
-    length, fs = end - cycle.onset, phased.run.fs
-    cut = cycle.begins_inside or cycle.ends_inside
-    fault = "the log begins or ends inside it" if cut else None
-    if length * fs < SHORTEST and phased.rig.phases.source != "rows":
-        fault = f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart"
-    return Window(cycle.onset, end, fault)
-
-
-def _fault(phased: PhasedRun, k: int, window: Window, after: float, usual: float) -> str | None:
-    """Why a window is too short for the course of a power, or does not hold one payout like the others.
-
-    Parameters
-    ----------
-    k : index of the cycle
-    after : onset of the next payout [s]
-    usual : travel of the other payouts [m]
-    """
-    length, fs, cycle, travel = window.cutoff - window.onset, phased.run.fs, phased.cycles[k], phased.travel[k]
-    if length * fs < SHORTEST:
-        return f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart"
-    if phased.rule == "payout":
-        return None
-    if window.cutoff > after:
-        return "its window reaches into the next payout"
-    late = window.cutoff - cycle.payout_end
-    if not cycle.ends_inside and travel < phased.rig.thresholds.aborted_below * usual:
-        return f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
-    if not cycle.ends_inside and late > _detection_slack(phased):
-        return f"the payout ends {late:.2f} s before its window does"
-    return None
 
 
 def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]:
@@ -221,8 +207,6 @@ def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]
     ------
     OptionError : that is so for more than half of the payouts that are seen whole and not aborted
     """
-    if not isinstance(phased.rule, float):
-        return []
     minimum = phased.rig.thresholds.aborted_below * _usual_travel(phased)
     whole = [
         (c, w)
@@ -230,7 +214,7 @@ def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]
         if not c.begins_inside and not c.ends_inside and travel >= minimum
     ]
     late = [(c, w) for c, w in whole if w.cutoff - c.payout_end > _detection_slack(phased)]
-    if not late:
+    if not late or not isinstance(phased.rule, float):
         return []
     maximum = max(w.cutoff - c.payout_end for c, w in late)
     found = f"{len(late)} of {len(whole)} payouts end before their window of {phased.rule:g} s does, by up to {maximum:.2f} s"
@@ -241,16 +225,13 @@ def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]
             f"{phased.run.name}: {found}, so that it holds hold or haul-in; the payouts last {min(lengths):.2f} to "
             f"{max(lengths):.2f} s. Give a window of at most {fits:.2f} s, or the rule auto or payout."
         )
-    return [
-        Finding(
-            "window_beyond_payout",
-            f"{found}; a window of {fits:.2f} s fits into all of them",
-            "those cycles are left out of the mean",
-            start=late[0][1].onset,
-            end=late[-1][1].cutoff,
-            count=len(late),
-        )
-    ]
+    message, begin, end = (
+        f"{found}; a window of {fits:.2f} s fits into all of them",
+        late[0][1].onset,
+        late[-1][1].cutoff,
+    )
+    action = "those cycles are left out of the mean"
+    return [Finding("window_beyond_payout", message, action, start=begin, end=end, count=len(late))]
 
 
 def _usual_travel(phased: PhasedRun) -> float:

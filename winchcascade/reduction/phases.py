@@ -17,22 +17,19 @@ from numpy.typing import NDArray
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median, quantile, running
 from winchcascade.core.rig_file import Thresholds
-from winchcascade.core.run import Index, Run, Signal
+from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps
 
-NOISE = 1.5
+PEAK_OF_NOISE = 1.5
 """A run that peaks below this many times the onset speed is noise about the threshold, not a motion."""
 
 OVERTAKEN = 1.5
 """A reversal is one inside a motion only if the motion then goes on by more than this many times the reversal."""
 
-
 REST = 2.0
-"""A jog, which travels less than `stroke_min`, is apart from a motion if a rest longer than this lies between them. [s]
-
-Shorter stops are a line that tightens or a crane that takes up its load: there the motion is under way.
-"""
+"""A jog, which travels less than `stroke_min`, is apart from a motion if a rest longer than this lies between them: shorter
+stops are a line that tightens or a crane that takes up its load. [s]"""
 
 
 class Cycle(msgspec.Struct, frozen=True):
@@ -64,7 +61,10 @@ class Plateau(msgspec.Struct, frozen=True):
 
 
 class _Runs(msgspec.Struct, frozen=True):
-    """Stretches of samples on one side of the threshold, in order: [start, stop), travel [m], peak speed [m/s]."""
+    """Stretches of samples on one side of the threshold, in order: [start, stop), travel [m], peak speed [m/s].
+
+    A long gap is one too, with the travel of the displacement and a peak of 0.
+    """
 
     start: list[int]
     stop: list[int]
@@ -89,7 +89,7 @@ def detect(run: Run, v_smooth: Signal, thresholds: Thresholds) -> list[Cycle]:
     ----------
     v_smooth : (n,) line velocity, smoothed, payout positive [m/s]
     """
-    runs = _find_runs(run, v_smooth, thresholds.v_onset, long_gaps(run, thresholds.gap_max))
+    runs = _find_runs(run, v_smooth, thresholds)
     position = list(accumulate(runs.travel, initial=0.0))
     turns = _without_reversals(_turning_points(position, thresholds.stroke_min), position, thresholds)
     legs = list(pairwise(turns))
@@ -107,49 +107,32 @@ def check_cycles(chosen: tuple[int, int], cycles: Sequence[Cycle], log: str) -> 
         raise OptionError(f"{log}: cycles {first} to {last} were chosen, but it has {len(cycles)}; choose among those.")
 
 
-def long_gaps(run: Run, longest: float) -> Signal:
-    """Gaps of the line velocity that are too long to know what moved inside, (k, 2) stamps [s]."""
-    gaps = all_gaps(run, ("velocity",))
-    return gaps[gaps[:, 1] - gaps[:, 0] > longest]
-
-
 def sides(v: Signal, v_onset: float) -> NDArray[np.int8]:
     """On which side of the threshold a velocity is, (n,): 1 above it, -1 below its negative, 0 between."""
     side: NDArray[np.int8] = (v > v_onset).view(np.int8) - (v < -v_onset).view(np.int8)
     return side
 
 
-def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
-    """Cut the velocity into runs; a long gap is a run of its own, whose travel the displacement gives."""
-    side = sides(v, v_onset)
-    first = np.searchsorted(run.t, gaps[:, 0], side="right")
-    last = np.searchsorted(run.t, gaps[:, 1], side="left")
+def _find_runs(run: Run, v: Signal, thresholds: Thresholds) -> _Runs:
+    """Cut the velocity into runs, with each gap that is too long to know what moved inside as a run of its own."""
+    gaps, n = all_gaps(run, ("velocity",)), v.size
+    gaps = gaps[gaps[:, 1] - gaps[:, 0] > thresholds.gap_max]
+    first, last = np.searchsorted(run.t, gaps[:, 0], side="right"), np.searchsorted(run.t, gaps[:, 1], side="left")
+    side = sides(v, thresholds.v_onset)
     for a, b in zip(first, last, strict=True):
         side[a:b] = 0
-    edges = np.flatnonzero(np.diff(side)) + 1
-    start = np.sort(np.concatenate(([0], edges, last[last < v.size])))
-    start = start[np.append(True, np.diff(start) > 0)]
-    stop = np.append(start[1:], v.size)
-    moving = side[start] != 0
-    travel = np.diff(running(run.t, v.__getitem__, np.append(start, v.size - 1)))
+    start = np.unique(np.concatenate(([0], np.flatnonzero(np.diff(side)) + 1, last[last < n])))
+    travel = np.diff(running(run.t, v.__getitem__, np.append(start, n - 1)))
+    for b in last[(first == last) & (last > 0) & (last < n)]:  # what a straight line over the gap travels is not known
+        travel[np.searchsorted(start, b) - 1] -= 0.5 * (v[b - 1] + v[b]) * (run.t[b] - run.t[b - 1])
     peak = np.maximum(np.maximum.reduceat(v, start), -np.minimum.reduceat(v, start))
-    for a, b in zip(first, last, strict=True):
-        if 0 < b < v.size:  # what a straight line over the gap travels is not known, so it does not count
-            travel[np.searchsorted(start, b) - 1] -= 0.5 * (v[b - 1] + v[b]) * (run.t[b] - run.t[b - 1]) * (a == b)
-    start, stop, travel, peak = start[moving], stop[moving], travel[moving], peak[moving]
-    order = np.argsort(np.concatenate((start, last - 0.5)), kind="stable")
-    unseen = first, last, _moved_unseen(run, first, last), np.zeros(first.size)
-    columns = zip((start, stop, travel, peak), unseen, strict=True)
+    moving = side[start] != 0
+    runs = [x[moving] for x in (start, np.append(start[1:], n), travel, peak)]
+    x = run.channels.get("displacement", np.zeros(n))
+    unseen = x[np.minimum(last, n - 1)] - x[np.clip(first - 1, 0, n - 1)]
+    order = np.argsort(np.concatenate((runs[0], last - 0.5)), kind="stable")
+    columns = zip(runs, (first, last, unseen, np.zeros(first.size)), strict=True)
     return _Runs(*(np.concatenate(both)[order].tolist() for both in columns))
-
-
-def _moved_unseen(run: Run, first: Index, last: Index) -> Signal:
-    """What the displacement moved from the last sample before each gap to the first one after it. [m]"""
-    displacement = run.channels.get("displacement")
-    if displacement is None:
-        return np.zeros(first.size)
-    top = displacement.size - 1
-    return displacement[np.minimum(last, top)] - displacement[np.clip(first - 1, 0, top)]
 
 
 def _turning_points(position: list[float], minimum: float) -> list[int]:
@@ -191,17 +174,15 @@ def _cycle(
     t: Signal, v: Signal, runs: _Runs, leg: tuple[int, int], after: tuple[int, int] | None, thresholds: Thresholds
 ) -> Cycle:
     """Instants of the payout between two turning points and of the haul-in between the next two."""
-    first, last = _motion(t, runs, leg, thresholds, sign=1.0)
-    begin, end = runs.start[first], runs.stop[last]
-    payout_end = _motion_end(t, v, end, thresholds.v_onset)
-    haul_in = None
+    begin, end = _motion(t, runs, leg, thresholds, sign=1.0)
+    level, haul_in = thresholds.v_onset, None
     if after is not None:
         down, up = _motion(t, runs, after, thresholds, sign=-1.0)
-        level = -thresholds.v_onset
-        haul_in = (crossing(t, v, runs.start[down], level), _motion_end(t, v, runs.stop[up], level))
+        haul_in = (crossing(t, v, down, -level), crossing(t, v, up, -level, ends=True))
+    payout_end = crossing(t, v, end, level, ends=True)
     hold_end = float(t[-1]) if haul_in is None else haul_in[0]
     return Cycle(
-        onset=crossing(t, v, begin, thresholds.v_onset),
+        onset=crossing(t, v, begin, level),
         payout_end=payout_end,
         hold=None if end == v.size else (payout_end, max(hold_end, payout_end)),
         haul_in=haul_in,
@@ -211,47 +192,42 @@ def _cycle(
 
 
 def _motion(t: Signal, runs: _Runs, leg: tuple[int, int], thresholds: Thresholds, *, sign: float) -> tuple[int, int]:
-    """First and last run of a leg that are motions in its direction: not noise about the threshold, creep, or a jog apart."""
+    """First sample of the motion of a leg in its direction, and the one after its last: without noise about the threshold,
+    creep, and jogs that rests part from it.
+    """
     along = [k for k in range(*leg) if sign * runs.travel[k] > 0]
     top = max(runs.peak[k] for k in along)
-    minimum = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
+    minimum = min(max(PEAK_OF_NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
     motions = [k for k in along if runs.peak[k] >= minimum]
-    lively = [k for k in range(motions[0], motions[-1] + 1) if runs.peak[k] >= minimum or runs.peak[k] == 0.0]
-    parts = []
-    for part in _parted_by_rests(t, runs, lively):
+    parts: list[list[int]] = []
+    for k in range(motions[0], motions[-1] + 1):
+        if runs.peak[k] >= minimum or runs.peak[k] == 0.0:  # what moves in a gap is unknown and no rest
+            if not parts or t[runs.start[k]] - t[runs.stop[parts[-1][-1]] - 1] > REST:
+                parts.append([])
+            parts[-1].append(k)
+    strokes = []
+    for part in parts:
         position = list(accumulate((runs.travel[k] for k in part), initial=0.0))
         if max(position) - min(position) >= thresholds.stroke_min and not set(part).isdisjoint(motions):
-            parts.append(part)
-    if parts:
-        motions = [k for k in motions if parts[0][0] <= k <= parts[-1][-1]]
-    return motions[0], motions[-1]
+            strokes.append(part)
+    if strokes:
+        motions = [k for k in motions if strokes[0][0] <= k <= strokes[-1][-1]]
+    return runs.start[motions[0]], runs.stop[motions[-1]]
 
 
-def _parted_by_rests(t: Signal, runs: _Runs, lively: list[int]) -> list[list[int]]:
-    """Cut runs into stretches between which the line rests; what moves in a gap is unknown and no rest."""
-    parts = [lively[:1]]
-    for before, k in pairwise(lively):
-        if t[runs.start[k]] - t[runs.stop[before] - 1] > REST:
-            parts.append([])
-        parts[-1].append(k)
-    return parts
+def crossing(t: Signal, v: Signal, k: int, level: float, *, ends: bool = False) -> float:
+    """Instant between samples k - 1 and k at which v passes the level; the first or last stamp at an end of the log. [s]
 
-
-def crossing(t: Signal, v: Signal, k: int, level: float) -> float:
-    """Instant between samples k - 1 and k at which v passes the level; the first or last stamp at an end. [s]"""
-    if k <= 0:
-        return float(t[0])
-    if k >= v.size:
-        return float(t[-1])
+    Where v does not pass it there, a gap hides how it goes on: a motion that `ends` has its last stamp before the gap, one that
+    begins the first one after it.
+    """
+    if k <= 0 or k >= v.size:
+        return float(t[0 if k <= 0 else -1])
     before, after = float(v[k - 1]), float(v[k])
+    if ends and (before - level) * (after - level) > 0.0:
+        return float(t[k - 1])
     share = (level - before) / (after - before) if after != before else 1.0
     return float(t[k - 1] + min(max(share, 0.0), 1.0) * (t[k] - t[k - 1]))
-
-
-def _motion_end(t: Signal, v: Signal, k: int, level: float) -> float:
-    """Instant at which v leaves a motion before sample k; the last stamp before a gap in which it goes on unseen. [s]"""
-    unseen = 0 < k < v.size and (v[k - 1] - level) * (v[k] - level) > 0.0
-    return float(t[k - 1]) if unseen else crossing(t, v, k, level)
 
 
 def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Thresholds) -> Plateau | None:

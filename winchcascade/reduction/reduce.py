@@ -9,19 +9,17 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.arguments import CYCLES, check_arguments
-from winchcascade.core.cascade import Stage
 from winchcascade.core.errors import LogError, OptionError, check_type
-from winchcascade.core.integrate import integrals_of, largest
+from winchcascade.core.integrate import integrals_of
 from winchcascade.core.jobs import side_by_side
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.rig_file import Rig, WindowRule
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
-from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed, stored_powers
-from winchcascade.reduction.checks.lag import lag_findings
-from winchcascade.reduction.checks.load import load_findings, measured_load, operating_points
-from winchcascade.reduction.checks.ratios import ratio_findings, sign_findings
-from winchcascade.reduction.checks.sampling import Sampling, check_sampling, resolution_findings
-from winchcascade.reduction.checks.zeros import bench_zero_findings, zero_findings
+from winchcascade.reduction.bins import Bin, bins_of
+from winchcascade.reduction.checks.find_faults import find_faults
+from winchcascade.reduction.checks.load import measured_load
+from winchcascade.reduction.checks.phased_log import PhasedLog
+from winchcascade.reduction.checks.sampling import sampled, thinned_changes
 from winchcascade.reduction.efficiency import (
     Metrics,
     ensemble_mean,
@@ -29,15 +27,11 @@ from winchcascade.reduction.efficiency import (
     metrics,
     total,
 )
-from winchcascade.reduction.efficiency_changes import changes_within
-from winchcascade.reduction.energies import Energies, NetSpan, find_net_spans, integrate_energies, net_metrics
+from winchcascade.reduction.energies import Energies, find_net_spans, integrate_energies, net_metrics
 from winchcascade.reduction.phase_proposal import no_cycles, other_source
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
-from winchcascade.reduction.phased_run import PhasedRun, Window, check_lengths, find_phases, find_window, find_windows
+from winchcascade.reduction.phased_run import PhasedRun, check_lengths, find_phases, find_window, find_windows
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-
-MAX_BINS = 20_000
-"""Maximum number of bins of generator speed: more show an error in a rig file."""
 
 
 def window_rule(word: str | float) -> WindowRule:
@@ -85,21 +79,28 @@ def reduce(
     """
     check_type("reduce", run, Run, "read_run(log)")
     check_arguments("reduce", ("cycles", cycles, CYCLES))
-    rig = _fitting_rig(run, rig)
+    rig, rule = _fitting(run, rig, window)
     cycles = run.cycles if cycles is None else cycles
-    phased = find_phases(run, rig, _rule(run, rig, window), cycles)
+    phased = find_phases(run, rig, rule, cycles)
     windows, nets = find_windows(phased), find_net_spans(phased)
-    findings = [*_not_given(run, rig), *_too_few(cycles, phased), *check_lengths(phased, windows)]
-    summaries, (energy, bins) = side_by_side(
-        lambda: summarise(phased), lambda: _energies_and_bins(phased, windows, nets), samples=run.samples
+    message = (
+        f"no rig was named; drum radius ({rig.r_drum or 0.0:g} m) and accuracies of the sensors are those of {rig.name}"
     )
+    action = 'name yours: --rig FILE, rig = "FILE" in campaign.toml, or rig=load_rig(FILE) in Python'
+    assumed = [Finding("rig_assumed", message, action)] if rig.assumed else []
+    findings = [*_not_given(phased, cycles), *check_lengths(phased, windows)]
+
+    def integrate() -> tuple[Energies, tuple[Bin, ...]]:
+        energy = integrate_energies(phased, windows, nets)
+        counted = [k for k, window in enumerate(energy.windows) if window.fault is None]
+        return energy, bins_of(run, rig, [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted])
+
+    summaries, (energy, bins) = side_by_side(lambda: summarise(phased), integrate, samples=run.samples)
     by_motion = rig.phases.by_motion
-    sampling = check_sampling(phased, energy) if by_motion else Sampling({}, ())
-    points = operating_points(phased, summaries)
-    findings += [*sign_findings(run, rig), *load_findings(phased, points), *_cross_checks(phased)]
-    findings += [*sampling.findings, *resolution_findings(phased, energy)]
+    thinned = thinned_changes(phased, energy)
     results = _results(phased, summaries, energy, findings)
-    findings += changes_within(results, rig, energy.bridged, run) if by_motion else []
+    log = PhasedLog(phased, summaries, energy, thinned, results)
+    findings += find_faults(log)
     complete = [r.metrics for r in results if r.complete]
     deviation = largest_deviation(complete, rig.cascade) if rig.phases.repeats else Metrics((), rig.cascade.all_metrics)
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
@@ -112,67 +113,46 @@ def reduce(
         max_deviation_percent=deviation,
         total=total(complete, whole, open_circuit=run.open_circuit, cascade=rig.cascade),
         bins=bins,
-        quality=(*_assumed(rig), *other_source(phased, results), *run.findings, *findings),
+        quality=(*assumed, *other_source(phased, results), *run.findings, *findings),
         bridged=energy.bridged,
-        sampled=sampling.changes,
-        measured_load=measured_load(phased, points),
+        sampled=sampled(thinned, energy),
+        measured_load=measured_load(log),
     )
 
 
-def _fitting_rig(run: Run, given: Rig | None) -> Rig:
-    """The rig of a call or of a run, with the signs that the run was read with; OptionError for one that does not fit it."""
-    rig = _as_read(given_rig("reduce", given, run.rig), run)
-    _check_channels(run, rig)
-    _check_derived(run, rig)
-    return rig
+def _fitting(run: Run, given: Rig | None, window: str | float | None) -> tuple[Rig, WindowRule]:
+    """The rig of a call or of a run, with the signs that the run was read with, and the rule of its windows.
 
-
-def _rule(run: Run, rig: Rig, given: str | float | None) -> WindowRule:
-    """The window rule of a call, of the campaign of the run, or of the rig; OptionError for one where windows are whole."""
-    window = run.window if given is None else given
-    if window is not None and not rig.phases.by_motion:
-        raise OptionError(
-            f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '
-            "windows are whole; leave the window out."
-        )
-    return window_rule(rig.thresholds.window if window is None else window)
-
-
-def _as_read(rig: Rig, run: Run) -> Rig:
-    """The rig with a cascade of sign-corrected channels, where signs of the run were corrected."""
-    turned = {f.channel for f in run.findings if f.kind == "sign_flipped" and f.action == "sign corrected"}
-    return replace(rig, cascade=rig.cascade.as_read({name for name in turned if name is not None})) if turned else rig
-
-
-def _check_channels(run: Run, rig: Rig) -> None:
-    """Reject a channel that neither the rig nor the one that the run was read with has: its name is misspelt."""
-    known = {*rig.known_channels, *(run.rig or rig).known_channels}
+    Raises
+    ------
+    OptionError : a channel that neither this rig nor that of the run has, a velocity that was made with another drum radius,
+        or a window where windows are whole
+    """
+    rig = given_rig("reduce", given, run.rig)
+    read_with = run.rig or rig
+    if run.signs:
+        rig = replace(rig, cascade=rig.cascade.as_read(run.signs))
+    known = {*rig.known_channels, *read_with.known_channels}
     unknown = [name for name in run.channels if name not in known]
     if unknown:
         raise OptionError(
             f"{run.name}: {unknown[0]!r} is no channel; expected some of {', '.join(known)}, or a channel of your own under "
             "[channels] of the rig file."
         )
-
-
-def _check_derived(run: Run, rig: Rig) -> None:
-    """Reject another rig than the one with whose drum radius the velocity of the run was made from the speed of its shaft."""
-    derived = any(f.kind == "derived_channel" and f.channel == "velocity" for f in run.findings)
-    if derived and "displacement" not in run.channels and run.rig is not None and run.rig.r_drum != rig.r_drum:
+    made = any(f.kind == "derived_channel" and f.channel == "velocity" for f in run.findings)
+    if made and "displacement" not in run.channels and read_with.r_drum != rig.r_drum:
         radius = "no r_drum" if rig.r_drum is None else f"{rig.r_drum:g} m"
         raise OptionError(
-            f"{run.name}: its velocity was made from the speed of the shaft with the drum radius of the rig {run.rig.name}, "
-            f"{run.rig.r_drum:g} m, and the rig {rig.name} has {radius}; read the log again with that rig."
+            f"{run.name}: its velocity was made from the speed of the shaft with the drum radius of the rig {read_with.name}, "
+            f"{read_with.r_drum:g} m, and the rig {rig.name} has {radius}; read the log again with that rig."
         )
-
-
-def _assumed(rig: Rig) -> list[Finding]:
-    """Report whose drum radius and accuracies were used where no rig was named."""
-    if not rig.assumed:
-        return []
-    message = f"no rig was named; the drum radius of {rig.r_drum:g} m and the accuracies of the sensors of {rig.name} were used"
-    action = 'name yours: --rig FILE, rig = "FILE" in campaign.toml, or rig=load_rig(FILE) in Python'
-    return [Finding("rig_assumed", message, action)]
+    window = run.window if window is None else window
+    if window is not None and not rig.phases.by_motion:
+        raise OptionError(
+            f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '
+            "windows are whole; leave the window out."
+        )
+    return rig, window_rule(rig.thresholds.window if window is None else window)
 
 
 def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
@@ -186,8 +166,7 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
     """
     phased = find_phases(run, rig, window_rule(rig.thresholds.window if window is None else window))
     if phased.cycles:
-        top, end = float(phased.v_smooth.max()), float(run.t[-1])
-        span = find_window(phased.cycles[0], phased.plateaus[0], top, end, phased.rule, rig.thresholds)
+        span = find_window(phased, 0)
         if span.fault is None:
             return metrics_within(run, rig, np.array([[span.onset, span.cutoff]]))[0]
     return Metrics((), rig.cascade.all_metrics)
@@ -216,75 +195,54 @@ def require_payouts(reduction: Reduction) -> None:
         raise LogError(no_cycles(reduction.run, reduction.rig))
 
 
-def _cross_checks(phased: PhasedRun) -> list[Finding]:
-    """Lags and zeros: payouts that are alike and the rests between them show both, a bench at rest the zero of its torque."""
-    winch = [*lag_findings(phased), *zero_findings(phased)] if phased.rig.phases.by_motion else []
-    return [*winch, *bench_zero_findings(phased)]
+def _not_given(phased: PhasedRun, chosen: tuple[int, int] | None) -> list[Finding]:
+    """Why a stage has no power, one of a rig file or one although its channel is there; and a log that ends too early.
 
-
-def _too_few(chosen: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]:
-    """Report a log that ends before the last cycle that was chosen."""
+    Parameters
+    ----------
+    chosen : first and last cycle that were chosen
+    """
+    run, rig, found = phased.run, phased.rig, []
+    for stage in rig.cascade.stages if rig.cascade.configured else ():
+        if stage.power(run.channels, rig.r_drum) is None:
+            power = min(
+                stage.powers, key=lambda p: sum(name not in run.channels for name in p.channels) / len(p.channels)
+            )
+            missing = [name for name in power.channels if name not in run.channels]
+            lacks = (
+                f"the log has no {' and no '.join(missing)}"
+                if missing
+                else f"the rig {rig.name} has no r_drum under [winch]"
+            )
+            message = f"stage {stage.name} has no power ({' or '.join(p.text for p in stage.powers)}): {lacks}"
+            action = "its energy and its efficiencies are null"
+            found.append(Finding("missing_channel", message, action, missing[0] if missing else None))
+    alone = "torque" in run.channels and run.channels.keys().isdisjoint({"power_mech", "speed"})
+    if alone and rig.r_drum is None and not rig.cascade.configured:
+        message = f"torque alone gives no power: the rig {rig.name} has no drum radius (r_drum under [winch])"
+        found.append(Finding("missing_channel", message, "metrics that need it are null", "torque"))
     last = phased.first + len(phased.cycles) - 1
-    if chosen is None or chosen[1] <= last:
-        return []
-    message = f"the log ends with cycle {last}, and cycles {chosen[0]} to {chosen[1]} were chosen"
-    return [Finding("incomplete_cycle", message, f"cycles {chosen[0]} to {last} count")]
-
-
-def _not_given(run: Run, rig: Rig) -> list[Finding]:
-    """Why a stage has no power: one of a rig file, or one although its channel is there."""
-    if rig.cascade.configured:
-        return [
-            _without_power(stage, run, rig)
-            for stage in rig.cascade.stages
-            if stage.power(run.channels, rig.r_drum) is None
-        ]
-    if "torque" not in run.channels or {"power_mech", "speed"} & run.channels.keys() or rig.r_drum is not None:
-        return []
-    message = f"torque alone gives no power: the rig {rig.name} has no drum radius (r_drum under [winch])"
-    return [Finding("missing_channel", message, "metrics that need it are null", "torque")]
-
-
-def _without_power(stage: Stage, run: Run, rig: Rig) -> Finding:
-    """The finding on a stage without a power: what is missing of the product that lacks the smallest share of its channels."""
-    product = min(stage.powers, key=lambda p: sum(name not in run.channels for name in p.channels) / len(p.channels))
-    missing = [name for name in product.channels if name not in run.channels]
-    lacks = (
-        f"the log has no {' and no '.join(missing)}" if missing else f"the rig {rig.name} has no r_drum under [winch]"
-    )
-    message = f"stage {stage.name} has no power ({' or '.join(p.text for p in stage.powers)}): {lacks}"
-    return Finding(
-        "missing_channel", message, "its energy and its efficiencies are null", missing[0] if missing else None
-    )
-
-
-def _energies_and_bins(
-    phased: PhasedRun, windows: Sequence[Window], nets: Sequence[NetSpan]
-) -> tuple[Energies, tuple[Bin, ...]]:
-    energy = integrate_energies(phased, windows, nets)
-    return energy, _bins(phased, energy.windows)
+    if chosen is not None and chosen[1] > last:
+        message = f"the log ends with cycle {last}, and cycles {chosen[0]} to {chosen[1]} were chosen"
+        found.append(Finding("incomplete_cycle", message, f"cycles {chosen[0]} to {last} count"))
+    return found
 
 
 def _results(
     phased: PhasedRun, summaries: Sequence[PhaseSummary], energy: Energies, findings: list[Finding]
 ) -> list[CycleResult]:
     results = []
-    odd: dict[str, list[tuple[int, float]]] = {}
     of_cycles = zip(phased.cycles, energy.windows, energy.nets, summaries, strict=True)
     for k, (cycle, window, net, summary) in enumerate(of_cycles):
         number = phased.first + k
         joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
         of_cycle, net = net_metrics(joules, net)
-        values, outside = metrics(
+        values, _ = metrics(
             {f"energy_{stage}": joules[stage] for stage in phased.rig.cascade.names} | of_cycle,
             window.cutoff - window.onset,
             open_circuit=phased.run.open_circuit,
             cascade=phased.rig.cascade,
         )
-        for name, value in outside.items():
-            odd.setdefault(name, []).append((number, value))
-        if (values["eta_net"] or 0.0) > 1.0:
-            odd.setdefault("eta_net", []).append((number, values.value("eta_net")))
         if window.fault is not None:
             rows = phased.rows(window.onset, window.cutoff)
             message, action = f"cycle {number} is incomplete: {window.fault}", "listed, left out of the mean"
@@ -299,26 +257,4 @@ def _results(
                 )
             )
         results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
-    findings += ratio_findings(results, odd, phased.run, phased.rig)
     return results
-
-
-def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
-    """Bins over the payouts of the complete cycles; none where the speed of the generator is unknown."""
-    run, rig = phased.run, phased.rig
-    found = generator_speed(run, rig)
-    if found is None:
-        return ()
-    speed, rpm = found
-    maximum = largest(speed) * rpm / rig.thresholds.rpm_bin
-    if maximum > MAX_BINS:
-        raise OptionError(
-            f"{run.name}: {maximum:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
-            f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
-        )
-    counted = [k for k, window in enumerate(windows) if window.fault is None]
-    driven = engaged(run, [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted], rig)
-    powers = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
-    powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
-    powers |= {store: watts.__getitem__ for store, watts in stored_powers(run, rig).items()}
-    return bin_powers(speed, rpm, driven, powers, rig.thresholds.rpm_bin)

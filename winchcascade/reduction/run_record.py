@@ -15,7 +15,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Repairs
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import PhaseSummary, mean_plateau_speed
-from winchcascade.reduction.wave_bootstrap import EnergyError, RatioOfSums
+from winchcascade.reduction.wave_energies import WaveEnergies
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
 
@@ -185,30 +185,6 @@ class StagesRecord(msgspec.Struct, frozen=True):
 Part = Literal["mean", "max_deviation_percent", "standard_uncertainty", "total"]
 
 
-class WavesRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """Energies of waves: of each, of the whole record, and by class, with stages and units in the names of the numbers."""
-
-    record: dict[str, float]
-    mean_power: dict[str, RatioOfSums] = {}
-    efficiency: dict[str, RatioOfSums]
-    bootstrap: dict[str, int]
-    waves: int
-    waves_of_logs: tuple[int, ...]
-    payout_unit: str
-    stages: tuple[str, ...]
-    sensors: tuple[EnergyError, ...]
-    without_accuracy: dict[str, tuple[str, ...]]
-    each: tuple[dict[str, int | float], ...]
-    classes: tuple[dict[str, int | float | tuple[float, float] | None], ...]
-
-
-class CampaignWavesRecord(WavesRecord, frozen=True, kw_only=True):
-    """The block `waves` of the record of a campaign: all logs together, and each; single waves are in the results."""
-
-    logs: tuple[dict[str, Any], ...]
-    left_out: tuple[str, ...]
-
-
 class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null.
 
@@ -233,7 +209,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     bins: tuple[dict[str, Any], ...]
     stages: StagesRecord | UnsetType = UNSET
     cycles_from: str | UnsetType = UNSET
-    waves: WavesRecord | UnsetType = UNSET
+    waves: WaveEnergies | UnsetType = UNSET
 
     @property
     def rig_name(self) -> str:

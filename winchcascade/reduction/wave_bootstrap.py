@@ -15,12 +15,11 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import Shape, student
-from winchcascade.core.integrate import quantile
-from winchcascade.core.run import Mask, Signal
+from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import not_negative, ratio
 
-DRAWS = 4000
-SEED = 20260101
+BOOTSTRAP_DRAWS = 4000
+BOOTSTRAP_SEED = 20260101
 """Draws of the bootstrap and the seed of its random numbers: the same data give the same interval."""
 
 MIN_WAVES = 8
@@ -29,11 +28,14 @@ MIN_WAVES = 8
 SIGNIFICANT = 2.0
 """Number of standard deviations below which an autocorrelation counts as zero (Politis and White 2004, Sec. 3.2: about 2)."""
 
-TINY = 1e-9
+RECORD_MIN = 1e-9
 """No record is shorter. [s]"""
 
 _AT_ONCE = 2_000_000
 """Blocks that are drawn at a time: memory does not grow with the number of waves."""
+
+Errors = Sequence[tuple[float, Shape]]
+"""Change of a ratio with one standard uncertainty of each source of the sensors, and the shape of that error."""
 
 
 class EnergyError(msgspec.Struct, frozen=True):
@@ -56,14 +58,14 @@ class EnergyError(msgspec.Struct, frozen=True):
         return up - down if self.shared else math.hypot(up, down)
 
 
-WRITTEN = {
+WRITTEN_RATIO = {
     "interval": "interval_95", "block": "block_waves", "u_waves": "standard_uncertainty_waves",
     "u_sensors": "standard_uncertainty_sensors",
 }  # fmt: skip
 """Names of the fields in written files."""
 
 
-class RatioOfSums(msgspec.Struct, frozen=True, rename=WRITTEN):
+class RatioOfSums(msgspec.Struct, frozen=True, rename=WRITTEN_RATIO):
     """An efficiency of all waves together [1], or the mean power of the record [W].
 
     `interval` holds 95 % by the waves, and by the sensors where `u_sensors`, their standard uncertainty, is known; `u_waves` is
@@ -80,7 +82,7 @@ class RatioOfSums(msgspec.Struct, frozen=True, rename=WRITTEN):
 
 
 def ratio_of_sums(
-    into: Signal, out: Signal, *, counts: Sequence[int] = (), errors: Sequence[tuple[float, Shape]] | None = None
+    into: Signal, out: Signal, *, counts: Sequence[int] = (), errors: Errors | None = None
 ) -> RatioOfSums:
     """Efficiency of many waves together, with its 95 % interval.
 
@@ -88,11 +90,10 @@ def ratio_of_sums(
     ----------
     into, out : (k,) energies of the waves in order of time [J]
     counts : waves of each log, in order, where they are of several: no block leads from one log into another
-    errors : change of the efficiency with one standard uncertainty of each source of the sensors, and its shape; None where an
-        accuracy is unknown
+    errors : None where an accuracy is unknown
     """
-    value = efficiency_or_none(float(out.sum()), float(into.sum()))
-    return _with_interval(value, (into, out), 1.0, counts, errors)
+    value = not_negative(ratio(float(out.sum()), float(into.sum())))
+    return _with_interval(value, (into, out), 1.0, counts or [into.size], errors)
 
 
 def mean_power(
@@ -100,7 +101,7 @@ def mean_power(
     waves: tuple[Signal, Signal] | None,
     *,
     counts: Sequence[int] = (),
-    errors: Sequence[tuple[float, Shape]] | None = None,
+    errors: Errors | None = None,
 ) -> RatioOfSums:
     """Mean power of a record, with its 95 % interval: its waves are resampled, what lies between them is kept.
 
@@ -110,68 +111,47 @@ def mean_power(
     waves : periods [s] and energies [J] of its waves in order of time; None where the energies of some are unknown
     counts, errors : as of `ratio_of_sums`, errors of the power [W]
     """
-    value = ratio(record[1], record[0])
     periods, joules = waves or (np.empty(0), np.empty(0))
-    return _with_interval(value, (periods, joules), float(periods.sum()) / max(record[0], TINY), counts, errors)
+    share = float(periods.sum()) / max(record[0], RECORD_MIN)
+    return _with_interval(ratio(record[1], record[0]), (periods, joules), share, counts or [periods.size], errors)
 
 
 def _with_interval(
-    value: float | None,
-    of: tuple[Signal, Signal],
-    share: float,
-    counts: Sequence[int],
-    errors: Sequence[tuple[float, Shape]] | None,
+    value: float | None, of: tuple[Signal, Signal], share: float, counts: Sequence[int], errors: Errors | None
 ) -> RatioOfSums:
     """A value of which the ratio of the sums of two series makes a share, with its interval."""
     u_sensors = None if errors is None else math.hypot(*(size for size, _ in errors))
     x, y = of
     if value is None or x.size < MIN_WAVES:
         return RatioOfSums(value, u_sensors=u_sensors)
-    rng = np.random.default_rng(SEED)
-    ends = np.cumsum(counts or [x.size])
-    measured = float(y.sum()) / float(x.sum())
-    sums, blocks = np.zeros((2, DRAWS)), []
-    for part in np.split(np.array(of), ends[:-1], axis=1):
-        if part.size:
-            blocks.append(block_length(part[1] - measured * part[0]))
-            sums += _resampled(part, blocks[-1], rng)
+    rng, measured = np.random.default_rng(BOOTSTRAP_SEED), float(y.sum()) / float(x.sum())
+    logs = [log for log in np.split(np.array(of), np.cumsum(counts)[:-1], axis=1) if log.size]
+    blocks = [block_length(log[1] - measured * log[0]) for log in logs]
+    sums = np.sum([_resampled(log, block, rng) for log, block in zip(logs, blocks, strict=True)], axis=0)
     # Few blocks scatter less than what they are drawn from, and their scatter is known by few.
-    freedom = max(
-        1, sum(-(-n // block) for n, block in zip([n for n in counts or [x.size] if n], blocks, strict=True)) - 1
-    )
+    freedom = max(1, sum(math.ceil(log.shape[1] / block) for log, block in zip(logs, blocks, strict=True)) - 1)
     around = share * math.sqrt(1.0 + 1.0 / freedom) * (sums[1] / sums[0] - measured)
-    u_waves = float(np.std(around))
     drawn = value + around * (student(freedom) / student(math.inf))
     for size, shape in errors or ():  # independent of which waves came
-        drawn += size * _standard(shape, rng)
-    return RatioOfSums(value, (quantile(drawn, 0.025), quantile(drawn, 0.975)), max(blocks), u_waves, u_sensors)
+        root = math.sqrt(3.0)
+        drawn += size * (
+            rng.standard_normal(BOOTSTRAP_DRAWS) if shape == "normal" else rng.uniform(-root, root, BOOTSTRAP_DRAWS)
+        )
+    low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
+    return RatioOfSums(value, (low, high), max(blocks), float(np.std(around)), u_sensors)
 
 
 def _resampled(x: Signal, block: int, rng: np.random.Generator) -> Signal:
-    """Sums of resampled blocks of the columns of some rows, (rows, DRAWS)."""
+    """Sums of resampled blocks of the columns of some rows, (rows, BOOTSTRAP_DRAWS)."""
     n = x.shape[1]
-    number, rest = -(-n // block), n % block or block
+    lengths = np.full(math.ceil(n / block), block)
+    lengths[-1] = n - block * (lengths.size - 1)
     summed = np.concatenate((np.zeros((x.shape[0], 1)), np.cumsum(np.tile(x, 2), axis=1)), axis=1)
-    found = np.empty((x.shape[0], DRAWS))
-    step = max(1, _AT_ONCE // number)
-    for begin in range(0, DRAWS, step):
-        starts = rng.integers(0, n, (min(step, DRAWS - begin), number))
-        lengths = np.full(number, block)
-        lengths[-1] = rest
-        found[:, begin : begin + step] = (summed[:, starts + lengths] - summed[:, starts]).sum(axis=2)
-    return found
-
-
-def _standard(shape: Shape, rng: np.random.Generator) -> Signal:
-    """Errors of standard deviation 1, (DRAWS,)."""
-    if shape == "normal":
-        return rng.standard_normal(DRAWS)
-    return rng.uniform(-math.sqrt(3.0), math.sqrt(3.0), DRAWS)
-
-
-def efficiency_or_none(out: float | None, into: float | None) -> float | None:
-    """A ratio of sums, None where it is no efficiency."""
-    return not_negative(ratio(out, into))
+    found, step = [], max(1, _AT_ONCE // lengths.size)
+    for begin in range(0, BOOTSTRAP_DRAWS, step):
+        starts = rng.integers(0, n, (min(step, BOOTSTRAP_DRAWS - begin), lengths.size))
+        found.append((summed[:, starts + lengths] - summed[:, starts]).sum(axis=2))
+    return np.concatenate(found, axis=1)
 
 
 def block_length(x: Signal) -> int:
@@ -180,31 +160,22 @@ def block_length(x: Signal) -> int:
     >>> block_length(np.random.default_rng(0).normal(size=400))
     1
     """
-    n = x.size
-    y = x - x.mean()
-    maximum = max(1, n // 3)
-    lags = min(n - 1, math.ceil(math.sqrt(n)) + 10)
+    n, y = x.size, x - x.mean()
+    longest, lags = max(1, n // 3), min(n - 1, math.ceil(math.sqrt(n)) + 10)
     covariance = np.array([float(y[: n - k] @ y[k:]) / n for k in range(lags + 1)])
     if covariance[0] <= 0.0:
         return 1
     below = np.abs(covariance[1:] / covariance[0]) < SIGNIFICANT * math.sqrt(math.log10(n) / n)
-    last = _last_correlated(below, max(5, math.ceil(math.sqrt(math.log10(n)))))
+    run = max(5, math.ceil(math.sqrt(math.log10(n))))  # so many small ones in a row end the correlation
+    ends = [lag for lag in range(below.size - run + 1) if below[lag : lag + run].all()]
+    last = ends[0] if ends else int(np.max(np.flatnonzero(~below) + 1, initial=0))
     if last == 0:
         return 1
     reach = min(2 * last, lags)
     k = np.arange(-reach, reach + 1)
-    weight = np.minimum(1.0, 2.0 * (1.0 - np.abs(k) / reach))  # flat top of Politis and Romano 1995
-    r = covariance[np.abs(k)] * weight
+    r = covariance[np.abs(k)] * np.minimum(1.0, 2.0 * (1.0 - np.abs(k) / reach))  # flat top of Politis and Romano 1995
     spread, slope = float(r.sum()), float(np.abs(k) @ r)
     if spread <= 0.0:
-        return maximum
+        return longest
     length = (2.0 * slope**2 / (4.0 / 3.0 * spread**2)) ** (1.0 / 3.0) * n ** (1.0 / 3.0)
-    return int(min(max(1, math.ceil(length)), maximum))
-
-
-def _last_correlated(below: Mask, run: int) -> int:
-    """Lag after which a run of autocorrelations counts as none; the largest lag where there is no such run."""
-    for lag in range(below.size - run + 1):
-        if below[lag : lag + run].all():
-            return lag
-    return int(np.flatnonzero(~below)[-1]) + 1 if not below.all() else 0
+    return int(min(max(1, math.ceil(length)), longest))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from winchcascade.comparison.comparison_result import Comparison
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
-    from winchcascade.reduction.campaign_reduction import CampaignReduction
+    from winchcascade.reduction.campaign_record import CampaignReduction
     from winchcascade.reduction.reduction_result import Reduction
 
 Row = dict[str, Any]

@@ -17,7 +17,6 @@ from winchcascade.core.quantity import si_unit
 from winchcascade.core.version import __version__
 from winchcascade.reduction.bins import STORES
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics, ratio
-from winchcascade.reduction.montecarlo import Interval, Uncertainty, uncertainty
 from winchcascade.reduction.run_record import (
     MAX_SPANS,
     REDUCTION_SCHEMA,
@@ -30,9 +29,9 @@ from winchcascade.reduction.run_record import (
     RunRecord,
     StagesRecord,
     UncertaintyRecord,
-    WavesRecord,
 )
-from winchcascade.reduction.uncertainty import BudgetRow, shares
+from winchcascade.reduction.uncertainty import BudgetRow, Interval, Uncertainty, shares, uncertainty
+from winchcascade.reduction.wave_energies import waves_of
 
 if TYPE_CHECKING:
     from winchcascade.core.channels import Channel
@@ -107,17 +106,8 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         bins=tuple(_bin(b, rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
         cycles_from=UNSET if rig.phases.source == "velocity" else rig.phases.source,
-        waves=_waves(reduction),
+        waves=waves_of(reduction) or UNSET,
     )
-
-
-def _waves(reduction: Reduction) -> WavesRecord | UnsetType:
-    """Energies of the waves where cycles are waves by the rig file."""
-    from winchcascade.reduction.wave_energies import waves_of
-    from winchcascade.reduction.wave_record import wave_record
-
-    waves = waves_of(reduction)
-    return UNSET if waves is None else wave_record(waves)
 
 
 def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetType:
@@ -128,12 +118,11 @@ def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetTyp
     powers = {stage.name: stage.power(run.channels, reduction.rig.r_drum) for stage in cascade.stages}
     out: Numbers = {name: both.positive for name, both in reduction.both_ways.items()}
     back: Numbers = {name: both.negative for name, both in reduction.both_ways.items()}
-    pairs = {eta: cascade.between(eta) for eta in cascade.ratios}
-    delivered = {e: pair for e, pair in pairs.items() if not (run.open_circuit and cascade.undelivered(e))}
+    delivered = {e: pair for e, pair in cascade.pairs.items() if not (run.open_circuit and cascade.undelivered(e))}
     return StagesRecord(
         order=cascade.names,
         power={name: None if power is None else power.text for name, power in powers.items()},
-        efficiency=pairs,
+        efficiency=cascade.pairs,
         mean=reduction.mean.fields(cascade.metrics),
         max_deviation_percent=reduction.max_deviation_percent.fields(cascade.metrics),
         standard_uncertainty=found.standard.fields(cascade.metrics),

@@ -16,16 +16,14 @@ import numpy as np
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.arguments import FLAG, PATH, check_arguments
 from winchcascade.core.errors import OptionError, check_choice, check_type
-from winchcascade.core.late_module import LateModule
 from winchcascade.core.run import Run
-from winchcascade.core.viewed import Units
+from winchcascade.core.viewed import LateModule, Units
 from winchcascade.diagnosis.calibrate import Calibration
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-from winchcascade.reduction.campaign_record import runs_by_load
-from winchcascade.reduction.campaign_reduction import CampaignReduction
-from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.campaign_record import CampaignReduction, runs_by_load
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report import frames
 from winchcascade.rig.simulate import Simulation
 from winchcascade.tables.audit import Audit

@@ -1,11 +1,13 @@
-"""Words on a log: its load, window, cycles, and the sources of its uncertainty."""
+"""Words on a log: its origin, load, window, cycles, and the sources of its uncertainty."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
+from winchcascade.core.campaign_file import KINDS, Origin, joint_origin
 from winchcascade.core.plain_text import first_of
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
@@ -25,6 +27,31 @@ _SOURCES = (
 
 _SPANS = {"steps": "step", "rows": "row", "ranges": "range", "whole": "record"}
 """What a cycle is called whose whole span counts, by the source of the cycles."""
+
+
+def origin_words(origins: Sequence[Origin]) -> str:
+    """State of one or several logs whether they are measured, and where they come from.
+
+    >>> origin_words([Origin(False, "Rebuilt from Table 2"), Origin()])
+    '1 not measured, 1 not stated. Rebuilt from Table 2.'
+    """
+    counts = Counter(origin.measured for origin in origins)
+    kinds = [KINDS[kind] if len(counts) == 1 else f"{counts[kind]} {KINDS[kind]}" for kind in KINDS if kind in counts]
+    sentence = joint_origin(origins).sentence
+    text = ", ".join(kinds) if kinds else KINDS[None]
+    return f"{text}. {sentence}." if sentence else text
+
+
+def banner(origins: Sequence[Origin]) -> str:
+    """Warning for every page of a report on logs that are not measured; empty if there is none.
+
+    >>> banner([Origin(False, "Rebuilt from Table 2")]), banner([Origin(True), Origin(False)])
+    ('Not measured.', '1 of 2 logs are not measured.')
+    """
+    made = sum(origin.measured is False for origin in origins)
+    if not made:
+        return ""
+    return "Not measured." if made == len(origins) else f"{made} of {len(origins)} logs are not measured."
 
 
 def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknown: str = "no load") -> str:

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from winchcascade.core.errors import OptionError, RigError, check_type
 from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.toml_text import struct_fields
+from winchcascade.core.toml_file import struct_fields
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import (
     DcLinkModel,

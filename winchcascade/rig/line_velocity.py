@@ -9,7 +9,7 @@ import numpy as np
 
 from winchcascade.core.integrate import GAUSS, median, white_noise
 from winchcascade.core.run import Mask, Run, Signal
-from winchcascade.core.smooth import evenly_stamped, local_quadratic, rate_weights, smoothing_weights
+from winchcascade.core.smooth import evenly_stamped, local_quadratic, smoothing_weights
 
 SMOOTHING = 0.44
 """Width of the local quadratic: it removes the noise of an encoder, and braking keeps its edges (0.36 to 0.52 s do). A width in
@@ -98,6 +98,37 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
     if not usable.all():
         max_noise = max(max_noise, alone.max_noise)
     return LineVelocity(np.where(usable, both, alone.value), a, b, u_velocity, u_displacement, max_noise)
+
+
+def rate_weights(half: int, step: float, u_rate: float, u_position: float, at: int = 0) -> tuple[Signal, Signal]:
+    """Weights of the rate at one of 2 half + 1 even samples of a rate and of its position.
+
+    A quadratic of the rate and the cubic of the position that it integrates to are fitted by weighted least squares.
+
+    Parameters
+    ----------
+    step : between two samples [s]
+    u_rate, u_position : white noise of the two, above 0
+    at : the sample, from -half to half; 0 is the middle
+
+    Returns
+    -------
+    (2 half + 1,) weights of the rate [1] and of the position [1/s]
+
+    Examples
+    --------
+    >>> rate, position = rate_weights(2, 1.0, 1.0, 1e6)
+    >>> bool(np.allclose(rate, smoothing_weights(2)) and np.allclose(position, 0.0))
+    True
+    """
+    k = np.arange(-half, half + 1.0)
+    share = u_position / (u_rate * step)
+    one, nothing = np.ones_like(k), np.zeros_like(k)
+    rate = np.column_stack([one, k, k**2 / 2.0, nothing])
+    position = np.column_stack([k, k**2 / 2.0, k**3 / 6.0, one])
+    fit = np.linalg.pinv(np.vstack([rate * min(share, 1.0), position / max(share, 1.0)]))
+    solution = np.array([1.0, at, at * at / 2.0]) @ fit[:3]
+    return solution[: k.size] * min(share, 1.0), solution[k.size :] / max(share, 1.0) / step
 
 
 def _noise_of(noise: tuple[float, float], weights: tuple[Signal, Signal]) -> float:

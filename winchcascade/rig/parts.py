@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.monotone_cubic import MonotoneCubic, monotone_cubic
 from winchcascade.core.run import Signal
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 
 class WinchModel(msgspec.Struct, frozen=True):
@@ -113,11 +115,13 @@ NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
 
 
 @lru_cache(maxsize=256)
-def rolloff_curve(rolloff: tuple[float, ...]) -> MonotoneCubic:
+def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
     """Share of the back-EMF constant over the stator current up to the last of `ROLLOFF_KNOTS`, by a monotone cubic [1]
     (Fritsch and Butland 1984). `rolloff` is as in `GeneratorModel`.
     """
-    return monotone_cubic(ROLLOFF_KNOTS, (1.0, *rolloff))
+    from scipy.interpolate import PchipInterpolator
+
+    return PchipInterpolator(ROLLOFF_KNOTS, (1.0, *rolloff))
 
 
 class GeneratorModel(msgspec.Struct, frozen=True):

@@ -17,9 +17,8 @@ from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.files import write_whole
-from winchcascade.core.monotone_cubic import monotone_cubic
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import UNITS
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
@@ -68,10 +67,12 @@ def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     ----------
     t, v : (k,) stamps that rise [s], velocities [m/s]
     """
+    from scipy.interpolate import PchipInterpolator
+
     even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
-    curve = monotone_cubic(t, v)
+    curve = PchipInterpolator(t, v)
     speed = curve(even)
-    return LineMotion(even, _integral(speed, step), speed, curve.slope(even), step)
+    return LineMotion(even, _integral(speed, step), speed, curve(even, 1), step)
 
 
 def _integral(y: Signal, step: float) -> Signal:

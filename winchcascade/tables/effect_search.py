@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.core.monotone_cubic import monotone_cubic
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.suspects import Freedom, Suspects, freedom, with_values
 from winchcascade.reduction.efficiency import RATIOS
@@ -166,6 +165,8 @@ def search_bounds(kind: Effect) -> tuple[Signal, Signal]:
 
 
 def _curve(simulator: TableSimulator, kind: Effect, free: Freedom, k: int) -> EffectCurve | None:
+    from scipy.interpolate import PchipInterpolator
+
     nodes = {float(free.absent[k]): np.zeros(simulator.printed.shape)}
     for end in (free.low[k], free.high[k]):
         if end != free.absent[k]:
@@ -174,7 +175,7 @@ def _curve(simulator: TableSimulator, kind: Effect, free: Freedom, k: int) -> Ef
         return None
     at = np.array(sorted(nodes))
     x = np.linspace(at[0], at[-1], GRID + 1)
-    ratio = monotone_cubic(at, np.array([nodes[value] for value in at.tolist()]))(x)
+    ratio = PchipInterpolator(at, np.array([nodes[value] for value in at.tolist()]))(x)
     return EffectCurve(x, ratio, float(free.absent[k]))
 
 

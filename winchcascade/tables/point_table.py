@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
+from msgspec import Meta
 
 from winchcascade.core.arguments import PATH, check_arguments
 from winchcascade.core.published_table import ENERGY_UNITS, PublishedTable, Span, TableError, unit_suffix
 from winchcascade.core.quantity import find_unit, read_as
-from winchcascade.core.table_toml import load_table
-from winchcascade.core.toml_text import Expected, check_keys, entry, read_toml, toml_values
+from winchcascade.core.table_toml import Text, load_table
+from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
 from winchcascade.ingest.cells import decimal_sign, looks_like_a_number, number, split_row
 from winchcascade.ingest.formats.text import find_encoding
 
@@ -107,19 +108,38 @@ class PointTable(msgspec.Struct, frozen=True):
         return ", ".join(named) or f"row {k + 1}"
 
 
-_Text = Annotated[str, Expected("a text", str.strip)]
-_Key = Annotated[
-    str | list[str], Expected('the name of a column, or a list of names, such as key = ["torque", "speed"]')
-]
-_Points = Annotated[list[dict[str, object]], Expected("[[point]] tables")]
-_Percent = Annotated[float, Expected("percent from 0 to 20", lambda x: 0 <= x <= 20)]
-_Decimals = Annotated[int | None, Expected("how many are printed, such as 3", lambda n: -9 <= n <= 12)]
-_Digits = Annotated[int | None, Expected("how many significant digits are printed, such as 4", lambda n: 1 <= n <= 17)]
+_Percent = Annotated[float, Meta(ge=0.0, le=20.0, description="percent from 0 to 20")]
+_Decimals = Annotated[int, Meta(ge=-9, le=12, description="how many are printed, such as 3")] | None
+_Digits = Annotated[int, Meta(ge=1, le=17, description="how many significant digits are printed, such as 4")] | None
+
+
+class _PointFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A table of operating points as its file has it."""
+
+    title: Text
+    source: Text
+    columns: Annotated[dict[str, Table], Meta(min_length=1)]
+    csv: Text | None = None
+    key: str | tuple[str, ...] = ()
+    point: list[Table] | None = None
+    tolerance_percent: _Percent = 0.0
+    key_percent: _Percent = 2.0
+
+
+class _StatedColumn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"law": "is"}):
+    """A column as the file states it."""
+
+    name: Text | None = None
+    unit: Text = "1"
+    decimals: _Decimals = None
+    digits: _Digits = None
+    law: str | None = None
+    measured: Text | None = None
 
 
 def is_point_table(path: Path) -> bool:
     """Whether a file is a table of operating points: it names a CSV, a key or points, which tables by load do not have."""
-    raw = toml_values(read_toml(path, "a table that can be read", TableError), str(path), TableError)
+    raw = toml_values(read_toml(path, TableError), str(path), TableError)
     return not {"csv", "key", "point"}.isdisjoint(raw)
 
 
@@ -140,55 +160,43 @@ def open_table(table: PublishedTable | PointTable | str | Path) -> PublishedTabl
 def load_points(path: Path) -> PointTable:
     """Read a table of operating points; TableError names what is wrong."""
     where = str(path)
-    raw = toml_values(read_toml(path, "a table that can be read", TableError), where, TableError)
-    known = ("title", "source", "csv", "key", "columns", "point", "tolerance_percent", "key_percent")
-    _known(raw, known, where)
-    columns = _columns(raw.get("columns"), where)
-    key = entry(raw.get("key", []), "key", _Key, where, TableError)
-    keys = (key,) if isinstance(key, str) else tuple(key)
+    file: _PointFile = convert(
+        toml_values(read_toml(path, TableError), where, TableError), _PointFile, f"{where}:", TableError
+    )
+    columns = _columns(file.columns, where)
+    keys = (file.key,) if isinstance(file.key, str) else file.key
     for name in keys:
         if name not in columns:
             raise TableError(f"{where}: key names {name!r}, which is no column; expected one of {', '.join(columns)}.")
-    if ("csv" in raw) == ("point" in raw):
+    if (file.csv is None) == (file.point is None):
         raise TableError(f'{where}: expected either csv = "FILE" or [[point]] tables with the rows, and not both.')
     unread: tuple[str, ...] = ()
-    file = path.parent / entry(raw["csv"], "csv", _Text, where, TableError) if "csv" in raw else None
-    if file is not None:
-        rows, unread = _csv_rows(file, columns, where)
+    csv = None if file.csv is None else path.parent / file.csv
+    if csv is not None:
+        rows, unread = _csv_rows(csv, columns, where)
     else:
-        rows = _point_rows(entry(raw["point"], "point", _Points, where, TableError), columns, where)
+        rows = _point_rows(file.point or (), columns, where)
     return PointTable(
         name=path.stem,
-        title=entry(raw.get("title"), "title", _Text, where, TableError),
-        source=entry(raw.get("source"), "source", _Text, where, TableError),
+        title=file.title,
+        source=file.source,
         key=keys,
         columns=columns,
         rows=rows,
-        tolerance=entry(raw.get("tolerance_percent", 0.0), "tolerance_percent", _Percent, where, TableError) / 100.0,
-        key_share=entry(raw.get("key_percent", 2.0), "key_percent", _Percent, where, TableError) / 100.0,
+        tolerance=file.tolerance_percent / 100.0,
+        key_share=file.key_percent / 100.0,
         path=where,
-        csv=str(file or ""),
+        csv=str(csv or ""),
         unread=unread,
     )
 
 
-def _known(raw: Mapping[str, object], known: Sequence[str], place: str) -> None:
-    check_keys(raw, known, f"{place}: ", f"no entry here; expected {', '.join(known)}", TableError)
-
-
-def _columns(raw: object, where: str) -> dict[str, PointColumn]:
-    if not isinstance(raw, dict) or not raw:
-        raise TableError(f'{where}: no columns; expected [columns] with an entry such as torque = {{ unit = "N.m" }}.')
+def _columns(raw: Mapping[str, Table], where: str) -> dict[str, PointColumn]:
     columns = {}
-    for name, given in raw.items():
+    for name, table in raw.items():
         place = f"{where}: [columns] {name}"
-        if not isinstance(given, dict):
-            raise TableError(f'{place} is {given!r}; expected {{ name = "...", unit = "..." }}.')
-        _known(given, ("name", "unit", "decimals", "digits", "is", "measured"), place)
-        unit = entry(given.get("unit", "1"), "unit", _Text, place, TableError)
-        measured = entry(
-            given.get("measured", "load" if name == "load_ohm" else name), "measured", _Text, place, TableError
-        )
+        given: _StatedColumn = convert(table, _StatedColumn, place, TableError)
+        unit, measured = given.unit, given.measured or ("load" if name == "load_ohm" else name)
         found = find_unit(unit)
         if AT.get(measured) == "rotation":
             found = read_as(found, "rotation") or found
@@ -200,29 +208,25 @@ def _columns(raw: object, where: str) -> dict[str, PointColumn]:
             )
         if factor is None:
             raise TableError(f"{place}: the unit {unit!r} is unknown; expected one such as W, kW, N.m, rpm or 1.")
-        law = given.get("is", _TORQUE_AND_SPEED if name in _POWER and {"torque", "speed"} <= set(raw) else None)
+        usual = _TORQUE_AND_SPEED if name in _POWER and {"torque", "speed"} <= set(raw) else None
+        law = usual if given.law is None else given.law
+        in_table = "energy" if unit in ENERGY_UNITS else found.dimension if found else ""
         columns[name] = PointColumn(
-            head=entry(given.get("name", name), "name", _Text, place, TableError),
+            head=given.name or name,
             unit=unit,
             factor=factor,
-            dimension="energy"
-            if unit in ENERGY_UNITS
-            else "text"
-            if measured == "file"
-            else found.dimension
-            if found
-            else "",
+            dimension="text" if measured == "file" and unit not in ENERGY_UNITS else in_table,
             measured=measured,
-            decimals=entry(given.get("decimals"), "decimals", _Decimals, place, TableError),
-            digits=entry(given.get("digits"), "digits", _Digits, place, TableError),
+            decimals=given.decimals,
+            digits=given.digits,
             law=None if law is None else _law(law, raw, place),
             at_most=1.0 if name.startswith(("eta", "power_factor")) else math.inf,
         )
     return columns
 
 
-def _law(text: object, columns: Mapping[str, object], place: str) -> Law:
-    found = _LAW.fullmatch(text) if isinstance(text, str) else None
+def _law(text: str, columns: Mapping[str, object], place: str) -> Law:
+    found = _LAW.fullmatch(text)
     if found is None:
         raise TableError(
             f'{place}: is = {text!r}; expected products and quotients of columns, such as "torque * speed".'
@@ -232,7 +236,7 @@ def _law(text: object, columns: Mapping[str, object], place: str) -> Law:
         if name not in columns:
             raise TableError(f"{place}: is names {name!r}, which is no column; expected one of {', '.join(columns)}.")
     times, over = (tuple(name for sign, name in factors if sign == one) for one in "*/")
-    return Law(str(text), times, over)
+    return Law(text, times, over)
 
 
 def _csv_rows(
@@ -283,7 +287,7 @@ def _point_rows(
 ) -> tuple[Mapping[str, PointCell], ...]:
     rows = []
     for k, point in enumerate(points, 1):
-        _known(point, tuple(columns), f"{where}: point {k}")
+        check_keys(point, columns, f"{where}: point {k}", TableError)
         row = {name: _cell(str(value), ".", columns[name]) for name, value in point.items()}
         for name, cell in row.items():
             if cell is None:

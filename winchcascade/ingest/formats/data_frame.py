@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
+from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.run import Signal
 from winchcascade.ingest.dialects import Header, recognise
-from winchcascade.ingest.formats.parquet import is_text, numbers_of, seconds_of, texts_of
+from winchcascade.ingest.formats.parquet import table_of
 from winchcascade.ingest.source import LogSource, LogTable, reject_sheet
 
 if TYPE_CHECKING:
@@ -37,7 +37,8 @@ def open_frame(
     ------
     LogError : this is no frame, or a unit is of a column that it does not have
     """
-    reject_sheet(table, where)
+    if table is not None:
+        reject_sheet(table, where)
     columns = _columns(_checked(frame, where), dict(units or {}), where)
     return LogSource(
         headers=[header for header, _ in columns],
@@ -111,26 +112,8 @@ def _clock_name(index: pd.Index[Any], units: Mapping[str, str]) -> str | None:
 
 def _load(columns: Sequence[Any], wanted: Sequence[int], time: int | None) -> LogTable:
     """Copy the wanted columns into numbers, and the time column into what it holds."""
-    values = {k: _numbers(columns[k]) for k in wanted}
-    if time is None:
-        return LogTable(values)
-    stamps = _pieces(columns[time])
-    if pa.types.is_temporal(stamps.type):
-        since, began = seconds_of([stamps], stamps.type)
-        return LogTable(values, stamps=since, stamped=True, began=began)
-    seconds = _numbers(columns[time])
-    if pa.types.is_dictionary(stamps.type) and is_text(stamps.type.value_type):
-        stamps = stamps.cast(stamps.type.value_type)
-    dated = is_text(stamps.type) and not np.isfinite(seconds).any()
-    return LogTable(values, stamps=texts_of([stamps]) if dated else seconds)
-
-
-def _numbers(column: Any) -> Signal:
-    """Copy a column as numbers; NaN for what is missing and for what is none."""
-    pieces = _pieces(column)
-    if pa.types.is_dictionary(pieces.type) and not is_text(pieces.type.value_type):
-        pieces = pieces.cast(pieces.type.value_type)
-    return np.array(numbers_of(pieces), dtype=np.float64)
+    loaded = table_of({k: _pieces(columns[k]) for k in wanted}, None if time is None else _pieces(columns[time]))
+    return replace(loaded, values={k: np.array(x) for k, x in loaded.values.items()})
 
 
 def _pieces(column: Any) -> pa.ChunkedArray:

@@ -8,25 +8,109 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.dialects import Header, recognise
-from winchcascade.ingest.source import LogSource, LogTable, choose, damage_reported, reject_sheet
+from winchcascade.ingest.limits import require_numbers
+from winchcascade.ingest.source import Column, Columns, choose, damage_reported, reject_sheet
 
-Column: TypeAlias = "Signal | list[str]"
 Node: TypeAlias = "float | str | Signal | list[Node] | dict[str, Node]"
+Scope: TypeAlias = tuple[str, Mapping[str, Node]]
+"""The top level or a struct, with its place: names with points between them."""
 
-DEPTH = 4
+DEPTH_MAX = 4
 """Deepest nesting that is followed: an HDF5 file may hold itself."""
+
+NAMES = ("names", "labels", "channels", "headers", "varnames")
+UNITS = ("units", "unit")
+RATES = ("fs", "sample_rate", "samplerate", "sampling_rate")
+STEPS = ("dt", "ts", "sample_time")
+"""Names of variables that describe the columns, without case."""
 
 _HDF5, _BEFORE_HDF5 = b"\x89HDF\r\n\x1a\n", 512
 """First bytes of HDF5, and how many MATLAB puts before them."""
+
+_EXPORTS = {
+    "timetable": "writetimetable({0}, '{0}.csv')",
+    "table": "writetable({0}, '{0}.csv')",
+    "timeseries": "s.time = {0}.Time; s.velocity = {0}.Data; save('{0}.mat', '-struct', 's')",
+}
+"""How MATLAB exports an object of a class so that other programs can read it."""
+
+
+class _Group(NamedTuple):
+    """Columns of one length in one place: vectors, or the matrix of a name."""
+
+    place: str
+    matrix: str
+    columns: dict[str, Signal | list[str]]
+
+    @property
+    def rows(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+
+def read_mat(path: Path, *, table: str | None = None) -> Columns:
+    """Read a MATLAB file: vectors of one length, structs of them, or a matrix with a list of names.
+
+    Parameters
+    ----------
+    table : name or number of the run, where the file holds several
+
+    Raises
+    ------
+    LogError
+        the file is damaged, needs h5py that is not installed, or holds nothing like a column
+    """
+    with path.open("rb") as stream:
+        start = stream.read(_BEFORE_HDF5 + len(_HDF5))
+    is_hdf5 = start.startswith((_HDF5, b"MATLAB 7.3 MAT-file")) or start.endswith(_HDF5)
+    objects: dict[str, str] = {}
+    with damage_reported(path, "MATLAB file", "copy or save it again"):
+        tree = (_read_73 if is_hdf5 else _read_72)(path, objects)
+        scopes = [*_scopes("", _with_signals(tree))]
+        groups = [*_groups(scopes)]
+    runs = _runs(groups)
+    name = choose(list(runs), table, path.name, "run") if runs else None
+    if name is None and table is not None:
+        reject_sheet(table, path.name)
+    if name is not None:
+        others = [run for run in runs.values() if run is not runs[name]]
+        aside = {run.place for run in others} - {runs[name].place, ""}
+        groups = [
+            group for group in groups if group is runs[name] or (group not in others and group.place not in aside)
+        ]
+        scopes = [(place, scope) for place, scope in scopes if place not in aside]
+    columns = _columns(groups, None if name is None else runs[name])
+    if objects and not any(recognise(Header(name)) for name in columns):
+        raise LogError(_export(path.name, objects))
+    if not any(isinstance(column, np.ndarray) for column in columns.values()):
+        raise LogError(
+            f"{path.name}: none of the {len(tree)} variables is a vector of numbers; vectors of one length, a struct "
+            "of them or a matrix with a cell array of names was expected; save the channels so, or export them as CSV."
+        )
+    units, properties = _units(scopes, list(columns)), _properties(scopes)
+    steps = (
+        1.0 / value if key.casefold() in RATES else value
+        for key, value in properties.items()
+        if isinstance(value, float) and 0.0 < value < np.inf and key.casefold() in (*RATES, *STEPS)
+    )
+    listed = ", ".join(f"{name} ({kind})" for name, kind in objects.items())
+    return Columns(
+        headers=tuple(Header(key, units.get(key) or units.get(key.rpartition(".")[2])) for key in columns),
+        columns=[Column(x.tobytes()) if isinstance(x, np.ndarray) else Column(texts=x) for x in columns.values()],
+        time_step=next(steps, None),
+        properties=properties,
+        table=name,
+        findings=(Finding("unknown_column", f"MATLAB objects: {listed[:200]}", "not read", count=len(objects)),)
+        if objects
+        else (),
+    )
 
 
 def _read_72(path: Path, objects: dict[str, str]) -> dict[str, Node]:
@@ -38,14 +122,12 @@ def _read_72(path: Path, objects: dict[str, str]) -> dict[str, Node]:
         # scipy turns a variable that breaks off into a warning and a text in its place.
         warnings.simplefilter("ignore")
         warnings.simplefilter("error", MatReadWarning)
-        warnings.filterwarnings(
-            "ignore", 'Duplicate variable name "None"'
-        )  # several objects, whose names lie within them
+        # Several objects have their names within them.
+        warnings.filterwarnings("ignore", 'Duplicate variable name "None"')
         variables = loadmat(path, simplify_cells=True)
     for value in variables.values():
-        if isinstance(value, MatlabOpaque):  # its own name and class are texts within it
+        if isinstance(value, MatlabOpaque):
             objects[_decoded(value[0]["s0"])] = _decoded(value[0]["s2"])
-    variables = {name: value for name, value in variables.items() if not isinstance(value, MatlabOpaque)}
     return _nodes((name, _node_72(value)) for name, value in variables.items() if not name.startswith("__"))
 
 
@@ -95,24 +177,25 @@ def _read_73(path: Path, objects: dict[str, str]) -> dict[str, Node]:
             for name, item in file.items()
             if "MATLAB_object_decode" in item.attrs
         }
-        return _nodes_73(file, file, 0)
+        return _nodes_73(path, file, file, 0)
 
 
-def _nodes_73(file: Any, group: Any, depth: int) -> dict[str, Node]:
+def _nodes_73(path: Path, file: Any, group: Any, depth: int) -> dict[str, Node]:
     """Read a struct; `#refs#` and `#subsystem#` are MATLAB's own."""
-    return _nodes((name, _node_73(file, group[name], depth + 1)) for name in group if not name.startswith("#"))
+    return _nodes((name, _node_73(path, file, group[name], depth + 1)) for name in group if not name.startswith("#"))
 
 
-def _node_73(file: Any, item: Any, depth: int) -> Node | None:
+def _node_73(path: Path, file: Any, item: Any, depth: int) -> Node | None:
     """Read one variable; HDF5 holds the dimensions in the reverse order, and characters as UTF-16, one text in a row."""
-    if depth > DEPTH:
+    if depth > DEPTH_MAX:
         return None
     if not hasattr(item, "dtype"):
-        return _nodes_73(file, item, depth)
+        return _nodes_73(path, file, item, depth)
     if item.size is None or item.attrs.get("MATLAB_empty", 0) or "MATLAB_object_decode" in item.attrs:
         return None
+    require_numbers(path, item.size)
     if "ref" in (item.dtype.metadata or {}):  # a cell array
-        cells = (_node_73(file, file[reference], depth + 1) for reference in np.asarray(item).T.ravel())
+        cells = (_node_73(path, file, file[reference], depth + 1) for reference in np.asarray(item).T.ravel())
         return ["" if cell is None else cell for cell in cells]
     array = np.asarray(item).T
     if item.attrs.get("MATLAB_class") != b"char":
@@ -121,138 +204,36 @@ def _node_73(file: Any, item: Any, depth: int) -> Node | None:
     return rows[0] if len(rows) == 1 else [*rows]
 
 
-NAMES = ("names", "labels", "channels", "headers", "varnames")
-RATES = ("fs", "sample_rate", "samplerate", "sampling_rate")
-STEPS = ("dt", "ts", "sample_time")
+def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
+    """The tree with the signals of Simulink, and with time and data of time series saved as structs, as named vectors.
 
-
-def open_mat(path: Path, *, table: str | None = None) -> LogSource:
-    """Open a MATLAB file: vectors of one length, structs of them, or a matrix with a list of names.
-
-    Parameters
-    ----------
-    table : name or number of the run, where the file holds several
-
-    Raises
-    ------
-    LogError
-        the file is damaged, needs h5py that is not installed, or holds nothing like a column
+    Each element of an array of structs is a struct of its own, counted from 1 as in MATLAB.
     """
-    with path.open("rb") as stream:
-        start = stream.read(_BEFORE_HDF5 + len(_HDF5))
-    is_hdf5 = start.startswith((_HDF5, b"MATLAB 7.3 MAT-file")) or start.endswith(_HDF5)
-    with damage_reported(path, "MATLAB file", "copy or save it again"):
-        objects: dict[str, str] = {}
-        tree = _with_elements(_with_signals((_read_73 if is_hdf5 else _read_72)(path, objects)))
-    runs = _runs(tree)
-    name = choose(list(runs), table, path.name, "run") if runs else None
-    if name is None:
-        reject_sheet(table, path.name)
-    else:
-        tree = runs[name]
-    columns = _matrix_columns(tree) or _vectors(tree)
-    if objects and not any(recognise(Header(name)) for name in columns):
-        raise LogError(_export(path.name, objects))
-    if not any(isinstance(column, np.ndarray) for column in columns.values()):
-        raise LogError(
-            f"{path.name}: none of the {len(tree)} variables is a vector of numbers; vectors of one length, a struct "
-            "of them or a matrix with a cell array of names was expected; save the channels so."
-        )
-    units = _units(tree, list(columns))
-    properties = _properties(tree)
-    steps = (
-        1.0 / value if name.casefold() in RATES else value
-        for name, value in properties.items()
-        if isinstance(value, float) and 0.0 < value < np.inf and name.casefold() in (*RATES, *STEPS)
-    )
-    return LogSource(
-        headers=tuple(Header(name, units.get(name) or units.get(name.rpartition(".")[2])) for name in columns),
-        load=partial(_load, list(columns.values()), objects),
-        time_step=next(steps, None),
-        properties=properties,
-        table=name,
-    )
-
-
-def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
-    """The runs of a file that holds several: each name with the tree without the others; nothing where there is but one.
-
-    Runs are structs, matrices with the same names, or vectors of several lengths, in two of which the same motion is found.
-    """
-    motions: dict[str | None, dict[tuple[str, str, int], str]] = {"velocity": {}, "displacement": {}}
-    seen: list[dict[str, Column]] = []
-    for prefix, scope in _scopes(tree):
-        columns = {name: column for name, node in scope.items() if (column := _column(name, node)) is not None}
-        if columns and any(
-            columns.keys() == one.keys() and all(np.array_equal(columns[name], one[name]) for name in columns)
-            for one in seen
-        ):
-            continue  # a copy is no other run: an HDF5 file may hold itself
-        seen.append(columns)
-        names = next(_lists_of_names(scope), [])
-        channels = {recognise(Header(name)) for name in names}
-        for name, node in scope.items():
-            if name in columns:
-                motion = recognise(Header(name))
-                if motion in motions:
-                    motions[motion].setdefault((prefix, "", len(columns[name])), prefix or name)
-            elif isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
-                for motion in channels & motions.keys():
-                    motions[motion].setdefault((prefix, name, node.size), f"{prefix}.{name}".strip("."))
-    found = max(motions.values(), key=len)
-    times = Counter(found.values())
-    return {
-        label if times[label] == 1 else f"{label} ({key[2]} rows)": _without(tree, "", key, list(found))
-        for key, label in found.items()
-        if len(found) > 1
-    }
-
-
-def _without(
-    tree: Mapping[str, Node], prefix: str, kept: tuple[str, str, int], runs: Sequence[tuple[str, str, int]]
-) -> dict[str, Node]:
-    """The tree without the structs, matrices and vectors of the other runs."""
-    pruned: dict[str, Node] = {}
-    for name, node in tree.items():
-        place = f"{prefix}.{name}".strip(".")
-        if isinstance(node, dict):
-            inside = [run for run in runs if f"{run[0]}.".startswith(f"{place}.")]
-            if not inside or kept in inside:
-                pruned[name] = _without(node, place, kept, runs)
-            continue
-        rows = None if (column := _column(name, node)) is None else len(column)
-        others = [run for run in runs if run[0] == prefix and run != kept]
-        own = kept == (prefix, "", rows)
-        if own or not any(run[1] == name if run[1] else run[2] == rows for run in others):
-            pruned[name] = node
-    return pruned
-
-
-def _with_elements(tree: Mapping[str, Node]) -> dict[str, Node]:
-    """The tree with each element of an array of structs as a struct of its own, counted from 1 as in MATLAB."""
     whole: dict[str, Node] = {}
     for name, node in tree.items():
-        if isinstance(node, list) and any(isinstance(item, dict) for item in node):
+        parts = {key.casefold(): item for key, item in node.items()} if isinstance(node, dict) else {}
+        signals, time, data = parts.get("signals"), parts.get("time"), parts.get("data")
+        if isinstance(time, np.ndarray) and signals is not None:
+            listed = [s for s in (signals if isinstance(signals, list) else [signals]) if isinstance(s, dict)]
+            named = {str(s.get("label") or f"signal {k}"): s.get("values") for k, s in enumerate(listed, 1)}
+            columns: dict[str, Node] = {"time": time}
+            whole[name] = columns | {label: values for label, values in named.items() if values is not None}
+        elif isinstance(time, np.ndarray) and isinstance(data, np.ndarray) and data.ndim == 1:
+            whole.setdefault("time", time)
+            whole[name] = data
+        elif isinstance(node, list) and any(isinstance(item, dict) for item in node):
             whole |= {f"{name}({k})": item for k, item in enumerate(node, 1) if isinstance(item, dict)}
         else:
             whole[name] = node
     return whole
 
 
-def _texts(node: Node | None) -> list[str]:
-    """Take a list of texts; nothing for any other node."""
-    if not isinstance(node, list) or not all(isinstance(item, str) for item in node):
-        return []
-    return [str(item).strip() for item in node]
-
-
-def _scopes(tree: Mapping[str, Node]) -> Iterator[tuple[str, Mapping[str, Node]]]:
+def _scopes(place: str, scope: Mapping[str, Node]) -> Iterator[Scope]:
     """Yield the top level, its structs and the structs in those."""
-    yield "", tree
-    for name, node in tree.items():
-        if isinstance(node, dict):
-            yield name, node
-            yield from ((f"{name}.{inner}", deeper) for inner, deeper in node.items() if isinstance(deeper, dict))
+    yield place, scope
+    for name, node in scope.items():
+        if isinstance(node, dict) and place.count(".") < 1:
+            yield from _scopes(f"{place}.{name}".strip("."), node)
 
 
 def _named(scope: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
@@ -260,45 +241,90 @@ def _named(scope: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
     return (node for name, node in scope.items() if name.casefold() in keys)
 
 
-def _lists_of_names(scope: Mapping[str, Node]) -> Iterator[list[str]]:
-    """Yield the lists of names in a scope."""
-    return filter(None, map(_texts, _named(scope, NAMES)))
+def _texts(node: Node) -> list[str]:
+    """Take a list of texts; nothing for any other node."""
+    if not isinstance(node, list) or not all(isinstance(item, str) for item in node):
+        return []
+    return [str(item).strip() for item in node]
 
 
-def _matrix_columns(tree: Mapping[str, Node]) -> dict[str, Column]:
-    """Take the columns of a matrix that a list of names fits; its rows where only these fit."""
-    fitting = (
-        dict(zip(names, matrix.T if matrix.shape[1] == len(names) else matrix, strict=True))
-        for _, scope in _scopes(tree)
-        for names in _lists_of_names(scope)
-        for matrix in scope.values()
-        if isinstance(matrix, np.ndarray) and matrix.ndim == 2 and len(names) in matrix.shape
-    )
-    return next(fitting, {})
+def _groups(scopes: Sequence[Scope]) -> Iterator[_Group]:
+    """Yield matrices with a list of names, and vectors and lists of texts by their length, a copy once.
+
+    The columns of a matrix are those of the names; its rows where only these fit.
+    """
+    seen: list[dict[str, Signal | list[str]]] = []
+    for place, scope in scopes:
+        names = next(filter(None, map(_texts, _named(scope, NAMES))), [])
+        lengths: dict[int, dict[str, Signal | list[str]]] = {}
+        matrices = []
+        for name, node in scope.items():
+            if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
+                rows = node.T if node.shape[1] == len(names) else node
+                matrices.append(
+                    _Group(place, name, {k: np.ascontiguousarray(x) for k, x in zip(names, rows, strict=True)})
+                )
+            elif isinstance(node, np.ndarray) and node.ndim == 1:
+                lengths.setdefault(len(node), {})[name] = node
+            elif name.casefold() not in (*NAMES, *UNITS) and (texts := _texts(node)):
+                lengths.setdefault(len(texts), {})[name] = texts
+        for group in (*matrices, *(_Group(place, "", columns) for columns in lengths.values())):
+            columns = group.columns
+            # An HDF5 file may hold itself.
+            if not any(
+                c.keys() == columns.keys() and all(map(np.array_equal, c.values(), columns.values())) for c in seen
+            ):
+                seen.append(columns)
+                yield group
 
 
-def _vectors(tree: Mapping[str, Node]) -> dict[str, Column]:
-    """Take the vectors, and lists of texts, that have the length most vectors have, the longer one of two alike."""
-    found = [(prefix, name, _column(name, node)) for prefix, scope in _scopes(tree) for name, node in scope.items()]
-    lengths = Counter(len(column) for _, _, column in found if isinstance(column, np.ndarray))
-    length = max(lengths, key=lambda n: (lengths[n], n), default=0)
-    kept = [(prefix, name, column) for prefix, name, column in found if column is not None and len(column) == length]
+def _runs(groups: Sequence[_Group]) -> dict[str, _Group]:
+    """Find the runs of a file that holds several, in each of which the same motion is found; nothing where there is but one."""
+
+    def moved(group: _Group, motion: str) -> list[str]:
+        return [name for name in group.columns if recognise(Header(name)) == motion]
+
+    found = max(([g for g in groups if moved(g, motion)] for motion in ("velocity", "displacement")), key=len)
+    if len(found) < 2:
+        return {}
+    labels = [
+        f"{g.place}.{g.matrix}".strip(".")
+        or next(n for n in g.columns if recognise(Header(n)) in ("velocity", "displacement"))
+        for g in found
+    ]
+    times = Counter(labels)
+    return {
+        label if times[label] == 1 else f"{label} ({group.rows} rows)": group
+        for label, group in zip(labels, found, strict=True)
+    }
+
+
+def _columns(groups: Sequence[_Group], run: _Group | None) -> dict[str, Signal | list[str]]:
+    """Take the columns of a run or else of the first matrix, or the vectors that have the length most vectors have.
+
+    Names that several structs have get the place before them.
+    """
+    matrix = run if run is not None and run.matrix else next((group for group in groups if group.matrix), None)
+    if matrix is not None and (run is None or run is matrix):
+        return matrix.columns
+    vectors = [group for group in groups if not group.matrix]
+    counts: Counter[int] = Counter()
+    for group in vectors:
+        counts[group.rows] += sum(isinstance(column, np.ndarray) for column in group.columns.values())
+    rows = run.rows if run is not None else max(counts, key=lambda n: (counts[n], n), default=0)
+    kept = [
+        (group.place, name, column) for group in vectors if group.rows == rows for name, column in group.columns.items()
+    ]
     times = Counter(name for _, name, _ in kept)
-    return {f"{prefix}.{name}" if prefix and times[name] > 1 else name: column for prefix, name, column in kept}
+    return {f"{place}.{name}" if place and times[name] > 1 else name: column for place, name, column in kept}
 
 
-def _column(name: str, node: Node) -> Column | None:
-    if isinstance(node, np.ndarray):
-        return node if node.ndim == 1 else None
-    return None if name.casefold() in (*NAMES, "units", "unit") else _texts(node) or None
-
-
-def _units(tree: Mapping[str, Node], columns: Sequence[str]) -> dict[str, str]:
+def _units(scopes: Sequence[Scope], columns: Sequence[str]) -> dict[str, str]:
     """Find the units: a struct with the columns' names, or a list parallel to the names or to the columns."""
     units: dict[str, str] = {}
-    for _, scope in _scopes(tree):
-        names = next(_lists_of_names(scope), list(columns))
-        for node in _named(scope, ("units", "unit")):
+    for _, scope in scopes:
+        names = next(filter(None, map(_texts, _named(scope, NAMES))), list(columns))
+        for node in _named(scope, UNITS):
             if isinstance(node, dict):
                 units |= {name: unit for name, unit in node.items() if isinstance(unit, str)}
             elif len(_texts(node)) == len(names):
@@ -306,69 +332,23 @@ def _units(tree: Mapping[str, Node], columns: Sequence[str]) -> dict[str, str]:
     return {name: unit for name, unit in units.items() if unit}
 
 
-def _properties(tree: Mapping[str, Node]) -> dict[str, str | float]:
+def _properties(scopes: Sequence[Scope]) -> dict[str, str | float]:
     """Take the numbers and texts that stand alone; those of the top level win over those in structs."""
     return {
         name: node
-        for prefix, scope in reversed([*_scopes(tree)])
-        if prefix.rpartition(".")[2].casefold() not in ("units", "unit")
+        for place, scope in reversed(scopes)
+        if place.rpartition(".")[2].casefold() not in UNITS
         for name, node in scope.items()
         if isinstance(node, float | str)
     }
-
-
-_EXPORTS = {
-    "timetable": "writetimetable({0}, '{0}.csv')",
-    "table": "writetable({0}, '{0}.csv')",
-    "timeseries": "s.time = {0}.Time; s.velocity = {0}.Data; save('{0}.mat', '-struct', 's')",
-}
-"""How MATLAB exports an object of a class so that other programs can read it."""
 
 
 def _export(where: str, objects: Mapping[str, str]) -> str:
     """Explain how to export the first of some MATLAB objects."""
     name, kind = next(iter(objects.items()))
     usual = "save('run.mat', '-struct', 's') with a struct s of vectors"
-    export = _EXPORTS.get(kind, usual).format(name)
     more = f" and {len(objects) - 1} more objects" if len(objects) > 1 else ""
     return (
         f"{where}: holds {name!r}, a {kind}{more}, which only MATLAB can read; expected vectors of one length or a struct of "
-        f"them; export it in MATLAB by {export}."
-    )
-
-
-def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
-    """The tree with the signals of Simulink, and with time and data of time series saved as structs, as named vectors."""
-    whole: dict[str, Node] = {}
-    for name, node in tree.items():
-        parts = {key.casefold(): item for key, item in node.items()} if isinstance(node, dict) else {}
-        signals, time = parts.get("signals"), parts.get("time")
-        if isinstance(time, np.ndarray) and signals is not None:
-            listed = [
-                signal for signal in (signals if isinstance(signals, list) else [signals]) if isinstance(signal, dict)
-            ]
-            named = {
-                str(signal.get("label") or f"signal {k}"): signal.get("values") for k, signal in enumerate(listed, 1)
-            }
-            columns: dict[str, Node] = {"time": time}
-            columns |= {label: values for label, values in named.items() if values is not None}
-            whole[name] = columns
-        elif isinstance(time, np.ndarray) and isinstance(data := parts.get("data"), np.ndarray) and data.ndim == 1:
-            whole.setdefault("time", time)
-            whole[name] = data
-        else:
-            whole[name] = node
-    return whole
-
-
-def _load(columns: Sequence[Column], objects: Mapping[str, str], wanted: Sequence[int], time: int | None) -> LogTable:
-    """Give the wanted columns, texts as NaN, and the time column as it is; report the objects."""
-    findings: tuple[Finding, ...] = ()
-    if objects:
-        listed = ", ".join(f"{name} ({kind})" for name, kind in objects.items())
-        findings = (Finding("unknown_column", f"MATLAB objects: {listed[:200]}", "not read", count=len(objects)),)
-    return LogTable(
-        {i: x if isinstance(x := columns[i], np.ndarray) else np.full(len(x), np.nan) for i in wanted},
-        stamps=None if time is None else columns[time],
-        findings=findings,
+        f"them; export it in MATLAB by {_EXPORTS.get(kind, usual).format(name)}."
     )

@@ -16,26 +16,30 @@ from nptdms import TdmsFile
 from nptdms.log import log_manager
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.plain_text import first_of
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.dialects import Header, recognise
+from winchcascade.ingest.limits import require_numbers
 from winchcascade.ingest.source import MAX_NAMED, LogSource, LogTable, choose, damage_reported, first_text, moves
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 
-UNSET = np.datetime64("1904-01-02", "us")
+CLOCK_SET_MIN = np.datetime64("1904-01-02", "us")
 """A start time before this one was never set: LabVIEW counts from 1904 and writes a zero."""
 
-AS_LONG = 0.01
+LENGTH_SHARE_MAX = 0.01
 """Groups without clocks are one log if their lengths differ by at most this share: loops do not stop together."""
 
-NUMERIC, STAMPS = "biuf", "M"
+WHOLE_SAMPLE_SHARE = 0.01
+"""A shift that is this close to a whole number of samples is one; so is a ratio of intervals to one. [samples]"""
 
-
-WHOLE = 0.01
-"""A shift that is this close to a whole number of samples is one. [samples]"""
-
-TRIM_REPORTED = 1.0
+TRIM_REPORTED_MIN = 1.0
 """Longest stretch that may be cut from the ends without a finding. [s]"""
+
+CHANNELS_MAX = 2000
+"""Channels of a file; a log has a few dozen, and its groups are compared with each other."""
+
+NUMERIC, STAMPS = "biuf", "M"
 
 
 class Waveform(msgspec.Struct, frozen=True):
@@ -43,68 +47,6 @@ class Waveform(msgspec.Struct, frozen=True):
 
     step: float
     start: float
-
-
-def shared(clocks: Iterable[Waveform | None]) -> Waveform | None:
-    """Find the clock of most channels, the finer one of two alike."""
-    counts = Counter(clock for clock in clocks if clock is not None)
-    return max(counts, key=lambda clock: (counts[clock], -clock.step), default=None)
-
-
-def alike(clocks: Sequence[Waveform]) -> bool:
-    """Whether clocks tick together: their steps are the same and they start less than a step apart."""
-    steps, starts = [clock.step for clock in clocks], [clock.start for clock in clocks]
-    return max(steps) - min(steps) <= WHOLE * min(steps) and max(starts) - min(starts) <= min(steps)
-
-
-def common_stamps(
-    path: Path, reference: Waveform, tracks: Sequence[tuple[Waveform, int]]
-) -> tuple[Signal, tuple[Finding, ...]]:
-    """Find the stamps of the reference clock at which every channel was sampled, and report what lies outside. [s]
-
-    Raises
-    ------
-    LogError
-        there is no such stamp
-    """
-    begins = [clock.start for clock, _ in tracks]
-    ends = [clock.start + clock.step * (length - 1) for clock, length in tracks]
-    first = np.ceil((max(begins) - reference.start) / reference.step - WHOLE)
-    last = np.floor((min(ends) - reference.start) / reference.step + WHOLE)
-    if not np.isfinite([*begins, *ends, first, last]).all():
-        raise LogError(
-            f"{path.name}: one channel begins at {max(begins):g} s and another ends at {min(ends):g} s; times that a clock can "
-            "have were expected; check their wf_start_time, wf_start_offset and wf_increment."
-        )
-    if last < first:
-        raise LogError(
-            f"{path.name}: one channel begins at {max(begins):.3f} s and another ends at {min(ends):.3f} s; channels "
-            "that overlap in time were expected; check their wf_start_time and wf_start_offset."
-        )
-    t = reference.start + reference.step * np.arange(int(first), int(last) + 1, dtype=np.float64)
-    trimmed = max(ends) - min(begins) - (t[-1] - t[0])
-    if trimmed <= TRIM_REPORTED:
-        return t, ()
-    lost = round(trimmed / reference.step)
-    return t, (
-        Finding(
-            "dropped_samples",
-            f"the channels begin or end apart: {lost} samples between {min(begins):.3f} and {max(ends):.3f} s are not in "
-            "every one",
-            f"left out what lies outside {t[0]:.3f} to {t[-1]:.3f} s",
-            count=lost,
-            removed=lost,
-        ),
-    )
-
-
-def at(t: Signal, values: Signal, clock: Waveform, step: float) -> Signal:
-    """Take a channel at stamps of another clock: its own samples where they coincide, else interpolated. [s]"""
-    shift = (t[0] - clock.start) / clock.step
-    whole = round(shift)
-    if abs(shift - whole) <= WHOLE and abs(clock.step - step) * len(t) / step <= WHOLE:
-        return values[whole : whole + len(t)]
-    return np.interp(t, clock.start + clock.step * np.arange(len(values)), values)
 
 
 class TdmsChannel(msgspec.Struct, frozen=True):
@@ -116,121 +58,16 @@ class TdmsChannel(msgspec.Struct, frozen=True):
     kind: str
     clock: Waveform | None
 
+    @property
+    def is_data(self) -> bool:
+        """Whether the channel holds numbers that are no stamps."""
+        return self.kind in NUMERIC and recognise(self.header) != "time"
 
-def one_log(
-    groups: Sequence[Any], cut_off: bool, first: str | None, where: str
-) -> tuple[list[Any], tuple[Finding, ...]]:
-    """Choose the channels that make one log: of the group with the most numeric ones and of those that fit beside it.
-
-    Also given are the findings on groups that are not read.
-
-    A group fits if its channels have other names, but for a clock that both hold alike, and can be put beside the
-    first in time. A channel without samples is none, but in a file that was cut off it is one that was lost.
-
-    Parameters
-    ----------
-    first : name of the group to begin with
-
-    Raises
-    ------
-    LogError : none is named, and groups that do not fit hold a motion as the chosen ones do
-    """
-    ranked = sorted(
-        groups, key=lambda group: (group.name != first, -sum(_is_numeric(c) for c in _filled(group, cut_off)))
-    )
-    taken = _filled(ranked[0], cut_off) if ranked else []
-    left: dict[str, list[str]] = {}
-    others: list[str] = []
-    for group in ranked[1:]:
-        channels = _filled(group, cut_off)
-        if not any(c.dtype.kind in NUMERIC + STAMPS for c in channels):
-            continue
-        obstacle = _obstacle(taken, channels)
-        if obstacle is None:
-            known = {c.name for c in taken}
-            taken = taken + [c for c in channels if c.name not in known]
-        else:
-            left.setdefault(obstacle, []).append(group.name)
-            others += [group.name] if moves(Header(c.name) for c in channels if _is_numeric(c)) else []
-    if first is None and others and moves(Header(c.name) for c in taken if _is_numeric(c)):
-        choose([ranked[0].name, *others], None, where, "group")
-    findings = []
-    for why, names in left.items():
-        listed = ", ".join(map(repr, names[:MAX_NAMED])) + (", ..." if len(names) > MAX_NAMED else "")
-        message = f"{len(names)} group{'s' * (len(names) > 1)} beside {ranked[0].name!r} {why}: {listed}"
-        findings.append(Finding("unknown_column", message, "not read", count=len(names)))
-    return taken, tuple(findings)
-
-
-def _filled(group: Any, cut_off: bool) -> list[Any]:
-    return [channel for channel in group.channels() if len(channel) or cut_off]
-
-
-def _is_numeric(channel: Any) -> bool:
-    return channel.dtype.kind in NUMERIC
-
-
-def _obstacle(taken: Sequence[Any], channels: Sequence[Any]) -> str | None:
-    """Describe why a group cannot be read beside the channels already taken; None where it can."""
-    known = {c.name: c for c in taken}
-    twins = [(known[c.name], c) for c in channels if c.name in known]
-    # A channel may be written twice, as a clock is that two groups share.
-    if len(twins) == len(channels) or not all(
-        len(a) == len(b) and np.array_equal(a.read_data(), b.read_data()) for a, b in twins
-    ):
-        return "with channels of the same names, another recording"
-    columns = describe([*taken, *channels])
-    first, second = _data(columns[: len(taken)]), _data(columns[len(taken) :])
-    if first and second and all(c.clock for c in first + second):
-        begins, ends = zip(*(_span(data) for data in (first, second)), strict=True)
-        return None if max(begins) <= min(ends) else "sampled at another time"
-    rows = sorted(max(len(c) for c in side) for side in (taken, channels))
-    return None if rows[1] - rows[0] <= AS_LONG * rows[1] else "with neither a clock nor as many rows"
-
-
-def _data(columns: Sequence[TdmsChannel]) -> list[TdmsChannel]:
-    return [c for c in columns if c.kind in NUMERIC and recognise(c.header) != "time"]
-
-
-def _span(columns: Sequence[TdmsChannel]) -> tuple[float, float]:
-    """First and last stamp of waveforms. [s]"""
-    clocks = [(c.clock, c.length) for c in columns if c.clock]
-    return min(clock.start for clock, _ in clocks), max(clock.start + clock.step * (n - 1) for clock, n in clocks)
-
-
-def describe(channels: Sequence[Any]) -> list[TdmsChannel]:
-    """Describe channels, their clocks counted from the earliest start time among them."""
-    earliest = min((start for c in channels if (start := _start_time(c)) is not None), default=None)
-    return [
-        TdmsChannel(
-            Header(c.name, first_text(c.properties, UNIT_PROPERTIES)),
-            c.group_name,
-            len(c),
-            c.dtype.kind,
-            _waveform(c, earliest),
-        )
-        for c in channels
-    ]
-
-
-def _start_time(channel: Any) -> Any | None:
-    start = channel.properties.get("wf_start_time")
-    return start if isinstance(start, np.datetime64) and start > UNSET else None
-
-
-def _waveform(channel: Any, earliest: Any | None) -> Waveform | None:
-    """Read the clock of a waveform, its stamps counted from a moment. [s]"""
-    step = _finite(channel.properties.get("wf_increment"))
-    if step <= 0.0 or not _is_numeric(channel):
-        return None
-    start = _start_time(channel)
-    late = 0.0 if start is None else float((start - earliest) / np.timedelta64(1, "us")) / 1e6
-    return Waveform(step, late + _finite(channel.properties.get("wf_start_offset")))
-
-
-def _finite(value: Any) -> float:
-    """Take a property as a number; 0 for one that is absent or none."""
-    return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
+    @property
+    def end(self) -> float:
+        """Stamp of the last sample of a waveform. [s]"""
+        assert self.clock is not None
+        return self.clock.start + self.clock.step * (self.length - 1)
 
 
 def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
@@ -249,27 +86,24 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
         _reject_false_sizes(path, tdms)
         cut_off = tdms.file_status.incomplete_final_segment
         first = None if table is None else choose([g.name for g in tdms.groups()], table, path.name, "group")
-        channels, not_read = one_log(tdms.groups(), cut_off, first, path.name)
+        channels, findings = one_log(tdms.groups(), cut_off, first, path.name)
         columns = describe(channels)
         if not any(column.kind in NUMERIC for column in columns):
             raise LogError(
                 f"{path.name}: no group holds a channel of numbers; at least one was expected; export the log again with "
                 "its samples."
             )
-        groups = dict.fromkeys(column.group for column in reversed(columns))
         # The properties of groups replace those of the file; those of the first group count most.
-        properties: dict[str, object] = {}
-        for level in (tdms, *(tdms[group] for group in groups)):
-            properties |= level.properties
-    broken = Finding(
-        "truncated",
-        "the file breaks off inside its last segment",
-        "read up to the last sample that every channel has",
-    )
-    clock = shared(column.clock for column in columns)
+        properties = dict(tdms.properties)
+        for group in dict.fromkeys(column.group for column in reversed(columns)):
+            properties |= tdms[group].properties
+    if cut_off:
+        action = "read up to the last sample that every channel has"
+        findings = (Finding("truncated", "the file breaks off inside its last segment", action), *findings)
+    clock = _shared(column.clock for column in columns)
     return LogSource(
         headers=tuple(column.header for column in columns),
-        load=partial(_load, path, columns, clock, (broken, *not_read) if cut_off else not_read),
+        load=partial(_load, path, columns, clock, findings),
         time_step=clock.step if clock else None,
         time_start=clock.start if clock else 0.0,
         properties={
@@ -296,17 +130,119 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _reject_false_sizes(path: Path, tdms: Any) -> None:
-    """Compare what each channel claims to hold with the size of the file, before anything of that size is made."""
-    size = path.stat().st_size
-    status = tdms.file_status
+    """Compare what the channels claim to hold with the size of the file, before anything of that size is made."""
+    size, status = path.stat().st_size, tdms.file_status
     last = {} if status.incomplete_final_segment else status.channel_statuses or {}
-    for channel in (channel for group in tdms.groups() for channel in group.channels()):
+    channels = [channel for group in tdms.groups() for channel in group.channels()]
+    if len(channels) > CHANNELS_MAX:
+        raise LogError(
+            f"{path.name}: holds {len(channels)} channels; at most {CHANNELS_MAX} were expected; export the channels of the "
+            "log alone."
+        )
+    for channel in channels:
         claimed = max(len(channel), last[channel.path].expected_length if channel.path in last else 0)
         if claimed * (getattr(channel.data_type, "size", None) or 1) > size:
             raise LogError(
                 f"{path.name}: the channel {' '.join(channel.name.split())!r} claims {claimed} samples; no more than "
                 f"the {size} bytes of the file were expected; copy the file again."
             )
+
+
+def one_log(
+    groups: Sequence[Any], cut_off: bool, first: str | None, where: str
+) -> tuple[list[Any], tuple[Finding, ...]]:
+    """Choose the channels that make one log: of the group with the most numeric ones and of those that fit beside it.
+
+    Also given are the findings on groups that are not read.
+
+    A group fits if its channels have other names, but for a clock that both hold alike, and can be put beside the
+    first in time. A channel without samples is none, but in a file that was cut off it is one that was lost.
+
+    Parameters
+    ----------
+    first : name of the group to begin with
+
+    Raises
+    ------
+    LogError : none is named, and groups that do not fit hold a motion as the chosen ones do
+    """
+    filled = {group.name: [c for c in group.channels() if len(c) or cut_off] for group in groups}
+    numeric = {name: [c for c in channels if c.dtype.kind in NUMERIC] for name, channels in filled.items()}
+    ranked = sorted(filled, key=lambda name: (name != first, -len(numeric[name])))
+    taken = list(filled[ranked[0]]) if ranked else []
+    left: dict[str, list[str]] = {}
+    for name in ranked[1:]:
+        if not any(c.dtype.kind in NUMERIC + STAMPS for c in filled[name]):
+            continue
+        obstacle = _obstacle(taken, filled[name])
+        if obstacle is None:
+            known = {c.name for c in taken}
+            taken += [c for c in filled[name] if c.name not in known]
+        else:
+            left.setdefault(obstacle, []).append(name)
+    moving = {name: moves(Header(c.name) for c in channels) for name, channels in numeric.items()}
+    others = [name for names in left.values() for name in names if moving[name]]
+    if first is None and others and moves(Header(c.name) for c in taken if c.dtype.kind in NUMERIC):
+        choose([ranked[0], *others], None, where, "group")
+    findings = []
+    for why, names in left.items():
+        listed = first_of([*map(repr, names)], MAX_NAMED)
+        message = f"{len(names)} group{'s' * (len(names) > 1)} beside {ranked[0]!r} {why}: {listed}"
+        findings.append(Finding("unknown_column", message, "not read", count=len(names)))
+    return taken, tuple(findings)
+
+
+def _obstacle(taken: Sequence[Any], channels: Sequence[Any]) -> str | None:
+    """Describe why a group cannot be read beside the channels already taken; None where it can."""
+    known = {c.name: c for c in taken}
+    twins = [(known[c.name], c) for c in channels if c.name in known]
+    # A channel may be written twice, as a clock is that two groups share.
+    same = all(len(a) == len(b) and np.array_equal(a.read_data(), b.read_data()) for a, b in twins)
+    if len(twins) == len(channels) or not same:
+        return "with channels of the same names, another recording"
+    columns = describe([*taken, *channels])
+    sides = columns[: len(taken)], columns[len(taken) :]
+    first, second = ([c for c in side if c.is_data] for side in sides)
+    if first and second and all(c.clock for c in first + second):
+        begins = [min(c.clock.start for c in data if c.clock) for data in (first, second)]
+        return (
+            None
+            if max(begins) <= min(max(c.end for c in data) for data in (first, second))
+            else "sampled at another time"
+        )
+    rows = sorted(max(c.length for c in side) for side in sides)
+    return None if rows[1] - rows[0] <= LENGTH_SHARE_MAX * rows[1] else "with neither a clock nor as many rows"
+
+
+def describe(channels: Sequence[Any]) -> list[TdmsChannel]:
+    """Describe channels, their clocks counted from the earliest start time among them."""
+    starts = [_start_time(c) for c in channels]
+    earliest = min((start for start in starts if start is not None), default=None)
+    described = []
+    for c, begun in zip(channels, starts, strict=True):
+        step, clock = _finite(c.properties.get("wf_increment")), None
+        if step > 0.0 and c.dtype.kind in NUMERIC:
+            late = 0.0 if begun is None else float((begun - earliest) / np.timedelta64(1, "us")) / 1e6
+            clock = Waveform(step, late + _finite(c.properties.get("wf_start_offset")))
+        header = Header(c.name, first_text(c.properties, UNIT_PROPERTIES))
+        described.append(TdmsChannel(header, c.group_name, len(c), c.dtype.kind, clock))
+    return described
+
+
+def _start_time(channel: Any) -> Any | None:
+    start = channel.properties.get("wf_start_time")
+    return start if isinstance(start, np.datetime64) and start > CLOCK_SET_MIN else None
+
+
+def _finite(value: Any) -> float:
+    """Take a property as a number; 0 for one that is absent or none."""
+    return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
+
+
+def _shared(clocks: Iterable[Waveform | None]) -> Waveform | None:
+    """Find the clock of most channels, the finer one of two alike."""
+    counts = Counter(clock for clock in clocks if clock is not None)
+    return max(counts, key=lambda clock: (counts[clock], -clock.step), default=None)
 
 
 def _load(
@@ -319,56 +255,92 @@ def _load(
 ) -> LogTable:
     """Read the wanted channels: on one clock, or row by row where a time channel or nothing has the stamps.
 
+    The clock is that of most channels or, where their rates differ, of most of the fastest.
+
     Raises
     ------
     LogError
         a channel has no samples
     """
+    used = {k: columns[k] for k in (wanted if time is None else [*wanted, time])}
+    require_numbers(path, max((c.length for c in used.values()), default=0), len(used))
     with _opened(path) as tdms:
-        used = {i: columns[i] for i in (wanted if time is None else [*wanted, time])}
-        raw = {i: tdms[column.group][column.header.name].read_data() for i, column in used.items()}
-    empty = [column.header.name for i, column in used.items() if len(raw[i]) == 0]
+        raw = {k: tdms[column.group][column.header.name].read_data() for k, column in used.items()}
+    empty = [column.header.name for k, column in used.items() if len(raw[k]) == 0]
     if empty:
         raise LogError(
             f"{path.name}: the channels {', '.join(empty)} have no samples; as many as in the others were "
             "expected; copy the file again or leave these channels out of the rig file."
         )
-    own = [columns[i].clock for i in wanted]
-    reference = _reference([clock for clock in own if clock])
-    # A column of stamps belongs to every row, unless it is that of one of several clocks.
-    apart = all(own) and not alike([clock for clock in own if clock])
-    if reference is None or (time is not None and not apart):
-        return _by_rows(raw, wanted, time, findings)
-    clocks = {i: columns[i].clock or reference for i in wanted}
-    t, cut = common_stamps(path, reference, [(clocks[i], len(raw[i])) for i in wanted])
-    values = {i: at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
-    findings += _slower(reference, [columns[i] for i in wanted])
-    as_stated = reference == usual and t[0] == reference.start
-    # These stamps are seconds, whatever the unit of a column of stamps, as `stamped` states.
-    return LogTable(values, stamps=None if as_stated else t, stamped=time is not None, findings=findings + cut)
-
-
-def _reference(clocks: Sequence[Waveform]) -> Waveform | None:
-    """The clock that channels are taken at: that of most of them or, where their rates differ, of most of the fastest."""
+    clocks = [clock for k in wanted if (clock := columns[k].clock) is not None]
     fastest = min((clock.step for clock in clocks), default=0.0)
-    return shared(clock for clock in clocks if clock.step <= (1.0 + WHOLE) * fastest)
-
-
-def _slower(reference: Waveform, channels: Sequence[TdmsChannel]) -> tuple[Finding, ...]:
-    """Report channels with a slower clock than that which they are taken at."""
-    by_step: dict[float, list[str]] = {}
-    for channel in channels:
-        if channel.clock is not None and channel.clock.step > (1.0 + WHOLE) * reference.step:
-            by_step.setdefault(channel.clock.step, []).append(channel.header.name)
-    return tuple(
+    slowest = max((clock.step for clock in clocks), default=0.0)
+    reference = _shared(clock for clock in clocks if clock.step <= (1.0 + WHOLE_SAMPLE_SHARE) * fastest)
+    starts = [clock.start for clock in clocks]
+    together = (
+        slowest - fastest <= WHOLE_SAMPLE_SHARE * fastest and max(starts, default=0) - min(starts, default=0) <= fastest
+    )
+    # A column of stamps belongs to every row, unless it is that of one of several clocks.
+    if reference is None or (time is not None and (together or len(clocks) < len(wanted))):
+        return _by_rows(raw, wanted, time, findings)
+    tracks = {k: columns[k].clock or reference for k in wanted}
+    t, cut = common_stamps(path, reference, [(tracks[k], len(raw[k])) for k in wanted])
+    values = {k: _at(t, _numbers(raw[k]), tracks[k], reference.step) for k in wanted}
+    slower: dict[float, list[str]] = {}
+    for k in wanted:
+        if tracks[k].step > (1.0 + WHOLE_SAMPLE_SHARE) * reference.step:
+            slower.setdefault(tracks[k].step, []).append(columns[k].header.name)
+    coarse = tuple(
         Finding(
             "coarse_sampling",
             f"{', '.join(names)}: sampled every {step:g} s, where the fastest channel has a sample every {reference.step:g} s",
             "interpolated by straight lines",
             count=len(names),
         )
-        for step, names in by_step.items()
+        for step, names in slower.items()
     )
+    # These stamps are seconds, whatever the unit of a column of stamps, as `stamped` states.
+    stamps = None if reference == usual and t[0] == reference.start else t
+    return LogTable(values, stamps, stamped=time is not None, findings=(*findings, *coarse, *cut))
+
+
+def common_stamps(
+    path: Path, reference: Waveform, tracks: Sequence[tuple[Waveform, int]]
+) -> tuple[Signal, tuple[Finding, ...]]:
+    """Find the stamps of the reference clock at which every channel was sampled, and report what lies outside. [s]
+
+    Raises
+    ------
+    LogError
+        there is no such stamp
+    """
+    begins = [clock.start for clock, _ in tracks]
+    ends = [clock.start + clock.step * (length - 1) for clock, length in tracks]
+    first = np.ceil((max(begins) - reference.start) / reference.step - WHOLE_SAMPLE_SHARE)
+    last = np.floor((min(ends) - reference.start) / reference.step + WHOLE_SAMPLE_SHARE)
+    if not np.isfinite([*begins, *ends, first, last]).all() or last < first:
+        raise LogError(
+            f"{path.name}: one channel begins at {max(begins):g} s and another ends at {min(ends):g} s; channels that overlap "
+            "in time were expected; check their wf_start_time, wf_start_offset and wf_increment."
+        )
+    t = reference.start + reference.step * np.arange(int(first), int(last) + 1, dtype=np.float64)
+    trimmed = max(ends) - min(begins) - (t[-1] - t[0])
+    if trimmed <= TRIM_REPORTED_MIN:
+        return t, ()
+    lost = round(trimmed / reference.step)
+    span = f"between {min(begins):.3f} and {max(ends):.3f} s"
+    message = f"the channels begin or end apart: {lost} samples {span} are not in every one"
+    action = f"left out what lies outside {t[0]:.3f} to {t[-1]:.3f} s"
+    return t, (Finding("dropped_samples", message, action, count=lost, removed=lost),)
+
+
+def _at(t: Signal, values: Signal, clock: Waveform, step: float) -> Signal:
+    """Take a channel at stamps of another clock: its own samples where they coincide, else interpolated. [s]"""
+    shift = (t[0] - clock.start) / clock.step
+    whole = round(shift)
+    if abs(shift - whole) <= WHOLE_SAMPLE_SHARE and abs(clock.step - step) * len(t) / step <= WHOLE_SAMPLE_SHARE:
+        return values[whole : whole + len(t)]
+    return np.interp(t, clock.start + clock.step * np.arange(len(values)), values)
 
 
 def _by_rows(
@@ -380,16 +352,14 @@ def _by_rows(
     if lost:
         message = f"the channels differ in length: the last {lost} samples are not in every one"
         findings += (Finding("dropped_samples", message, "left out", count=lost, removed=lost),)
-    values = {i: _numbers(raw[i][:rows]) for i in wanted}
-    stamps: Any = None if time is None else raw[time][:rows]
-    kind = "" if stamps is None else stamps.dtype.kind
-    began = None
-    if kind == STAMPS and len(stamps):
+    values = {k: _numbers(raw[k][:rows]) for k in wanted}
+    if time is None:
+        return LogTable(values, findings=findings)
+    stamps = raw[time][:rows]
+    if stamps.dtype.kind == STAMPS and rows:
         began = float((stamps[0] - np.datetime64(0, "s")) / np.timedelta64(1, "s"))
-        stamps = (stamps - stamps[0]) / np.timedelta64(1, "s")
-    elif kind:
-        stamps = [*map(str, stamps)] if kind == "O" else _numbers(stamps)
-    return LogTable(values, stamps, kind == STAMPS, findings, began)
+        return LogTable(values, (stamps - stamps[0]) / np.timedelta64(1, "s"), True, findings, began)
+    return LogTable(values, [*map(str, stamps)] if stamps.dtype.kind == "O" else _numbers(stamps), findings=findings)
 
 
 def _numbers(samples: Any) -> Signal:

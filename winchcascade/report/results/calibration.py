@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from winchcascade.core.campaign_file import banner, origin_record
+from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.store import fingerprint
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number, Strain
@@ -25,6 +25,7 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.wording import banner
 
 LAG_SIGNIFICANT = 3.0
 """Number of standard uncertainties from which a lag is reported."""

@@ -7,21 +7,22 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import UNSET
 
-from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.cascade import field_of
 from winchcascade.core.plain_text import first_of, one_line
-from winchcascade.reduction.best_load import Best, motion_words, rank_loads
 from winchcascade.reduction.campaign_record import (
+    Best,
     CampaignRecord,
     FailedLog,
     LogSummary,
     cascade_of,
+    motion_words,
+    rank_loads,
     runs_by_load,
     unlike_motion,
     window_rules,
 )
+from winchcascade.reduction.campaign_waves import CampaignWaves
 from winchcascade.reduction.run_record import FindingRecord
-from winchcascade.reduction.wave_record import CampaignWaves, waves_from_record
 from winchcascade.report.content import Column, Note, Picture, Report, Section, Tile, section, shown, table
 from winchcascade.report.glossary import metric
 from winchcascade.report.results.campaign_tables import (
@@ -36,7 +37,7 @@ from winchcascade.report.results.campaign_tables import (
 )
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import banner, load_words, origin_words
 
 MAX_RESULTS_TEXT = 800
 """A list of result files up to this length is given in full. [characters]"""
@@ -69,7 +70,7 @@ def campaign_report(
     runs, figure = runs_by_load(campaign.reduced), (drawn or {}).get
     rigs, verdict = sorted({run.rig for run in runs}), verdict_note(runs)
     if waves is None and campaign.waves is not UNSET:
-        waves = CampaignWaves(waves_from_record(campaign.waves), (), campaign.waves.left_out)
+        waves = CampaignWaves(campaign.waves, (), campaign.waves.left_out)
     return Report(
         kind="Campaign",
         title=campaign.title,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from winchcascade.core.campaign_file import banner
 from winchcascade.core.results_folder import INDEX
 from winchcascade.reduction.campaign_record import CampaignRecord, LogSummary, cascade_of, runs_by_load
 from winchcascade.report.content import Column, Link, Report, Table, section, table
@@ -21,6 +20,7 @@ from winchcascade.report.results.campaign_tables import (
 )
 from winchcascade.report.results.common import data_note
 from winchcascade.report.results.diagnosis_words import diagnosis_note
+from winchcascade.report.wording import banner
 
 MEANINGS = {
     "campaign.html": "Report of the campaign: all logs together",

@@ -8,11 +8,12 @@ from typing import Any
 
 import msgspec
 
-from winchcascade.core.campaign_file import joint_origin, origin_record, origin_words
+from winchcascade.core.campaign_file import joint_origin, origin_record
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import GENERATOR, __version__
 from winchcascade.report.results.audit_record import load_record, picked, table_record
 from winchcascade.report.results.checks import allowance, miss_sentence
+from winchcascade.report.wording import origin_words
 from winchcascade.tables.check import Check, RowKey
 
 MAX_FINDINGS = 5

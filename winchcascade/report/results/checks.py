@@ -6,12 +6,12 @@ from collections import Counter
 from functools import partial
 from pathlib import Path
 
-from winchcascade.core.campaign_file import banner
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.report.content import Column, Measured, Note, Report, Tile, places, section, shown, table
 from winchcascade.report.glossary import short, upper
 from winchcascade.report.results.common import PRINTED, data_note, provenance, table_rows
+from winchcascade.report.wording import banner
 from winchcascade.tables.check import CellCheck, Check, RowKey
 from winchcascade.tables.point_table import PointTable
 

@@ -14,7 +14,6 @@ from winchcascade.comparison.compared_run import ComparedRun
 from winchcascade.comparison.comparison_result import ComparedSide, Comparison, ComparisonNote, MatchedRuns
 from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Drop, Gate
-from winchcascade.core.campaign_file import banner
 from winchcascade.core.plain_text import first_of
 from winchcascade.report import content
 from winchcascade.report.content import Column, Measured, Note, Span, Tile, section, shown
@@ -22,7 +21,7 @@ from winchcascade.report.figures.comparison_figures import MAX_DRAWN, difference
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import metric, short, upper
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import banner, load_words
 
 NAMED_RUNS = 6
 """Runs that a sentence names."""

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.block_series import Sides, most_telling, sides, sides_of_one
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -63,7 +62,7 @@ from winchcascade.report.results.diagnosis_parts import (
     verdict_tile,
 )
 from winchcascade.report.results.line_diagnosis import line_report
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import banner, load_words
 from winchcascade.rig.effects.effect import Display
 
 

@@ -10,9 +10,14 @@ from msgspec import UNSET
 
 from winchcascade.core.campaign_file import joint_origin
 from winchcascade.diagnosis.model_account import Account
-from winchcascade.reduction.campaign_record import CampaignRecord, LogSummary, runs_by_load, unlike_motion
-from winchcascade.reduction.campaign_reduction import CampaignReduction
-from winchcascade.reduction.wave_record import campaign_waves
+from winchcascade.reduction.campaign_record import (
+    CampaignRecord,
+    CampaignReduction,
+    LogSummary,
+    runs_by_load,
+    unlike_motion,
+)
+from winchcascade.reduction.campaign_waves import campaign_waves
 from winchcascade.report.content import Picture, Report, Section, picture
 from winchcascade.report.figures import campaign_figures as figures
 from winchcascade.report.figures.style import house_style

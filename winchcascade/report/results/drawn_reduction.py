@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from winchcascade.diagnosis.model_account import Modelled, modelled
 from winchcascade.reduction.loss_map import LossMap
-from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.reduction.wave_energies import waves_of
 from winchcascade.report.content import Picture, Report, picture
 from winchcascade.report.figures import reduction_figures as figures

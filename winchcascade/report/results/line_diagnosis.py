@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.content import (
@@ -45,6 +44,7 @@ from winchcascade.report.results.diagnosis_parts import (
     step_tile,
     verdict_tile,
 )
+from winchcascade.report.wording import banner
 
 KILO = figures.KILO
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from winchcascade.core.campaign_file import Origin, banner
+from winchcascade.core.campaign_file import Origin
 from winchcascade.reduction.loss_map import Coefficient, LossMap
 from winchcascade.report.content import (
     PAIRS,
@@ -25,6 +25,7 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.wording import banner
 
 TERMS = {
     "speed": ("speed", "friction that does not depend on speed"),

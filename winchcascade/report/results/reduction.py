@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
-from winchcascade.core.campaign_file import banner
 from winchcascade.core.store import fingerprint
-from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import Uncertainty
 from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 from winchcascade.report.content import (
     Measured,
@@ -36,7 +35,15 @@ from winchcascade.report.results.reduction_tables import (
     uncertainty_table,
 )
 from winchcascade.report.results.waves import wave_section, wave_tiles
-from winchcascade.report.wording import decisive, load_words, measured_load_words, net_reasons, not_known, window_words
+from winchcascade.report.wording import (
+    banner,
+    decisive,
+    load_words,
+    measured_load_words,
+    net_reasons,
+    not_known,
+    window_words,
+)
 
 LISTED_REASONS = 3
 """Reasons for missing net energies that are listed; the JSON holds that of each cycle."""
@@ -110,7 +117,7 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
     return [
         Tile(
             m,
-            ratio_words(m, cascade.between(m)) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
+            ratio_words(m, cascade.pairs[m]) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
             f"{stated_text(reduction, found, m)} {metric(m).unit}".strip(),
             _interval(found, m) if repeats else "all cycles together",
         )
@@ -199,7 +206,7 @@ def _evidence_sections(
 
 def _net_notes(reduction: Reduction) -> list[Note]:
     """Why cycles have no net energies."""
-    reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.has_net else []
+    reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.net_ratios else []
     more = [f"{len(reasons) - LISTED_REASONS} more reasons"] if len(reasons) > LISTED_REASONS else []
     return [Note(f"{reason}.", "No net energy") for reason in (*reasons[:LISTED_REASONS], *more)]
 

@@ -12,10 +12,9 @@ from msgspec.structs import replace
 from winchcascade.core.quantity import si_unit
 from winchcascade.core.run import Finding
 from winchcascade.reduction.bins import STORES, Bin
-from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.phase_summary import BothWays
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, budgeted, shares
+from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, Uncertainty, budgeted, shares
 from winchcascade.report.content import (
     Cell,
     Column,

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from winchcascade.core.campaign_file import banner
-from winchcascade.core.named_rig import given_rig
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
@@ -19,7 +18,7 @@ from winchcascade.report.figures.histories import powers_of
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import STAGE_PLACES
 from winchcascade.report.results.common import data_note, histories, provenance, samples_row
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import banner, load_words
 from winchcascade.rig.simulate import Simulation
 
 ENTRY_WORDS = {

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
-from winchcascade.reduction.wave_bootstrap import DRAWS, SEED, RatioOfSums
+from winchcascade.reduction.campaign_waves import CampaignWaves, LogWaves
+from winchcascade.reduction.wave_bootstrap import BOOTSTRAP_DRAWS, BOOTSTRAP_SEED, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveEnergies
-from winchcascade.reduction.wave_record import CampaignWaves, LogWaves
 from winchcascade.report.content import (
     Block,
     Cell,
@@ -133,7 +133,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
         table("wave-record", "The whole record, and its complete waves.", powers,
               [(stage, found.power.get(stage)) for stage in found.record_energy]),
         table("wave-efficiencies", "Efficiencies of all waves together.", EFFICIENCIES, found.efficiency.items()),
-        Note(f"95 %, by waves in blocks ({DRAWS} draws, seed {SEED}) and sensors{without}.", "Intervals"),
+        Note(f"95 %, by waves in blocks ({BOOTSTRAP_DRAWS} draws, seed {BOOTSTRAP_SEED}) and sensors{without}.", "Intervals"),
     ]  # fmt: skip
 
 
@@ -166,10 +166,10 @@ def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     from winchcascade.report.figures.reduction_figures import stage_of
     from winchcascade.report.figures.style import COLOURS, evenly, label_panel, look_of, panel_figure
 
-    if not found.cycle.size or not np.isfinite(found.payout).all():
+    if not found.each or not np.isfinite(found.payout).all():
         return None
     figure, (left, *others) = panel_figure(2.9, 1, 1 + bool(found.efficiency))
-    rows = np.array(evenly(range(found.cycle.size), DRAWN_WAVES))
+    rows = np.array(evenly(range(len(found.each)), DRAWN_WAVES))
     payout, x_label = found.payout[rows], f"Payout ({found.payout_unit})"
     for stage, joule in found.energy.items():
         look = look_of(stage)
@@ -177,7 +177,7 @@ def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     label_panel(left, "a", "Energy of each wave", x=x_label, y="Energy (J)")
     for right in others:
         for name, together in found.efficiency.items():
-            into, out = cascade.between(name)
+            into, out = cascade.pairs[name]
             look = look_of(stage_of(cascade, name))
             x, y = found.energy[into][rows], found.energy[out][rows]
             eta = np.divide(y, x, out=np.full(x.size, np.nan), where=x > 0.0)
