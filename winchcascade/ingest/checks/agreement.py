@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, GAUSS, median, median_and_error, quantile, running, smallest_step
-from winchcascade.core.run import Finding, Signal
+from winchcascade.core.run import Finding, Index, Mask, Signal
 from winchcascade.ingest.checks.samples import Samples
 
 BLOCK = 1.0
@@ -42,7 +42,7 @@ ZERO = 1 / 6
 """A zero below this share of the onset speed does not matter: 0.005 m/s, 0.6 % of a payout at 0.86 m/s. [1]"""
 
 ALIKE = 0.3
-"""A block that deviates by less than this share stays: a slow sensor in a fast log makes blocks that differ by less in turn. [1]"""
+"""A block that deviates by less than this share stays: a slow sensor in a fast log makes blocks that differ. [1]"""
 
 SMOOTHED = 0.1
 """Smallest standard deviation of a smoothing that is reported: an average over 0.35 s, half of what detection applies. [s]"""
@@ -83,7 +83,7 @@ def speed_blocks(log: Samples, rows: int) -> SpeedBlocks:
         return SpeedBlocks(seconds, travelled / seconds, moved / seconds)
 
 
-def _over_holes(t: Signal, v: Signal, ends: Signal) -> Signal:
+def _over_holes(t: Signal, v: Signal, ends: Index) -> Signal:
     """Travel by the velocity over blocks, NaN for those with a hole; a sample between two blocks is of both. [m]"""
     travelled = np.diff(running(t, np.nan_to_num(v).__getitem__, ends))
     holes = np.flatnonzero(~np.isfinite(v))
@@ -157,11 +157,11 @@ def compare_motions(log: Samples) -> None:
             "velocity: check unit and gain of both, and the radius at which each is taken"
         )
         _report(log, "velocity", what)
-    width = _smoothing(log, v_onset)
+    width = _smoothing(log)
     if width is not None:
         what = (
-            f"velocity is smoother than the displacement, as if averaged over {math.sqrt(12.0) * width:.2g} s: onset, windows and "
-            "energies deviate; record it with a faster filter, or leave it out to use the slope of the displacement"
+            f"velocity is smoother than the displacement, as if averaged over {math.sqrt(12.0) * width:.2g} s: "
+            "onsets, windows and energies deviate; record it with a faster filter, or leave it out and derive it"
         )
         log.findings.append(Finding("channel_lag", what, "reported and kept", "velocity"))
 
@@ -197,16 +197,13 @@ def _zero_text(zero: float, drift: float, v_onset: float) -> str:
             f"velocity reads {zero + drift:+.3f} m/s where the displacement moves by {drift:+.3f} m/s: one of the two drifts; "
             "check the zero of both"
         )
-    at_rest = f"velocity reads {zero:+.3f} m/s while the displacement rests"
-    if abs(zero) > 0.8 * v_onset:  # noise and waves do what it lacks
-        return (
-            f"{at_rest}, and motion counts from {v_onset:g} m/s: rest may pass for motion, and a log for one that begins inside "
-            "it; check its zero"
-        )
-    return f"{at_rest}; onsets, windows and energies deviate with it: check its zero"
+    onset = f", and motion counts from {v_onset:g} m/s: rest may pass for motion" if abs(zero) > 0.8 * v_onset else ""
+    return (
+        f"velocity reads {zero:+.3f} m/s while the displacement rests{onset}; energies deviate with it: check its zero"
+    )
 
 
-def _smoothing(log: Samples, v_onset: float) -> float | None:
+def _smoothing(log: Samples) -> float | None:
     """Standard deviation of a smoothing of the velocity that the displacement does not have; None if it could be chance. [s]
 
     A kernel of standard deviation s and mean lag adds, to second order, -lag v' + s**2 / 2 v'' to a velocity: least squares of
@@ -251,8 +248,8 @@ def compare_powers(log: Samples) -> None:
         if ratio is not None:
             radius = f" velocity / r_drum, with {r_drum:g} m of the rig" if by_line else " speed"
             what = (
-                f"power_mech is {ratio:#.4g} times torque x{radius}; E_mech is the integral of power_mech: check its sign, unit "
-                f"and shaft, sign, unit and gain of the torque, and {'r_drum' if by_line else 'the speed'}"
+                f"power_mech is {ratio:#.4g} times torque x{radius}; E_mech is the integral of power_mech: check sign, "
+                f"unit and shaft of all of them{', and r_drum' if by_line else ''}"
             )
             _report(log, "power_mech", what)
     if by_line and omega is not None and "speed" in some:
@@ -261,13 +258,13 @@ def compare_powers(log: Samples) -> None:
         if ratio is not None:
             geared = " and the gear ratio" if log.rig.drivetrain.gear_ratio is not None else ""
             what = (
-                f"speed is {ratio:#.4g} times velocity / r_drum while the clutch is engaged, with {r_drum:g} m of the rig: the line "
-                f"or the clutch slips, or an entry is wrong; check r_drum{geared}, and unit and side of the speed"
+                f"speed is {ratio:#.4g} times velocity / r_drum while the clutch is engaged, with {r_drum:g} m of the rig: the "
+                f"line or the clutch slips, or an entry is wrong; check r_drum{geared}, and unit and side of the speed"
             )
             log.findings.append(Finding("speed_mismatch", what, "reported and kept", "speed"))
 
 
-def _ratio(x: Signal, size: Signal, where: Signal, y: Signal) -> float | None:
+def _ratio(x: Signal, size: Signal, where: Mask, y: Signal) -> float | None:
     """Median ratio of two signals where the second is large; None where they agree or too few samples show it. [1]
 
     Parameters

@@ -14,14 +14,14 @@ import numpy as np
 
 from winchcascade.core.integrate import BLOCK, median, stretches_of
 from winchcascade.core.run import FindingKind, Index, Mask, Signal
-from winchcascade.ingest.checks.samples import OF_NOISE, OF_RANGE, Directions, Level, Samples, limits_of
+from winchcascade.ingest.checks.samples import OF_NOISE, Directions, Level, Samples, limits_of
 from winchcascade.ingest.checks.witnesses import NEARBY, contradicted, shown
 
 SHORT = 5
 """Samples of the longest spike; what lasts longer is judged by the value that it holds and by the other channels. [1]"""
 
 AGREE = 0.25
-"""The neighbours of a spike agree with each other, and its samples with it, within this share of it: no step, no ringing. [1]"""
+"""The neighbours of a spike agree, and so do its samples, within this share of it: no step, no ringing. [1]"""
 
 BEYOND = 1.5
 """Smallest jump of a spike of several samples, over the largest jump of the channel that belongs to no spike. [1]"""
@@ -42,8 +42,11 @@ of one in a hundred. [1]"""
 NEAR = 0.2
 """Largest distance of these from the values of the stretch, in ranges: noise may grow with the value. [1]"""
 
+IDLE = 0.05
+"""A stage may give out nothing, without noise, below this share of its largest value. [1]"""
+
 MOTIONS = ("velocity", "displacement", "speed")
-"""Channels that are not idle where they hold zero. """
+"""Channels that are not idle where they hold zero."""
 
 CERTAIN = math.log(1e-8)
 """Logarithm of the chance below which a channel does not hold still by accident: not once in the samples of a long log. [1]"""
@@ -192,7 +195,9 @@ def dropouts(log: Samples, name: str) -> Mask:
         )  # any value departs from a code: the next search decides
         if last - begin >= log.t.size or bad[begin] or beside:
             continue
-        far = bool(_is_wild(log, name, x[first:after]).all())
+        inside = x[first:after]
+        wild = _is_wild(log, name, inside) if np.ptp(inside) == 0.0 else level.is_far(inside)
+        far = bool(wild.all())
         if far or _cannot_be(log, name, begin, last):
             bad[begin:last] = True
         elif not log.by_line or (name not in ("displacement", "pressure") and _jumps_apart(x, at, first, after)):
@@ -288,7 +293,7 @@ def _cannot_be(log: Samples, name: str, first: int, last: int) -> bool:
 
 def _is_shown(log: Samples, name: str, first: int, last: int) -> bool:
     """Whether another channel, or of the velocity the displacement, shows that the machine did it."""
-    if name == "velocity" and "displacement" in log.channels and 0 < first and last < log.t.size:
+    if name == "velocity" and "displacement" in log.channels and first > 0 and last < log.t.size:
         with_it, without, moved = _travels(log, first - 1, last)
         if abs(moved - with_it) < abs(moved - without):
             return True
@@ -329,7 +334,7 @@ def stale(log: Samples, name: str) -> Mask:
             sides = _beside(log, name, motion, a, last, NEAR)
             unlikely = motion[(a + last) // 2] not in usual and (last - a - 1) * _chance(repeats, *sides) < CERTAIN
             stuck = unlikely and _are_noisy(x, sides, log.level(name).step) and not shown(log, name, a, last)
-        idle = name not in MOTIONS and abs(x[a]) <= OF_RANGE * max(
+        idle = name not in MOTIONS and abs(x[a]) <= IDLE * max(
             map(abs, log.level(name)[:2])
         )  # a stage may give nothing
         bad[a + 1 : last] = stuck and not idle and low <= x[a] <= high  # beyond that it was clipped
@@ -380,7 +385,7 @@ def filled_gaps(log: Samples, name: str) -> Mask:
         change = np.diff(x[max(a - 2, 0) : b + 2])
         jumps = np.max(np.abs(change[[0, -1]] - np.median(change))) > level.long_fault
         line = not jumps and np.ptp(x[a:b]) > 0.0 and _turns(change[2:-2]) < 0.5 * TURNS
-        sides = _beside(log, name, motion, a, b)
+        sides = _beside(log, name, motion, a, b, NEAR)
         if line and _are_noisy(x, sides, log.level(name).step):
             chance = _chance(calm, np.concatenate(sides)) + math.log(CONTINUES)
             bad[a:b] = (b - a) * chance < CERTAIN
@@ -388,8 +393,8 @@ def filled_gaps(log: Samples, name: str) -> Mask:
 
 
 def _chance(still: Mask, *rows: Index) -> float:
-    """Logarithm of the chance that a channel holds still from one sample to the next, by the largest share of some groups of rows
-    in which it does; 0 where too few rows show it. The share follows the rule of succession of Laplace.
+    """Logarithm of the chance that a channel holds still for one more sample, by the largest share of some groups of rows in
+    which it does; 0 where too few rows show it. The share follows the rule of succession of Laplace.
     """
     known = [group for group in rows if group.size >= BESIDE // 8]
     if sum(group.size for group in known) < BESIDE // 4:
@@ -401,7 +406,7 @@ def _beside(
     log: Samples, name: str, motion: Directions, first: int, last: int, near: float = np.inf
 ) -> tuple[Index, Index]:
     """The nearest samples before and after a stretch [first, last) in the same state: the line moves in the same direction, or
-    rests, too, and the channel is within some ranges of its values there.
+    rests, too, and the channel is within `near` ranges of its values there.
     """
     x, margin = log.channels[name], near * log.level(name).span
     inside = x[first:last]

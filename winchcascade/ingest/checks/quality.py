@@ -158,7 +158,7 @@ def _clock_is_wrong(log: Samples) -> bool:
 
 
 def _complete_velocity(log: Samples) -> None:
-    """Derive a velocity that the log lacks from its displacement, else from the speed of rotation and the radius of the drum."""
+    """Derive a velocity that the log lacks from its displacement, else from the speed of rotation and the drum radius."""
     if "velocity" in log.channels:
         return
     if "displacement" in log.channels:

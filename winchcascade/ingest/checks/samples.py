@@ -1,4 +1,4 @@
-"""A log while it is checked: which samples of its channels are lost, what its channels usually do, and how holes are bridged."""
+"""A log while it is checked: which of its samples are lost, what its channels usually do, how holes are bridged."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ SPREAD = 20_000
 """Number of samples, evenly over the log, that show the range of a channel. [1]"""
 
 OF_RANGE = 0.02
-"""Smallest size of a fault of one sample, as a share of the range of its channel: in a payout of a hundred samples, less moves no
-energy by a thousandth. [1]"""
+"""Smallest size of a fault of one sample, in ranges of its channel: in a payout of a hundred samples, less moves no energy
+by a thousandth. [1]"""
 
 LONGER = 5.0
 """The same of a fault of several samples, in sizes of one sample. [1]"""
@@ -85,7 +85,7 @@ def level_of(x: Signal) -> Level:
     if begin.size < 4 or not spread.size:
         return Level(0.0, 0.0, 0.0, 0.0)
     steps = np.diff(begin)
-    # Of white noise both have the median of 0.954 and 1.652 standard deviations; a ramp shows in the one, a ringing in the other.
+    # Medians of white noise are 0.954 and 1.652 standard deviations; a ramp shows in the one, a ringing in the other.
     noise = min(_usual(steps) / 0.954, _usual(np.diff(steps)) / 1.652)
     low, high = quantiles_in_place(spread.copy(), [0.005, 0.995])
     step = smallest_step(begin)
@@ -138,12 +138,12 @@ class Samples(msgspec.Struct):
         return "velocity" in self.channels or "displacement" in self.channels
 
     def stages(self) -> list[tuple[str, ...]]:
-        """Channels of each product that the powers of the stages of the log are sums of, in the direction in which power flows."""
+        """Channels of each product of which the powers of the stages are sums, in the direction in which power flows."""
         powers = (stage.power(self.channels, self.rig.r_drum) for stage in self.rig.cascade.stages)
         return [term.channels for power in powers if power is not None for term in power.terms if term.channels]
 
     def motion(self) -> Directions:
-        """Direction in which the line moves, or the shaft of a bench without one: 1, -1, 0 at rest, (n,); 1 if it is unknown."""
+        """Direction of the line, or the shaft of a bench without one, (n,): 1, -1, 0 at rest; 1 if it is unknown."""
         for name, onset in (("velocity", self.rig.thresholds.v_onset), ("speed", self.rig.phases.omega_onset)):
             if name in self.channels and np.isfinite(self.channels[name]).any():
                 x = whole(self.t, self.channels[name])

@@ -1,4 +1,4 @@
-"""Channels that their sensors contradict: out of range, saturated, dead or held throughout; and rows that were written twice."""
+"""Channels that their sensors contradict: out of range, saturated, dead or held throughout; and repeated rows."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def out_of_range(log: Samples, name: str, sign: float) -> None:
     bad[spikes] = True
     channel = log.rig.known_channels[name]
     limit, worst = (high, top) if top > high else (low, bottom)
-    what = f"lie outside the range of the sensor, up to {text_of(channel, worst)} {channel.unit} beyond {text_of(channel, limit)}"
+    what = f"lie outside its range, up to {text_of(channel, worst)} {channel.unit} where it ends at {text_of(channel, limit)}"
     log.report("out_of_range", name, bad, what, removed=False, bridged=spikes.size)
 
 
@@ -62,7 +62,7 @@ def saturated(log: Samples, name: str) -> None:
     change = np.diff(x)[~(held[1:] | held[:-1])]
     if is_noisy(change[np.isfinite(change)]):
         channel = log.rig.known_channels[name]
-        what = f"hold the largest value, {text_of(channel, top)} {channel.unit}, without noise: its sensor or input is saturated"
+        what = f"hold the largest value, {text_of(channel, top)} {channel.unit}, without noise: sensor or input is saturated"
         log.report("out_of_range", name, held, what, removed=False)
 
 
@@ -84,7 +84,9 @@ def report_constant(log: Samples) -> None:
         value = float(np.nanmax(log.channels[name]))
         if value != 0.0 and len(constant) < len(used):
             channel = log.rig.known_channels[name]
-            what = f"{name} holds one value, {text_of(channel, value)} {channel.unit}, through the whole log while others change"
+            what = (
+                f"{name} holds one value, {text_of(channel, value)} {channel.unit}, through the log while others change"
+            )
             ends = float(log.t[0]), float(log.t[-1])
             log.findings.append(Finding("stuck", what, "reported and kept", name, *ends, log.t.size))
 

@@ -27,7 +27,7 @@ ONE_SIDED = 0.1
 """A velocity is without a sign if it goes no farther than this share of its top to the other side of zero. [1]"""
 
 FOLLOWS = 0.2
-"""A speed without a sign agrees with the magnitude of that of the displacement within this share, in four of five blocks. [1]"""
+"""A speed without a sign agrees with that of the displacement within this share, in four of five blocks. [1]"""
 
 
 def opposite_signs(channels: Mapping[str, Signal]) -> dict[str, str]:

@@ -69,9 +69,7 @@ def _changes(log: Samples, name: str, first: int, last: int, share: float) -> bo
 
 
 def is_lost(log: Samples, other: str, name: str, first: int, last: int) -> bool:
-    """Whether another channel holds no measurement over a stretch: far values, the code or the zero of the suspect, or one value
-    between two jumps.
-    """
+    """Whether another channel holds no measurement over a stretch: far values, one value, or code or zero of the suspect."""
     x, y = _finite(log.channels[name][first:last]), _finite(log.channels[other][first:last])
     if not y.size or not x.size:
         return True
@@ -124,7 +122,7 @@ def _continue(log: Samples, name: str, part: _Part, lost: Collection[str]) -> bo
 
 
 def _departure(log: Samples, name: str, part: _Part, side: float | None) -> float | None:
-    """Largest departure of the magnitude of a channel from the line between the levels beside a part, over the larger of the two.
+    """Largest departure of the magnitude of a channel from the line between the levels beside a part, over the larger one.
 
     None where it idles, or where most of it is lost.
 
