@@ -168,37 +168,44 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
         factors = (name for stage in self.stages for power in stage.powers for name in power.channels)
         return tuple(dict.fromkeys(("velocity", *factors)))
 
-    @property
-    def has_net(self) -> bool:
-        """Whether line and DC link belong to the cascade, so that a whole cycle has net energies."""
-        return {"line", "gen"} <= set(self.names)
-
     @cached_property
     def parts(self) -> dict[str, tuple[str, str]]:
-        """Each energy of a cycle: the stage whose power is integrated, and the span over which."""
-        return {name: (name, "window") for name in self.names} | (_OF_THE_LINE if self.has_net else {})
+        """Each energy of a cycle: the stage whose power is integrated, and the span over which. A whole cycle has net energies
+        where line and DC link belong to the cascade.
+        """
+        return {name: (name, "window") for name in self.names} | (
+            _OF_THE_LINE if {"line", "gen"} <= {*self.names} else {}
+        )
+
+    @cached_property
+    def pairs(self) -> dict[str, tuple[str, str]]:
+        """Each efficiency: the stage that it leads from and the one that it leads to; neighbours first, then the whole cascade.
+
+        Those of the paper have its names, others are made of both stages.
+        """
+        names = self.names
+        pairs = [*pairwise(names), *([(names[0], names[-1])] if len(names) > 2 else [])]
+        return {_PAPER_NAMES.get(pair) or f"eta_{pair[0]}_{pair[1]}": pair for pair in pairs}
 
     @cached_property
     def ratios(self) -> dict[str, tuple[str, str]]:
-        """Each efficiency: the energy that comes out and the one that goes in; neighbours first, then the whole cascade."""
-        names = self.names
-        pairs = [*pairwise(names), *([(names[0], names[-1])] if len(names) > 2 else [])]
-        return {efficiency_name(*pair): (f"energy_{pair[1]}", f"energy_{pair[0]}") for pair in pairs}
+        """Each efficiency of a window: the energy that comes out and the one that goes in."""
+        return {eta: (f"energy_{out}", f"energy_{into}") for eta, (into, out) in self.pairs.items()}
 
     @property
     def neighbours(self) -> tuple[str, ...]:
         """Efficiencies from each stage to the next."""
-        return tuple(self.ratios)[: len(self.stages) - 1]
+        return tuple(self.pairs)[: len(self.stages) - 1]
 
     @property
     def overall(self) -> str:
         """Efficiency from the first stage to the last; that of a single stage to itself is never evaluated."""
-        return efficiency_name(self.names[0], self.names[-1])
+        return (*self.pairs, f"eta_{self.names[0]}_{self.names[0]}")[max(len(self.pairs) - 1, 0)]
 
     @cached_property
     def net_ratios(self) -> dict[str, tuple[str, str]]:
         """Efficiency of whole cycles."""
-        return {"eta_net": ("energy_gen_cycle", "energy_net")} if self.has_net else {}
+        return {"eta_net": ("energy_gen_cycle", "energy_net")} if "net" in self.parts else {}
 
     @cached_property
     def all_ratios(self) -> dict[str, tuple[str, str]]:
@@ -213,14 +220,14 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def metrics(self) -> tuple[str, ...]:
         """Metrics of a window: energies [J], mean powers [W] and efficiencies [1]."""
-        return (*self.energies, *(f"power_{name}" for name in self.names), *self.ratios)
+        return (*self.energies, *(f"power_{name}" for name in self.names), *self.pairs)
 
     @cached_property
     def net_metrics(self) -> tuple[str, ...]:
         """Metrics of a whole cycle, which do not depend on the window: line energy of the payout, line energy returned in
         haul-in, net line energy from onset to next onset, energy at the DC link over the same span [J], and the ratio of the
         last two [1]."""
-        return (*(f"energy_{name}" for name in _OF_THE_LINE), "eta_net") if self.has_net else ()
+        return (*(f"energy_{name}" for name in self.parts if name in _OF_THE_LINE), *self.net_ratios)
 
     @cached_property
     def all_metrics(self) -> tuple[str, ...]:
@@ -235,21 +242,11 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
 
     def between(self, efficiency: str) -> tuple[str, str]:
         """Stages that an efficiency leads from and to."""
-        out, into = self.ratios[efficiency]
-        return into.removeprefix("energy_"), out.removeprefix("energy_")
+        return self.pairs[efficiency]
 
     def undelivered(self, efficiency: str) -> bool:
         """Whether an efficiency is not evaluated in an open circuit, as its stage delivers nothing there."""
-        return self.between(efficiency)[1] in ELECTRICAL
-
-
-def efficiency_name(into: str, out: str) -> str:
-    """Name of the efficiency from one stage to another: that of the paper, else made of both names.
-
-    >>> efficiency_name("mech", "gen"), efficiency_name("gen", "mech")
-    ('eta_gen', 'eta_gen_mech')
-    """
-    return _PAPER_NAMES.get((into, out)) or f"eta_{into}_{out}"
+        return self.pairs[efficiency][1] in ELECTRICAL
 
 
 @cache

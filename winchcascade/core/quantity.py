@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import tomllib
 import unicodedata
+from functools import lru_cache
 from pathlib import Path
 
 import msgspec
@@ -65,6 +66,7 @@ for _name, _unit in UNITS.items():
     _FOLDED_CASE[_key] = _unit if _FOLDED_CASE.get(_key, _unit) == _unit else None
 
 
+@lru_cache(4096)
 def find_unit(text: str) -> Unit | None:
     """Find a unit in the table, in another case if only one fits then; None for one it does not hold.
 
@@ -72,13 +74,16 @@ def find_unit(text: str) -> Unit | None:
     ('pressure', 1.0, 1.0, None)
     """
     plain = _plain(text)
-    if plain == "mPa":
-        return None
+    if plain in UNITS or plain == "mPa" or len(text) > _UNIT_LENGTH:
+        return UNITS.get(plain)
     spelled = (plain, _PER.sub("/", text), plain.replace("_", "/"))
     forms = dict.fromkeys((*map(_plain, spelled), *(_PLURAL.sub("", _plain(form)) for form in spelled)))
     exact = (UNITS[form] for form in forms if form in UNITS)
     return next(exact, None) or next(filter(None, (_FOLDED_CASE.get(form.casefold()) for form in forms)), None)
 
+
+_UNIT_LENGTH = 40
+"""A longer text is no unit. [characters]"""
 
 _PER = re.compile(r"[\s_]+per[\s_]+", re.IGNORECASE)
 _PLURAL = re.compile(r"(?<=[a-z]{3})s(?=/|$)", re.IGNORECASE)

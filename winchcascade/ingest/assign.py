@@ -40,6 +40,9 @@ NEAR_NAME_LENGTH = 3
 NEAR_SHARE = 0.75
 """Minimum share of letters that a near match has in common with a name of the channel. [1]"""
 
+NEAR_COLUMNS_MAX = 300
+"""Columns among which near matches are sought: a file of many thousands would take minutes."""
+
 _OF_SIMULATE = (*SIMULATED_HEADERS, LOAD_HEADER)
 """Columns of a simulated log that are no channel."""
 
@@ -180,8 +183,8 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
 
 def near_columns(name: str, headers: Sequence[Header]) -> str:
     """Which columns resemble a name, or which there are, for a sentence."""
-    names = [header.name.strip() for header in headers]
-    near = get_close_matches(name, names, NEAR_MATCHES)
+    names = [header.name.strip() for header in headers[:NEAR_COLUMNS_MAX]]
+    near = get_close_matches(name, [other for other in names if len(other) <= 2 * len(name)], NEAR_MATCHES)
     return f"near it: {', '.join(map(repr, near))}" if near else f"the log has {listed(names)}"
 
 
@@ -198,7 +201,8 @@ def _by_name(
     dates, unknown = [], []
     for k in free:
         header = headers[k]
-        bare, letters = read_header(header).name.strip(), letters_of(header.name)
+        bare = read_header(header).name.strip()
+        letters = letters_of(bare)
         own = bare in rig.channels and bare not in rig.columns
         channel = bare if own else recognise(header)
         if channel is not None and channel not in taken:
@@ -223,8 +227,9 @@ def _without_motion(
     headers: Sequence[Header], several: Mapping[str, list[int]], taken: Collection[str], rig: Rig
 ) -> str:
     """Sentence for a log that shows neither a motion nor a power: the columns that come near each channel it lacks."""
-    if several:
-        columns = [repr(headers[k].name.strip()) for alike in several.values() for k in alike]
+    needed = {*MOTIONS, *(channel for power in POWERS for channel in power)}
+    columns = [repr(headers[k].name.strip()) for channel, alike in several.items() if channel in needed for k in alike]
+    if columns:
         return f"several columns could be the motion or the power: {listed(columns)}; expected one for each channel."
     lack = "no column for a motion (line velocity, displacement or speed of rotation) and none for a power"
     near = {channel: _near_channel(channel, headers) for channel in rig.known_channels if channel not in taken}
@@ -242,7 +247,7 @@ def _near_channel(channel: str, headers: Sequence[Header]) -> list[str]:
         return []
     names = column_names().channels[channel]
     long = {name for name in names.letters if len(name) >= NEAR_NAME_LENGTH}
-    read = {header.name.strip(): read_header(header) for header in headers}
+    read = {header.name.strip(): read_header(header) for header in headers[:NEAR_COLUMNS_MAX]}
     fitting = {n: r.name for n, r in read.items() if r.unit is None or read_as(r.unit, DIMENSION[channel])}
     held = [n for n, bare in fitting.items() if any(letters_of(word) in long for word in words_of(bare))]
     alike = [n for n, bare in fitting.items() if get_close_matches(letters_of(bare), long, 1, NEAR_SHARE)]

@@ -38,11 +38,15 @@ _NUMBERED_LENGTH = 5
 
 
 class ChannelNames(msgspec.Struct, frozen=True):
-    """Names of one channel as sets of their words and as letters alone, and the words that may stand beside them."""
+    """Names of one channel as letters alone, as sets of words by one of these, and the words that may stand beside them."""
 
-    words: frozenset[frozenset[str]]
     letters: frozenset[str]
+    by_word: dict[str, list[frozenset[str]]]
     beside: frozenset[str]
+
+    def within(self, words: frozenset[str]) -> list[frozenset[str]]:
+        """Names of which a header holds every word."""
+        return [name for word in words for name in self.by_word.get(word, ()) if name <= words]
 
 
 class ColumnNames(msgspec.Struct, frozen=True):
@@ -68,14 +72,14 @@ def column_names() -> ColumnNames:
     def folded(text: str) -> frozenset[str]:
         return frozenset(map(letters_of, text.split()))
 
-    channels = {
-        channel: ChannelNames(
-            words=frozenset(frozenset(map(letters_of, name.split("_"))) for name in raw[channel]["names"].split()),
-            letters=folded(raw[channel]["names"]),
-            beside=folded(raw[channel]["beside"]),
-        )
-        for channel in DIMENSION
-    }
+    channels = {}
+    for channel in DIMENSION:
+        by_word: dict[str, list[frozenset[str]]] = {}
+        for name in raw[channel]["names"].split():
+            words = [letters_of(word) for word in name.split("_")]
+            by_word.setdefault(words[0], []).append(frozenset(words))
+        names, beside = (folded(raw[channel][key]) for key in ("names", "beside"))
+        channels[channel] = ChannelNames(names, by_word, beside)
     units = {letters_of(name): unit for name, unit in raw["unit_of_name"].items()}
     lists = {key: folded(words) for key, words in raw.items() if isinstance(words, str) and key != "unit_decides"}
     return ColumnNames(channels, unit_decides=frozenset(raw["unit_decides"].split()), unit_of_name=units, **lists)
@@ -113,7 +117,7 @@ def nameless(header: Header) -> bool:
     >>> [nameless(Header(name)) for name in ("", "Unnamed: 0", "__index_level_0__", "Force")]
     [True, True, True, False]
     """
-    return _NO_NAME.fullmatch(letters_of(header.name)) is not None
+    return _NO_NAME.fullmatch(letters_of(header.name[:_NAME_LENGTH])) is not None
 
 
 class ReadHeader(msgspec.Struct, frozen=True):
@@ -181,10 +185,9 @@ def _named(text: str) -> tuple[str, ...]:
     table, words, letters = column_names(), words_of(text), letters_of(text)
 
     def fits(names: ChannelNames) -> bool:
-        held = (name for name in names.words if name <= words)
         return letters in names.letters or any(
             words - name <= table.anywhere | (names.beside if sum(map(len, name)) > _SYMBOL_LENGTH else set())
-            for name in held
+            for name in names.within(words)
         )
 
     return tuple(channel for channel, names in table.channels.items() if fits(names))
@@ -214,4 +217,4 @@ def extra_words(header: Header, channel: str) -> int:
     if letters_of(name) in names.letters:
         return 0
     words = words_of(name)
-    return min((len(words - own) for own in names.words if own <= words), default=len(words))
+    return min((len(words - own) for own in names.within(words)), default=len(words))

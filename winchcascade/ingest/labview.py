@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from winchcascade.core.errors import LogError
 from winchcascade.ingest.cells import decimal_sign, is_value, looks_like_a_number, split_row
 from winchcascade.ingest.dialects import Header
-from winchcascade.ingest.layout import SAMPLE_ROWS, Layout, properties_of, usual_width
+from winchcascade.ingest.layout import SAMPLE_ROWS, Layout, columns_of, properties_of
 
 _END = "***End_of_Header***"
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
@@ -44,8 +44,9 @@ def labview_layout(lines: Sequence[str], where: str) -> Layout | None:
         )
     if head.get("X_Columns") != "One":
         _require_one_interval(heading, names, where)
-    width = usual_width(rows)
-    headers = [_header(k, name, heading, rows) for k, name in enumerate(names[:width])]
+    columns = columns_of(rows)
+    width = len(columns)
+    headers = [_header(k, name, heading, columns[k]) for k, name in enumerate(names[:width])]
     stated = head.get("Decimal_Separator", "")
     return Layout(
         delimiter,
@@ -53,7 +54,7 @@ def labview_layout(lines: Sequence[str], where: str) -> Layout | None:
         (*headers, *[Header("")] * (width - len(headers))),
         len(names) > width,
         at + 1,
-        rows,
+        columns,
         properties_of([line.replace(delimiter, "\t") for line in lines[:at]]),
         labview=True,
     )
@@ -71,12 +72,11 @@ def _rows(lines: Sequence[str], delimiter: str) -> list[Sequence[str]]:
     return rows
 
 
-def _header(k: int, name: str, heading: Mapping[str, Sequence[str]], rows: Sequence[Sequence[str]]) -> Header:
+def _header(k: int, name: str, heading: Mapping[str, Sequence[str]], column: Sequence[str]) -> Header:
     """Column k: the first axis is the time; other axes, an axis without numbers and the remarks have no name."""
     if name == _AXIS:
         dimension = (*heading.get("X_Dimension", ()), "", "")[1]
-        numbers = any(row[k] for row in rows if len(row) > k)
-        return Header(_AXIS, "s" if dimension in ("", "Time") else None) if k == 0 and numbers else Header("")
+        return Header(_AXIS, "s" if dimension in ("", "Time") else None) if k == 0 and any(column) else Header("")
     unit = (*heading.get("Y_Unit_Label", ()), *[""] * (k + 1))[k]
     return Header("" if name == _REMARKS else name, unit or None)
 

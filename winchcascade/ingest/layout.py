@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import msgspec
 
@@ -41,7 +40,7 @@ class Layout(msgspec.Struct, frozen=True):
     headers : the columns in order; one that is empty or only counts rows has no name
     more : there are names beyond the last column that rows usually have, of remarks as a rule
     first : index of the first line of data
-    rows : cells of the first rows of data
+    columns : cells of each column in the first rows of data
     properties : what the lines above the table state, keys as written
     labview : the file is a LabVIEW measurement, in which the heading may stand above every segment
     """
@@ -51,39 +50,37 @@ class Layout(msgspec.Struct, frozen=True):
     headers: tuple[Header, ...]
     more: bool
     first: int
-    rows: list[Row]
+    columns: list[list[str]]
     properties: dict[str, str]
     labview: bool = False
 
 
-def first_data(rows: Sequence[Row]) -> int | None:
-    """Find the first row of data, which most of the next five rows resemble; None without such a row."""
+def find_data(rows: Sequence[Row]) -> tuple[int, list[list[str]]] | None:
+    """Find the first row of data, which most of the next five rows resemble.
 
-    @cache  # most logs show their table in the first lines
-    def data(k: int) -> bool:
-        return _is_data(rows[k])
-
-    for k in range(len(rows) - 1):
-        if not data(k) or channels_named(rows[k]) > 1:
+    Returns
+    -------
+    its index and the cells of each column in the first rows of data, as far as rows have it; None without such a row
+    """
+    data: list[bool] = []
+    for k, row in enumerate(rows[:-1]):
+        data += [_is_data(row) for row in rows[len(data) : k + 6]]
+        if not data[k] or channels_named(row) > 1:
             continue
-        after = [j for j in range(k + 1, min(k + 6, len(rows))) if any(rows[j])]
-        width = usual_width([rows[j] for j in after if data(j)])
-        alike = sum(data(j) and abs(len(rows[j]) - width) <= 1 for j in after) if len(rows[k]) >= width - 1 else 0
-        named = any(channels_named(rows[j]) > 1 for j in after if not data(j))
+        after = [j for j in range(k + 1, len(data)) if any(rows[j])]
+        width = usual_width([rows[j] for j in after if data[j]])
+        alike = sum(data[j] and abs(len(rows[j]) - width) <= 1 for j in after) if len(row) >= width - 1 else 0
+        named = any(channels_named(rows[j]) > 1 for j in after if not data[j])
         if alike >= max(1, len(after) - 2) and not named:
-            return k
+            return k, columns_of([row for row in rows[k : k + SAMPLE_ROWS] if _is_data(row)])
     return None
 
 
 def _is_data(row: Row) -> bool:
     """Whether most filled cells of a row, two at least, are numbers, stamps or marks for none, and one is a number."""
     full = [cell for cell in row if cell]
-    return len(full) >= 2 and sum(map(is_value, full)) >= DATA_SHARE * len(full) and any(map(looks_like_a_number, full))
-
-
-def sample(rows: Sequence[Row], first: int) -> list[Row]:
-    """Take the first rows of data, notes among them left out."""
-    return [row for row in rows[first : first + SAMPLE_ROWS] if _is_data(row)]
+    values = sum(map(is_value, full)) if len(full) >= 2 else 0
+    return values > 0 and values >= DATA_SHARE * len(full) and any(map(looks_like_a_number, full))
 
 
 def usual_width(rows: Sequence[Row]) -> int:
@@ -102,7 +99,7 @@ def channels_named(row: Row) -> int:
     return len({recognise(Header(cell)) for cell in row if cell and not looks_like_a_number(cell)} - {None})
 
 
-def headers_above(above: Sequence[Row], rows: Sequence[Row], where: str, *, numbered: bool) -> list[Header]:
+def headers_above(above: Sequence[Row], columns: Sequence[Row], where: str, *, numbered: bool) -> list[Header]:
     """Find names and units above rows of data: the row that names most channels, and the row that is all units.
 
     Names beyond the last column of the data come last. A column that only counts rows, or holds nothing below an empty
@@ -111,81 +108,50 @@ def headers_above(above: Sequence[Row], rows: Sequence[Row], where: str, *, numb
     Parameters
     ----------
     above : rows of cells above the data, in their order
-    rows : first rows of data
+    columns : cells of each column in the first rows of data
     numbered : the rig file numbers the columns, so that they need no names
 
     Raises
     ------
     LogError : no row holds names, or one holds more or fewer than there are columns
     """
-    columns = columns_of(rows)
     width = len(columns)
     filled = max(k + 1 for k, column in enumerate(columns) if any(column))
-    found = [_without_own_units(row, width) for row in above[-HEADING_ROWS:]][::-1]
-    near = [row for row in found if sum(map(bool, row)) >= 2 and len(row) >= filled - 1]
-    units = _units_row(near)
-    names = max((row for row in near if row is not units), key=channels_named, default=None)
-    if names is None and numbered:
-        units = _padded(units, width)
-        return [Header(f"column {k + 1}", unit or None) for k, unit in enumerate(units[:width])]
-    if names is None:
-        raise LogError(_no_names(found, filled, where))
-    first = "Date" if any(map(_DATE.match, columns[0])) else "" if _counts_rows(columns[0]) else None
-    if len(names) < filled and first is not None:  # rows begin with a number or a date that has no name
-        names, units = [first, *names], ["", *units] if len(units) < filled else units
-    if any(recognise(Header(name)) for name in names[width:] if name):
-        raise LogError(_no_names([names], filled, where))
-    named = zip(_padded(names, width), _padded(units, width), columns, strict=False)
-    return [
-        *(_header(k, name, unit, column) for k, (name, unit, column) in enumerate(named)),
-        *map(Header, names[width:]),
+    near = [row for row in above[: -HEADING_ROWS - 1 : -1] if sum(map(bool, row)) >= 2]
+    # `Time, s, Force, N`: each name with its unit in a cell of its own.
+    near = [
+        [f"{name} [{unit}]" for name, unit in zip(row[::2], row[1::2], strict=True)]
+        if len(row) == 2 * width and all(map(find_unit, row[1::2]))
+        else row
+        for row in near
     ]
-
-
-def _without_own_units(row: Row, width: int) -> Row:
-    """Put units that follow each name in a cell of their own, as in `Time, s, Force, N`, into brackets."""
-    if len(row) == 2 * width and all(map(find_unit, row[1::2])):
-        return [f"{name} [{unit}]" for name, unit in zip(row[::2], row[1::2], strict=True)]
-    return row
-
-
-def _units_row(near: Sequence[Row]) -> Row:
-    """Find the row of units among those above the data, nearest first; empty if there is none.
-
-    Single letters are names as well as units: `t,F,V` are tonnes, farads and volts where another row has the names, and the
-    names themselves where none has.
-    """
-    alike = [row for k, row in enumerate(near) if _is_units(row) and (k < 4 or "unit" in row[0].casefold())]
-    units = min(alike, key=lambda row: channels_named(row) - _known_units(row), default=[])
-    others = [row for row in near if row is not units]
-    named = {recognise(Header(cell)) for cell in units if cell} - {None}
-    alone = not others or ("time" in named and not any(map(channels_named, others)))
-    return [] if len(named) > _known_units(units) - alone else units
-
-
-def _is_units(row: Row) -> bool:
-    """Whether most cells of a row are units or blank, and few are the name of a channel."""
-    full = [text for cell in row if (text := cell.strip("()[]-– "))]
-    named = sum(recognise(Header(text)) is not None and len(text) > 2 for text in full)
-    return _known_units(row) >= max(2, 0.5 * len(full)) and named <= 0.3 * len(full)
-
-
-def _known_units(row: Row) -> int:
-    """Count the cells of a row that are units."""
-    return sum(find_unit(cell.strip("()[] ")) is not None for cell in row if cell.strip("()[]-– "))
-
-
-def _padded(row: Row, width: int) -> list[str]:
-    return [*row, *[""] * (width - len(row))]
-
-
-def _header(k: int, name: str, unit: str, column: Row) -> Header:
-    """Column k; without a name if it is an empty time column, or one without a name that only counts rows or is text."""
-    if not name:
-        name = "" if _counts_rows(column) or not any(map(looks_like_a_number, column)) else f"column {k + 1}"
-    elif not any(column) and recognise(Header(name)) == "time":
-        return Header("")
-    return Header(name, unit.strip("()[]") or None)
+    fitting = [row for row in near if len(row) >= filled - 1]
+    known = [sum(find_unit(text) is not None for cell in row if (text := cell.strip("()[]-– "))) for row in fitting]
+    named = [channels_named(row) for row in fitting]
+    # Single letters are names as well as units: `t,F,V` are names where no other row has them.
+    order = sorted(range(len(fitting)), key=lambda k: (known[k] - named[k], -named[k], k))
+    names = fitting[order[0]] if order and (named[order[0]] >= known[order[0]] or known[order[0]] < 2) else []
+    half = [0.5 * sum(bool(cell.strip("()[]-– ")) for cell in row) for row in fitting]
+    units = next((row for k, row in enumerate(fitting) if row is not names and known[k] >= max(2, half[k])), [])
+    if not names and numbered:
+        names = [f"column {k + 1}" for k in range(width)]
+    counts = [_counts_rows(column) for column in columns]
+    if names and len(names) < filled and (counts[0] or any(map(_DATE.match, columns[0]))):
+        # Rows begin with a number or a date that has no name.
+        names, units = ["" if counts[0] else "Date", *names], ["", *units] if len(units) < filled else units
+    if not names or any(recognise(Header(name)) for name in names[width:] if name):
+        raise LogError(_no_names(near if not names else [names], filled, where))
+    headers = []
+    for k, (name, unit, column) in enumerate(zip_longest(names, units[:width], columns, fillvalue="")):
+        if k >= width:
+            headers.append(Header(name))
+        elif name:
+            empty = not any(column) and recognise(Header(name)) == "time"
+            headers.append(Header("" if empty else name, unit.strip("()[] ") or None))
+        else:
+            number = any(map(looks_like_a_number, column)) and not counts[k]
+            headers.append(Header(f"column {k + 1}" if number else "", unit.strip("()[] ") or None))
+    return headers
 
 
 def _counts_rows(column: Row) -> bool:
@@ -193,23 +159,19 @@ def _counts_rows(column: Row) -> bool:
     return all(c.isdecimal() and len(c) < 16 for c in column) and all(int(b) == int(a) + 1 for a, b in pairwise(column))
 
 
-def _no_names(found: Sequence[Row], filled: int, where: str) -> str:
+def _no_names(near: Sequence[Row], filled: int, where: str) -> str:
     """Explain why rows of data have no names."""
-    names = next((row for row in found if channels_named(row) > 1), None)
-    if names is None:
+    row = max(near, key=channels_named, default=[])
+    if len(row) not in (0, filled) and channels_named(row) > 1:
         return (
-            f"{where}: rows of {filled} numbers but no column names above them; expected a first row such as "
-            f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one, or number the columns in a rig file: [columns] "
-            f'velocity = {{ number = 3, unit = "m/s" }}.'
+            f"{where}: {len(row)} column names above rows of {filled} cells; expected one name for each column. Check for a "
+            f"delimiter inside of names, or for decimal commas in a file that commas delimit."
         )
-    if len(names) == filled:
-        return (
-            f"{where}: the line above the numbers holds units ({', '.join(names[:8])}) and none holds names; expected a row "
-            f"of names such as 'Time,Displacement,Velocity,Force' above it. Add one."
-        )
+    units = f" (they hold {', '.join(row[:8])})" if row else ""
     return (
-        f"{where}: {len(names)} column names above rows of {filled} cells; expected one name for each column. Check for a "
-        f"delimiter inside of names, or for decimal commas in a file that commas delimit."
+        f"{where}: rows of {filled} numbers but no column names above them{units}; expected a first row such as "
+        f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one, or number the columns in a rig file: [columns] "
+        f'velocity = {{ number = 3, unit = "m/s" }}.'
     )
 
 

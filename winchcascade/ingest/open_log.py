@@ -79,7 +79,8 @@ def open_log(path: Path, table: str | None = None, *, numbered: bool = False) ->
 
         options = {"numbered": numbered} if reader == "excel" else {}
         return read_isolated(f"winchcascade.ingest.formats.{reader}:read_{reader}", path, table=table, **options)
-    reject_sheet(table, path.name)
+    if table is not None:
+        reject_sheet(table, path.name)
     if reader == "parquet":
         from winchcascade.ingest.formats.parquet import open_parquet
 
@@ -130,7 +131,7 @@ def reader_of(path: Path) -> str:
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):  # also an empty one
         return "excel" if _WORKBOOK.match(head, _ZIP_NAME) else "archive"
     reader = next((name for magic, name in _READERS.items() if head.startswith(magic)), None)
-    return reader or ("mat" if is_mat_v4(head) else "text")
+    return reader or ("mat" if 0 in head[:4] and is_mat_v4(head) else "text")
 
 
 def is_mat_v4(head: bytes) -> bool:
@@ -143,7 +144,7 @@ def is_mat_v4(head: bytes) -> bool:
     >>> is_mat_v4(b"Time (s),Velocity (m/s),Pressure (bar)")
     False
     """
-    if 0 not in head[:4] or len(head) < 20:
+    if len(head) < 20:
         return False
     for order, digit in ("<0", ">1"):
         kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[:20])

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 import numpy as np
@@ -209,10 +210,9 @@ def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str)
     )
 
 
-def reject_sheet(wanted: str | None, where: str) -> None:
+def reject_sheet(wanted: str, where: str) -> NoReturn:
     """Reject the choice of a table in a file that holds one alone: LogError."""
-    if wanted is not None:
-        raise LogError(
-            f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a MATLAB file or TDMS; leave "
-            "--sheet out, or sheet in campaign.toml."
-        )
+    raise LogError(
+        f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a MATLAB file or TDMS; leave "
+        "--sheet out, or sheet in campaign.toml."
+    )

@@ -73,7 +73,7 @@ class Metrics(dict[str, float | None]):
 NOTHING = 1e-9
 """An energy below this counts as zero: no sensor of a winch can distinguish it from zero. [J]"""
 
-IDLE = 0.2
+DELIVERED_IDLE = 0.2
 """A machine that delivers a smaller share of its energy than this runs as in an open circuit, whatever load is stated: its
 losses decide every ratio. [1]"""
 
@@ -101,7 +101,7 @@ def runs_idle(delivered: Sequence[float | None]) -> bool:
     (True, False)
     """
     known = [share for share in delivered if share is not None]
-    return bool(known) and sum(known) / len(known) < IDLE
+    return bool(known) and sum(known) / len(known) < DELIVERED_IDLE
 
 
 def metrics(

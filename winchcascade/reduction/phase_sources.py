@@ -28,13 +28,13 @@ BESIDE_GAP = 1e-6
 MIN_STRETCH = 2.0
 """Minimum length of a stretch between two gaps, in sampling intervals; shorter ones are left out."""
 
-BLOCKS = 8
+BLOCKS_OF_STEP = 8
 """Number of blocks in the shortest step: noise of torque averages out in each, and a step begins in time to an eighth."""
 
 STEP_NOISE = 5.0
 """Widening of a band: range of a few dozen block means that scatter by noise alone, in their standard deviations."""
 
-MIN_CHANGES = 20
+MIN_NOISY_CHANGES = 20
 """Fewer changes show no noise."""
 
 WIDTH_QUANTILE = 0.99
@@ -229,7 +229,7 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
     gap_max : a longer gap ends a step [s]
     """
     t, names = run.t, [name for name in ("speed", "torque") if name in run.channels]
-    rows = max(1, round(rule.step_min / BLOCKS * run.fs))  # of a block
+    rows = max(1, round(rule.step_min / BLOCKS_OF_STEP * run.fs))  # of a block
     at = np.append(np.arange(0, t.size - rows + 1, rows), t.size)
     if at.size < 2:
         return []
@@ -239,7 +239,7 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
         x = run.channels[name]
         change = np.diff(x)
         change = change[change != 0.0]
-        noise = GAUSS * median(np.abs(change - median(change))) if change.size >= MIN_CHANGES else 0.0
+        noise = GAUSS * median(np.abs(change - median(change))) if change.size >= MIN_NOISY_CHANGES else 0.0
         widths.append(share * quantile(np.abs(x), WIDTH_QUANTILE) + STEP_NOISE * noise / math.sqrt(2.0 * rows))
     gaps = all_gaps(run, names)
     after = np.searchsorted(t, gaps[gaps[:, 1] - gaps[:, 0] > gap_max, 1])

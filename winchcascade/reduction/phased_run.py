@@ -23,7 +23,7 @@ MAX_CYCLES = 12
 SHORTEST = 2.0
 """Minimum length of a window in sampling intervals: its ends are interpolated, and fewer samples would be only ends."""
 
-STEADY = 1.03
+TOP_OF_PLATEAU = 1.03
 """A payout cut by the end of the log has reached its plateau if its top speed exceeds the plateau's by no more than this."""
 
 
@@ -176,7 +176,7 @@ def find_window(phased: PhasedRun, k: int) -> Window:
     else:
         settled = plateau.begin + phased.rig.thresholds.settle
         end = min(settled, plateau.braking)
-        if cycle.ends_inside and (settled > cycle.payout_end or phased.speed_max[k] > STEADY * plateau.speed):
+        if cycle.ends_inside and (settled > cycle.payout_end or phased.speed_max[k] > TOP_OF_PLATEAU * plateau.speed):
             fault = "the log ends before the payout has settled on its plateau"
     return Window(cycle.onset, end, fault)
 

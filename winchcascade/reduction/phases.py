@@ -21,7 +21,7 @@ from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps
 
-NOISE = 1.5
+PEAK_OF_NOISE = 1.5
 """A run that peaks below this many times the onset speed is noise about the threshold, not a motion."""
 
 OVERTAKEN = 1.5
@@ -197,7 +197,7 @@ def _motion(t: Signal, runs: _Runs, leg: tuple[int, int], thresholds: Thresholds
     """
     along = [k for k in range(*leg) if sign * runs.travel[k] > 0]
     top = max(runs.peak[k] for k in along)
-    minimum = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
+    minimum = min(max(PEAK_OF_NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
     motions = [k for k in along if runs.peak[k] >= minimum]
     parts: list[list[int]] = []
     for k in range(motions[0], motions[-1] + 1):

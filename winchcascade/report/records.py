@@ -118,12 +118,11 @@ def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetTyp
     powers = {stage.name: stage.power(run.channels, reduction.rig.r_drum) for stage in cascade.stages}
     out: Numbers = {name: both.positive for name, both in reduction.both_ways.items()}
     back: Numbers = {name: both.negative for name, both in reduction.both_ways.items()}
-    pairs = {eta: cascade.between(eta) for eta in cascade.ratios}
-    delivered = {e: pair for e, pair in pairs.items() if not (run.open_circuit and cascade.undelivered(e))}
+    delivered = {e: pair for e, pair in cascade.pairs.items() if not (run.open_circuit and cascade.undelivered(e))}
     return StagesRecord(
         order=cascade.names,
         power={name: None if power is None else power.text for name, power in powers.items()},
-        efficiency=pairs,
+        efficiency=cascade.pairs,
         mean=reduction.mean.fields(cascade.metrics),
         max_deviation_percent=reduction.max_deviation_percent.fields(cascade.metrics),
         standard_uncertainty=found.standard.fields(cascade.metrics),

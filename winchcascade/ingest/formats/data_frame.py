@@ -37,7 +37,8 @@ def open_frame(
     ------
     LogError : this is no frame, or a unit is of a column that it does not have
     """
-    reject_sheet(table, where)
+    if table is not None:
+        reject_sheet(table, where)
     columns = _columns(_checked(frame, where), dict(units or {}), where)
     return LogSource(
         headers=[header for header, _ in columns],

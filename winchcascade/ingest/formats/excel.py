@@ -23,10 +23,9 @@ from winchcascade.ingest.layout import (
     PREAMBLE_ROWS_MAX,
     SAMPLE_ROWS,
     Row,
-    first_data,
+    find_data,
     headers_above,
     properties_of,
-    sample,
     waveform,
 )
 from winchcascade.ingest.limits import require_numbers, require_unpacked
@@ -146,12 +145,13 @@ def _tables(book: CalamineWorkbook, name: str, path: Path, *, numbered: bool) ->
     require_numbers(path, sheet.total_height, sheet.total_width)
     rows: list[list[Cell]] = sheet.to_python(skip_empty_area=False)
     head: list[Row] = [[_text(cell) for cell in row] for row in rows[: PREAMBLE_ROWS_MAX + SAMPLE_ROWS]]
-    first = first_data(head)
-    if first is None:
+    found = find_data(head)
+    if found is None:
         return
+    first, columns = found
     above = head[max(0, first - HEADING_ROWS) : first]
     with suppress(LogError):  # rows of numbers without names
-        headers = headers_above(above, sample(head, first), path.name, numbered=numbered)
+        headers = headers_above(above, columns, path.name, numbered=numbered)
         below = rows[first:]
         named = [k for k, header in enumerate(headers) if not nameless(header)] or range(len(headers))
         while below and all(below[-1][k] == "" for k in named):

@@ -77,9 +77,9 @@ def read_mat(path: Path, *, table: str | None = None) -> Columns:
         groups = [*_groups(scopes)]
     runs = _runs(groups)
     name = choose(list(runs), table, path.name, "run") if runs else None
-    if name is None:
+    if name is None and table is not None:
         reject_sheet(table, path.name)
-    else:
+    if name is not None:
         others = [run for run in runs.values() if run is not runs[name]]
         aside = {run.place for run in others} - {runs[name].place, ""}
         groups = [

@@ -20,14 +20,13 @@ from pyarrow import csv
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
-from winchcascade.core.run import Finding, Signal
+from winchcascade.core.run import Finding
 from winchcascade.ingest.cells import (
     NOT_NUMBERS,
     decimal_sign,
     is_cut,
     is_value,
     looks_like_a_number,
-    looks_like_a_stamp,
     numbers,
     serial_days,
     split_row,
@@ -36,14 +35,10 @@ from winchcascade.ingest.dialects import Header, read_header, recognise
 from winchcascade.ingest.layout import (
     PREAMBLE_ROWS_MAX,
     Layout,
-    Row,
     channels_named,
-    columns_of,
-    first_data,
+    find_data,
     headers_above,
     properties_of,
-    sample,
-    usual_width,
     waveform,
 )
 from winchcascade.ingest.source import LogSource, LogTable, without_notes
@@ -150,37 +145,34 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
     if any(line.startswith("***End_of_Header***") for line in lines):
         from winchcascade.ingest.labview import labview_layout
 
-        found = labview_layout(lines, where)
-        if found is not None:
-            return found
+        measurement = labview_layout(lines, where)
+        if measurement is not None:
+            return measurement
+    found: list[tuple[float, str, int, list[list[str]]]] = []
     head = lines[:PREAMBLE_ROWS_MAX]
-    # Blanks also stand inside of stamps and names.
-    tables = _tables(head, ",;\t|") or _tables(head, " ")
-    if not tables:
+    for delimiter in ",;\t| ":
+        # Blanks also stand inside of stamps and names.
+        if any(delimiter in line for line in head) and not (found and delimiter == " "):
+            data = find_data([split_row(line, delimiter) for line in head])
+            if data is not None:
+                values = sum(bool(cell) and is_value(cell) for column in data[1] for cell in column)
+                found.append(
+                    (values / len(data[1][0]) - data[0] / 4000, delimiter, *data)
+                )  # less for one that begins late
+    if not found:
         raise LogError(_no_table(head, where))
-    delimiter, first, rows = max(tables, key=_score)
-    width = usual_width(rows)
-    above = [_name_cells(line, delimiter, width) for line in lines[:first]]
-    headers = headers_above(above, rows, where, numbered=numbered)
-    properties = properties_of(lines[:first])
-    return Layout(delimiter, decimal_sign(rows), tuple(headers[:width]), len(headers) > width, first, rows, properties)
-
-
-def _tables(lines: Sequence[str], delimiters: str) -> list[tuple[str, int, list[Row]]]:
-    """Tables that lines hold under some delimiters: the delimiter, the first line of data, and the first rows."""
-    found = []
-    for delimiter in delimiters:
-        if delimiter == " " or any(delimiter in line for line in lines):
-            rows = [split_row(line, delimiter) for line in lines]
-            first = first_data(rows)
-            found += [] if first is None else [(delimiter, first, sample(rows, first))]
-    return found
-
-
-def _score(table: tuple[str, int, list[Row]]) -> float:
-    """Values in a row, less for a table that begins late."""
-    _, first, rows = table
-    return sum(bool(cell) and is_value(cell) for row in rows for cell in row) / len(rows) - first / 4000
+    _, delimiter, first, columns = max(found, key=lambda table: table[0])
+    above = [_name_cells(line, delimiter, len(columns)) for line in lines[:first]]
+    headers = headers_above(above, columns, where, numbered=numbered)
+    return Layout(
+        delimiter,
+        decimal_sign(columns),
+        tuple(headers[: len(columns)]),
+        len(headers) > len(columns),
+        first,
+        columns,
+        properties_of(lines[:first]),
+    )
 
 
 def _name_cells(line: str, delimiter: str, width: int) -> list[str]:
@@ -212,32 +204,26 @@ def _no_table(lines: Sequence[str], where: str) -> str:
 def _load(
     path: Path, encoding: str, layout: Layout, step: float | None, wanted: Sequence[int], time: int | None
 ) -> LogTable:
-    """Read the wanted columns as numbers, and the time column as numbers too or as texts."""
-    text = time if time is not None and _is_text(columns_of(layout.rows)[time]) else None
-    parser = _Parser(layout, [*wanted, *([] if time is None else [time])], text)
+    """Read the wanted columns as numbers, and the time column as numbers too or as texts.
+
+    There are no stamps where the time column is empty, or counts rows beside a stated interval.
+    """
+    cells = [] if time is None else [cell for cell in layout.columns[time] if cell]
+    is_text = 2 * sum(map(looks_like_a_number, cells)) < len(cells)
+    parser = _Parser(layout, [*wanted, *([] if time is None else [time])], time if is_text else None)
     for block in _blocks(path, encoding, layout.first):
         parser.parse(block)
     table = parser.table(path.name)
     stamps, stamped = table.stamps, False
-    if time is not None and text is None:
-        stamps, stamped = _stamps(layout, step, time, table.values[time])
+    if time is not None and not is_text:
+        t = table.values[time]
+        stamps = t
+        counts = bool(np.all(np.diff(t[:1000]) == 1.0)) and read_header(layout.headers[time]).unit is None
+        if (step is not None and counts) or (not np.isfinite(t).any() and not (cells and step is None)):
+            stamps = None
+        elif t.size > 1 and 0 < t[1] - t[0] < 1e-4 and (days := serial_days(t)) is not None:
+            stamps, stamped = days, True
     return msgspec.structs.replace(table, values={k: table.values[k] for k in wanted}, stamps=stamps, stamped=stamped)
-
-
-def _is_text(cells: Sequence[str]) -> bool:
-    """Whether a column holds stamps or other texts."""
-    return any(map(looks_like_a_stamp, cells)) or (any(cells) and not any(map(looks_like_a_number, cells)))
-
-
-def _stamps(layout: Layout, step: float | None, time: int, stamps: Signal) -> tuple[Signal | None, bool]:
-    """The time column, and whether it is in seconds; None if it is empty, or counts rows beside a stated interval."""
-    first = stamps[:1000]
-    empty = stamps.size == 0 or (np.isnan(first).all() and np.isnan(stamps).all())
-    counts = bool(np.all(np.diff(first) == 1.0)) and read_header(layout.headers[time]).unit is None
-    if (empty and not any(columns_of(layout.rows)[time])) or (step is not None and (empty or counts)):
-        return None, False
-    days = serial_days(stamps) if first.size > 1 and 0 < first[1] - first[0] < 1e-4 else None
-    return (stamps, False) if days is None else (days, True)
 
 
 def _blocks(path: Path, encoding: str, skip: int) -> Iterator[bytes]:
@@ -294,14 +280,24 @@ class _Parser:
         if not block:
             return
         try:
-            self._by_arrow(block)
+            columns = self._by_arrow(block)
         except pa.ArrowInvalid:
-            self._by_row(block)
+            columns = self._by_row(block)
+        end = self.samples
+        for k, chunks in columns.items():
+            start, column = self.samples, self.columns[k]
+            end = start + sum(map(len, chunks))
+            if end > column.size:  # it grows in place where the system can do that
+                column.resize(max(end, int(GROWTH * column.size)), refcheck=False)
+            for chunk in chunks:
+                column[start : start + len(chunk)] = np.from_dlpack(chunk)
+                start += len(chunk)
+        self.samples = len(self.texts) if self.text is not None else end
 
-    def _by_arrow(self, block: bytes) -> None:
-        types = {str(k): pa.float64() for k in self.columns} | (
-            {} if self.text is None else {str(self.text): pa.binary()}
-        )
+    def _by_arrow(self, block: bytes) -> dict[int, Sequence[Any]]:
+        """Chunks of each column of numbers; ArrowInvalid where a cell is none or a row has cells too many or too few."""
+        types = {str(k): pa.float64() for k in self.columns}
+        types |= {} if self.text is None else {str(self.text): pa.binary()}
         long = len(block) > THREAD_BYTES
         table = csv.read_csv(
             pa.BufferReader(block),
@@ -320,26 +316,14 @@ class _Parser:
             ),
             memory_pool=pa.system_memory_pool(),  # the default pool starts slowly, and keeps memory that is not used
         )
-        for k in self.columns:
-            column = table.column(str(k))
-            self._append(k, (column.fill_null(np.nan) if column.null_count else column).chunks)
         if self.text is not None:
             cells = table.column(str(self.text)).to_pylist()
             self.texts += [(cell or b"").decode("utf-8", "replace") for cell in cells]
-        self.samples += table.num_rows
+        columns = {k: table.column(str(k)) for k in self.columns}
+        return {k: (x.fill_null(np.nan) if x.null_count else x).chunks for k, x in columns.items()}
 
-    def _append(self, k: int, chunks: Sequence[Any]) -> None:
-        """Write the numbers of a block behind those of a column, which grows in place where the system can do that."""
-        start, column = self.samples, self.columns[k]
-        end = start + sum(map(len, chunks))
-        if end > column.size:
-            column.resize(max(end, int(GROWTH * column.size)), refcheck=False)
-        for chunk in chunks:
-            column[start : start + len(chunk)] = np.from_dlpack(chunk)
-            start += len(chunk)
-
-    def _by_row(self, block: bytes) -> None:
-        """Read rows with as many cells as the others, or whose cells too many or too few are not wanted."""
+    def _by_row(self, block: bytes) -> dict[int, Sequence[Any]]:
+        """Numbers of rows with as many cells as the others, or whose cells too many or too few are not wanted."""
         rows = []
         for line in block.splitlines():
             cells = split_row(line.decode("utf-8", "replace"), self.layout.delimiter)
@@ -351,14 +335,15 @@ class _Parser:
                 rows.append(cells)
             else:
                 self.ragged += is_value(cells[0]) and len(cells) > 1
-        for k in self.columns:
-            values, strange = numbers([row[k] for row in rows], self.layout.decimal)
-            self._append(k, [values])
-            # Known from now on, so that Arrow reads the blocks to come.
-            self.marks += [mark for mark in strange if mark not in self.marks][: max(0, MARKS_MAX - len(self.marks))]
         if self.text is not None:
             self.texts += [row[self.text] for row in rows]
-        self.samples += len(rows)
+        columns: dict[int, Sequence[Any]] = {}
+        for k in self.columns:
+            values, strange = numbers([row[k] for row in rows], self.layout.decimal)
+            columns[k] = [values]
+            # Known from now on, so that Arrow reads the blocks to come.
+            self.marks += [mark for mark in strange if mark not in self.marks][: max(0, MARKS_MAX - len(self.marks))]
+        return columns
 
     def _last_line(self, block: bytes) -> bytes:
         """The last line of a file, which no line end closes, if it is whole."""
@@ -367,7 +352,7 @@ class _Parser:
             self.cut.append("the file ends in NUL bytes, as a loss of power leaves it")
         text = text.rstrip(b"\x1a")
         cells = split_row(text.decode("utf-8", "replace"), self.layout.delimiter)
-        columns = columns_of(self.layout.rows)
+        columns = self.layout.columns
         last = max(k for k, column in enumerate(columns) if any(column))
         if cells == [""] or (len(cells) == 1 and cells[0][:1].isalpha()):  # a remark
             return b""

@@ -283,7 +283,7 @@ def stage_of(cascade: Cascade, metric: str) -> str:
     """
     if metric == cascade.overall and len(cascade.stages) > 2:
         return cascade.names[0]
-    return cascade.between(metric)[1] if metric in cascade.ratios else metric.partition("_")[2]
+    return cascade.pairs[metric][1] if metric in cascade.ratios else metric.partition("_")[2]
 
 
 def trend(reduction: Reduction) -> Figure | None:

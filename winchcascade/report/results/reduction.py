@@ -117,7 +117,7 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
     return [
         Tile(
             m,
-            ratio_words(m, cascade.between(m)) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
+            ratio_words(m, cascade.pairs[m]) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
             f"{stated_text(reduction, found, m)} {metric(m).unit}".strip(),
             _interval(found, m) if repeats else "all cycles together",
         )
@@ -206,7 +206,7 @@ def _evidence_sections(
 
 def _net_notes(reduction: Reduction) -> list[Note]:
     """Why cycles have no net energies."""
-    reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.has_net else []
+    reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.net_ratios else []
     more = [f"{len(reasons) - LISTED_REASONS} more reasons"] if len(reasons) > LISTED_REASONS else []
     return [Note(f"{reason}.", "No net energy") for reason in (*reasons[:LISTED_REASONS], *more)]
 
