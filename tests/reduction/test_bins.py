@@ -61,18 +61,15 @@ def test_a_gap_of_the_pressure_concerns_no_power() -> None:
     assert driven({}, {"pressure": np.array([[2.0, 4.0]])}) == [2, 3, 4, 5]
 
 
-def test_of_two_samples_the_standard_error_is_half_their_distance() -> None:
-    (only,) = bin_powers(
-        np.array([0.11, 0.12]), 1000.0, np.ones(2, dtype=bool), {"line": np.array([3.0, 9.0]).__getitem__}, 100.0
-    )
-    assert only.standard_error["line"] == pytest.approx(3.0)
-
-
-def test_the_standard_error_is_that_of_independent_samples() -> None:
-    watts = np.array([1.0, 2.0, 6.0, 100.0])
-    one, other = bin_powers(
-        np.array([0.11, 0.12, 0.13, 0.31]), 1000.0, np.ones(4, dtype=bool), {"line": watts.__getitem__}, 100.0
-    )
-    assert (one.rpm_low, one.rpm_high, one.count, one.power["line"]) == (100.0, 200.0, 3, 3.0)
-    assert one.standard_error["line"] == pytest.approx(np.std([1.0, 2.0, 6.0], ddof=1) / np.sqrt(3.0))
-    assert (other.rpm_low, other.count, other.power["line"], other.standard_error["line"]) == (300.0, 1, 100.0, None)
+def test_a_bin_holds_the_mean_and_the_standard_error_of_its_samples() -> None:
+    rng = np.random.default_rng(5)
+    v = np.append(rng.uniform(0.0, 1.0, 5000), 1.55)
+    watts = 1000.0 * v + rng.normal(0, 50, v.size)
+    *bins, last = bin_powers(v, 3000.0, v > 0.2, {"line": watts.__getitem__, "gen": None}, 100.0)
+    assert [b.rpm_low for b in bins] == [100.0 * k for k in range(6, 30)]
+    for b in bins:
+        inside = (v > 0.2) & (v * 3000.0 >= b.rpm_low) & (v * 3000.0 < b.rpm_high)
+        assert b.count == inside.sum()
+        assert b.power == {"line": pytest.approx(watts[inside].mean()), "gen": None}
+        assert b.standard_error["line"] == pytest.approx(watts[inside].std(ddof=1) / np.sqrt(b.count), rel=1e-6)
+    assert (last.rpm_low, last.count, last.standard_error["line"]) == (4600.0, 1, None)

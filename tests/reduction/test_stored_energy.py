@@ -11,7 +11,7 @@ from test_cli import winchcascade
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.reduction.bins import STORES, stored_powers, storing
+from winchcascade.reduction.bins import STORES, stored_powers
 
 TOP = 0.62
 """Line speed at the end of the ramp: 2277 rpm. [m/s]"""
@@ -76,14 +76,6 @@ def test_what_the_rig_file_does_not_state_is_null(tmp_path: Path, gone: str, mis
     stored = {f"power_{store}_w" for store in STORES}
     assert {b[missing] for b in bins} == {None}
     assert all(b[name] is not None for b in bins for name in stored - {missing})
-
-
-def test_what_goes_into_a_store_is_the_difference_of_its_energy() -> None:
-    t = np.concatenate((np.arange(0.0, 5.0, 0.04), np.arange(5.03, 10.0, 0.03)))  # stamps of two rates
-    x = 3.0 + np.sin(0.8 * t)
-    gained = 2.0 * 0.5 * (x[-20] ** 2 - x[20] ** 2)
-    found = storing(t, x, 2.0)
-    assert np.trapezoid(found[20:-19], t[20:-19]) == pytest.approx(gained, abs=0.01)
 
 
 def test_a_speed_that_is_logged_stores_as_one_of_the_line() -> None:

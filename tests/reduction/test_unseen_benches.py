@@ -94,28 +94,6 @@ def test_a_minus_sign_of_a_rig_file_speaks_of_the_log_also_where_a_sign_is_corre
     assert ", -0 J" not in out
 
 
-def test_a_column_of_labels_is_no_unknown_column(tmp_path: Path) -> None:
-    rng, t = np.random.default_rng(7), np.arange(0.0, 60.0, 0.02)
-    v = 0.6 * np.sin(2.0 * np.pi * t / 7.0)
-    force = 1200.0 + 1000.0 * np.maximum(v, 0.0)
-    words = np.where(v > 0.03, "ausspulen", np.where(v < -0.03, "einholen", "halt"))
-    lines = ["Zeit (s);Seilgeschwindigkeit (m/min);Seilzug (daN);Phase"]
-    lines += [
-        f"{a:.2f};{-60.0 * b + rng.normal(0.0, 0.2):.3f};{0.1 * c:.3f};{word}"
-        for a, b, c, word in zip(t, v, force, words, strict=True)
-    ]
-    log, rig = tmp_path / "sea.csv", tmp_path / "sea.toml"
-    log.write_text("\n".join([*lines, ""]))
-    rig.write_text(
-        'name = "winch"\n[cascade]\nstages = ["line"]\n[phases]\nfrom = "column"\ncolumn = "Phase"\n'
-        'payout = ["ausspulen"]\nhaul_in = ["einholen"]\n'
-    )
-    code, out, err = call("reduce", log, "--rig", rig, "--json", tmp_path / "a.json")
-    assert (code, err) == (0, "")
-    assert "unknown_column" not in out
-    assert compared(tmp_path / "a.json", t, {"line": force * v}) >= 7
-
-
 @pytest.mark.parametrize("rows", [2, 6])
 def test_a_short_table_of_step_means_is_reduced_and_a_short_log_names_that_source(tmp_path: Path, rows: int) -> None:
     speed, torque = np.linspace(200.0, 600.0, rows), np.linspace(20.0, 60.0, rows)
@@ -159,33 +137,6 @@ stages = ["line", "hyd"]
 [phases]
 from = "waves"
 """
-
-
-def test_a_force_that_switches_between_two_values_is_no_fault_of_the_logger(tmp_path: Path) -> None:
-    """A hydraulic ram against a constant pressure: force and pressure hold two values, exactly."""
-    t = 0.02 * np.arange(6000)
-    v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)
-    force, flow = 4000.0 * np.sign(v), 0.002 * np.abs(v)
-    pressure = np.where(flow > 1e-7, 16e5, 0.0)
-    rows = np.column_stack((t, v, force / 1e3, 6e4 * flow, pressure / 1e5))
-    head = "Temps (s);Vitesse (m/s);Force (kN);D\u00e9bit (l/min);Pression (bar)"
-    result = bench(tmp_path, "ram.csv", table(head, rows), RECIPROCATING)
-    assert compared(result, t, {"line": force * v, "hyd": pressure * flow}) == 14
-    assert found_in(result) == set()
-    record = json.loads(result.read_text(encoding="utf-8"))["waves"]["record"]
-    assert record["power_line_w"] == pytest.approx(np.trapezoid(force * v, t) / t[-1], rel=1e-4)
-
-
-def test_a_record_of_which_gaps_leave_nothing_has_no_mean_power(tmp_path: Path) -> None:
-    t = 0.02 * np.arange(3000)
-    v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)
-    force = np.where((t > 0.01) & (t < t[-1] - 0.01), np.nan, 500.0)
-    rows = "".join(f"{a:.2f},{b:.4f},{'' if np.isnan(c) else c}\n" for a, b, c in zip(t, v, force, strict=True))
-    rig = RECIPROCATING.replace('"line", "hyd"', '"line"')
-    content = f"Time (s),Velocity (m/s),Force (N)\n{rows}".encode()
-    record = json.loads(bench(tmp_path, "lost.csv", content, rig).read_text(encoding="utf-8"))["waves"]
-    assert record["mean_power"]["line"]["value"] is None
-    assert "power_line_w" not in record["record"]
 
 
 def test_a_motor_in_newton_centimetres_and_turns_a_minute_beside_kilowatts(tmp_path: Path) -> None:

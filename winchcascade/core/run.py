@@ -170,6 +170,7 @@ class Run(msgspec.Struct, frozen=True):
     simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
     origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from
     labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere, where the rig file names a column of phases
+    signs : -1 for each channel that is logged with the opposite sign, and was turned
     first_stamp : date and time of the first sample as the log writes it, where its stamps are texts
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
     started : when the run began, on a clock that the runs of a campaign share: since 1970, of local times as if they were UTC;
@@ -188,6 +189,7 @@ class Run(msgspec.Struct, frozen=True):
     samples: int
     gaps: Mapping[str, Signal] = msgspec.field(default_factory=dict)
     labels: Signal | None = None
+    signs: Mapping[str, float] = msgspec.field(default_factory=dict)
     load: float | None = None
     load_source: str = "unknown"
     path: str = ""

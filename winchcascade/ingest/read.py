@@ -289,6 +289,7 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
         samples=loaded.samples,
         gaps=dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {}),
         labels=labels if labels is None or clock.rows is None else labels[clock.rows],
+        signs=checked.signs,
         load=load,
         load_source=load_source,
         about=settings.about,

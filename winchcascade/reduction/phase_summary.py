@@ -111,7 +111,12 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     ).reshape(-1, 2)
     powers = tuple(f"power_{stage}" for stage in ("line", "mech", "gen"))
     means = _means(phased, ("velocity", "force", "torque", "pressure", *powers), spans)
-    hauls, points, flows = spans[2 * len(cycles) :], _points(phased), _both_ways(phased)
+    hauls, flows = spans[2 * len(cycles) :], _both_ways(phased)
+    points: list[OperatingPoint | msgspec.UnsetType] = [msgspec.UNSET] * len(cycles)
+    if not phased.rig.phases.by_motion and {"speed", "torque"} & run.channels.keys():
+        rows = _means(phased, ("speed", "torque"), whole_cycles(phased))
+        rpm = [None if of["speed"] is None else of["speed"] * 30.0 / math.pi for of in rows]
+        points = [OperatingPoint(speed, of["torque"]) for speed, of in zip(rpm, rows, strict=True)]
     top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
     minimum = extremes(run.t, run.channels["force"], hauls)[0].tolist() if "force" in run.channels else None
     line = BUILT_IN["line"].stream(run.channels, None)
@@ -127,24 +132,17 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
             plateau = PlateauSummary(begin, braking, speed, *of_channels)
         if c.hold is not None:
             pressure = None if held["pressure"] is None else held["pressure"] / KGCM2
-            hold = HoldSummary(_lasting(*c.hold), held["force"], held["torque"], pressure)
+            hold = HoldSummary(round(c.hold[1] - c.hold[0], 9), held["force"], held["torque"], pressure)
         if c.haul_in is not None:
             speed, force = top[k] if known else None, minimum[k] if minimum else None
-            haul_in = HaulInSummary(_lasting(*c.haul_in), speed, hauled["force"], force, energy[k] if energy else None)
+            haul_in = HaulInSummary(
+                round(c.haul_in[1] - c.haul_in[0], 9), speed, hauled["force"], force, energy[k] if energy else None
+            )
         travel, speed_max = phased.travel[k], phased.speed_max[k] if known else None
-        duration = _lasting(c.onset, c.payout_end)
+        duration = round(c.payout_end - c.onset, 9)  # without the error of the subtraction of stamps
         payout = PayoutSummary(duration, travel if math.isfinite(travel) else None, speed_max, plateau)
         found.append(PhaseSummary(payout, hold, haul_in, points[k], flows[k]))
     return found
-
-
-def _points(phased: PhasedRun) -> list[OperatingPoint | msgspec.UnsetType]:
-    """Mean speed and torque of each cycle that is a span; unset where payouts are found in a motion."""
-    if phased.rig.phases.by_motion or not {"speed", "torque"} & phased.run.channels.keys():
-        return [msgspec.UNSET] * len(phased.cycles)
-    means = _means(phased, ("speed", "torque"), whole_cycles(phased))
-    rpm = [None if of["speed"] is None else of["speed"] * 30.0 / math.pi for of in means]
-    return [OperatingPoint(speed, of["torque"]) for speed, of in zip(rpm, means, strict=True)]
 
 
 def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | msgspec.UnsetType]:
@@ -160,11 +158,6 @@ def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | msgspec.Unse
             for cycle, both in zip(found, integrals_of(run.t, sides, whole_cycles(phased)).T.tolist(), strict=True):
                 cycle[stage.name] = BothWays(*both)
     return found
-
-
-def _lasting(begin: float, end: float) -> float:
-    """Duration without the error of the subtraction of stamps. [s]"""
-    return round(end - begin, 9)
 
 
 def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[dict[str, Any]]:

@@ -134,9 +134,8 @@ def _fitting(run: Run, given: Rig | None, window: str | float | None) -> tuple[R
     """
     rig = given_rig("reduce", given, run.rig)
     read_with = run.rig or rig
-    corrected = [f.channel for f in run.findings if f.kind == "sign_flipped" and f.action == "sign corrected"]
-    if corrected:
-        rig = replace(rig, cascade=rig.cascade.as_read([name for name in corrected if name is not None]))
+    if run.signs:
+        rig = replace(rig, cascade=rig.cascade.as_read(run.signs))
     known = {*rig.known_channels, *read_with.known_channels}
     unknown = [name for name in run.channels if name not in known]
     if unknown:

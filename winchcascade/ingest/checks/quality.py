@@ -52,6 +52,7 @@ class Checked(msgspec.Struct, frozen=True):
     """Stamps, channels without holes, the gaps that were bridged in each, (k, 2) stamps [s], and what was found.
 
     `t` differs from the log's stamps where rows were lost while the clock was renumbered; `clock` holds the gaps there.
+    `signs` has -1 for each channel that is logged with the opposite sign.
     """
 
     t: Signal
@@ -59,6 +60,7 @@ class Checked(msgspec.Struct, frozen=True):
     gaps: dict[str, Signal]
     findings: tuple[Finding, ...]
     clock: Signal
+    signs: Mapping[str, float] = {}
 
 
 def check(
@@ -114,7 +116,8 @@ def _repaired(log: LogInCheck, *, simulated: bool, open_circuit: bool) -> Checke
             _take_out_still(log, witnesses)
         findings += _dead(log, open_circuit=open_circuit)
         _compare_channels(log, logged=logged)
-    return _checked(log, renumbered)
+    signs = {f.channel: -1.0 for f in corrected if f.channel is not None}
+    return msgspec.structs.replace(_checked(log, renumbered), signs=signs)
 
 
 def _as_logged(log: LogInCheck, found: Checked) -> Checked:
@@ -136,7 +139,7 @@ def _as_logged(log: LogInCheck, found: Checked) -> Checked:
     times = found.t, log.t
     kept = [f if f.kind in applied else _not_repaired(f, times) for f in found.findings if f.kind != "slack_line"]
     log.findings[:] = kept
-    return _checked(log, np.empty((0, 2)))
+    return msgspec.structs.replace(_checked(log, np.empty((0, 2))), signs=found.signs)
 
 
 def _not_repaired(finding: Finding, times: tuple[Signal, Signal]) -> Finding:
