@@ -240,15 +240,6 @@ def test_without_cycles_or_with_one_only_what_is_known_is_stated() -> None:
     assert (none_of(never.budget.mean), dict(never.interval_95)) == (set(METRICS), {})
 
 
-def test_a_logged_shaft_power_has_the_error_of_its_own_sensor() -> None:
-    run = channels_of_run36(torque=None, power_mech=run36().channels["torque"] * run36().channels["velocity"] / R_DRUM)
-    rig = rig_with(power_mech=Sensor("W", accuracy=3.0, accuracy_reading=0.02))
-    found = budget(reduce(run, rig=rig, window=5.48))
-    expected = math.hypot(3.0, 0.02 * reduced().mean.value("power_mech")) / math.sqrt(3.0)
-    assert found.sensors.power_mech == pytest.approx(expected, rel=ROUNDING)
-    assert found.sensors.energy_mech == pytest.approx(5.48 * expected, rel=ROUNDING)
-
-
 def test_the_errors_of_a_power_that_is_a_sum_change_it_as_a_log_that_is_read_too_high() -> None:
     power = Power((Term(("vdc", "idc")), Term(("idc",), constant=60.0), Term((), constant=-5.0)))
     cascade = Cascade((BUILT_IN["line"], Stage("own", (power,))), configured=True)

@@ -19,7 +19,7 @@ from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.toml_file import struct_fields
+from winchcascade.core.toml_file import convert, struct_fields
 
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]
 """What the cycles of a log are found in."""
@@ -28,10 +28,10 @@ MOTION_SOURCES = ("velocity", "displacement", "speed")
 """Sources in which payouts are found by a motion; the window of every other one is the whole span of its cycle."""
 
 _Label = Annotated[str, Meta(pattern=r"\S")] | int | float
-_Positive = Annotated[float, Meta(gt=0.0, lt=1e9)]
+NotNegative = Annotated[float, Meta(ge=0.0, le=1e300)]
+Positive = Annotated[float, Meta(gt=0.0, le=1e300)]
 _ShareOfAll = Annotated[float, Meta(gt=0.0, le=1.0)]
 Finite = Annotated[float, Meta(ge=-1e300, le=1e300)]
-_Size = Annotated[float, Meta(ge=0.0, le=1e12)]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 _Coverage = Annotated[float, Meta(ge=1.0, le=10.0)]
 
@@ -53,12 +53,12 @@ class PhaseRule(
     """and in haul-in."""
     ranges: Ranges = ()
     """Begin and end of each cycle on the clock of the log, with `ranges`. [s]"""
-    rpm_onset: _Positive = 5.0
+    rpm_onset: Positive = 5.0
     """The shaft turns from this speed on, with `speed`, `steps` and with `waves` of a shaft: above ripple and noise of usual
     encoders, below any operating point. [rpm]"""
-    turns_min: _Positive = 0.25
+    turns_min: Positive = 0.25
     """Motions that turn the shaft less are no payout, with `speed`: 0.2 m on a drum of 0.13 m, as `stroke_min`. [rev]"""
-    step_min: _Positive = 2.0
+    step_min: Positive = 2.0
     """A step lasts at least this long beyond its settling, with `steps`: some revolutions at 100 rpm. [s]"""
     settle: Annotated[float, Meta(ge=0.0, lt=1e9)] = 0.5
     """What is left out at the beginning of each step: speed controllers and filters settle within it. [s]"""
@@ -93,28 +93,12 @@ class PhaseRule(
 
 
 class Measure(msgspec.Struct, frozen=True):
-    """What a number of a rig file measures, as an annotation of its field, and which values are possible, in SI units.
-
-    `dimension` is None for a number without unit. Values lie from `low` to `high`, and above 0 if `positive`: beyond them no
-    rig is known, and the unit or the number is wrong.
+    """What a number of a rig file measures, as an annotation of its field, and the type of possible values in SI units: beyond
+    them no rig is known, and the unit or the number is wrong.
     """
 
-    dimension: str | None
-    low: float = 0.0
-    high: float = math.inf
-    positive: bool = False
-
-    def holds(self, value: float) -> bool:
-        """Whether a value in SI units is possible."""
-        return self.low <= value <= self.high and (value > 0.0 or not self.positive)
-
-    @property
-    def words(self) -> str:
-        """Possible values, for the sentence of a fault."""
-        if self.low > 0.0 or (self.high > 1.0 and math.isfinite(self.high)):
-            return f"between {self.low:g} and {self.high:g}{' in SI units' if self.dimension else ''}"
-        zero = "above 0" if self.positive else "from 0 on"
-        return "a share between 0 and 1" if self.high == 1.0 else f"a number {zero}"
+    dimension: str
+    si: Any = NotNegative
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -130,15 +114,15 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     instrument: str = ""
     low: Finite | None = None
     high: Finite | None = None
-    resolution: _Size | None = None
-    accuracy: _Size | None = None
+    resolution: NotNegative | None = None
+    accuracy: NotNegative | None = None
     accuracy_full_scale: _Share | None = None
     accuracy_reading: _Share | None = None
     coverage: _Coverage | None = None
     daq_full_scale: _Share | None = None
     daq_reading: _Share | None = None
     daq_coverage: _Coverage | None = None
-    u_zero: _Size | None = None
+    u_zero: NotNegative | None = None
     u_gain: _Share | None = None
     source: str = ""
 
@@ -196,7 +180,7 @@ class Winch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `line_can_push` of a rod or a rack in its place: the force of the line then has both signs, and is never slack.
     """
 
-    r_drum: Annotated[Quantity | None, Measure("length", 1e-3, 100.0)] = None
+    r_drum: Annotated[Quantity | None, Measure("length", Annotated[float, Meta(ge=1e-3, le=100.0)])] = None
     inertia: Annotated[Quantity | None, Measure("inertia")] = None
     motion: Literal["drum", "line"] = "drum"
     line_can_push: bool = False
@@ -205,13 +189,13 @@ class Winch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Screw, piston and gas-charged accumulator that keep the tether taut."""
 
-    lead: Annotated[Quantity | None, Measure("lead", positive=True)] = None
+    lead: Annotated[Quantity | None, Measure("lead", Positive)] = None
     lead_angle: Annotated[Quantity | None, Measure("angle")] = None
     half_angle: Annotated[Quantity | None, Measure("angle")] = None
     mu_screw: Annotated[Quantity | None, Measure("number")] = None
-    area_piston: Annotated[Quantity | None, Measure("area", positive=True)] = None
+    area_piston: Annotated[Quantity | None, Measure("area", Positive)] = None
     p_precharge: Annotated[Quantity | None, Measure("pressure")] = None
-    volume_gas: Annotated[Quantity | None, Measure("volume", positive=True)] = None
+    volume_gas: Annotated[Quantity | None, Measure("volume", Positive)] = None
 
 
 class Drivetrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -220,8 +204,8 @@ class Drivetrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `one_way_clutch` is None where the file does not state it: the model then has one, and bins hold whole payouts.
     """
 
-    gear_ratio: Annotated[Quantity | None, Measure("number", 1e-3, 1e5)] = None
-    eta_mesh: Annotated[Quantity | None, Measure("number", high=1.0, positive=True)] = None
+    gear_ratio: Annotated[Quantity | None, Measure("number", Annotated[float, Meta(ge=1e-3, le=1e5)])] = None
+    eta_mesh: Annotated[Quantity | None, Measure("number", _ShareOfAll)] = None
     b_rotor: Annotated[Quantity | None, Measure("damping")] = None
     k_shaft: Annotated[Quantity | None, Measure("stiffness")] = None
     c_shaft: Annotated[Quantity | None, Measure("damping")] = None
@@ -233,7 +217,7 @@ class Generator(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Permanent-magnet machine and its diode bridge."""
 
     pole_pairs: Annotated[Quantity | None, Measure("number")] = None
-    k_e: Annotated[Quantity | None, Measure("back_emf", positive=True)] = None
+    k_e: Annotated[Quantity | None, Measure("back_emf", Positive)] = None
     r_s: Annotated[Quantity | None, Measure("resistance")] = None
     l_s: Annotated[Quantity | None, Measure("inductance")] = None
     v_diode: Annotated[Quantity | None, Measure("voltage")] = None
@@ -272,32 +256,32 @@ class Thresholds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     window: Literal["auto", "payout"] | Annotated[float, Meta(gt=0.0, lt=1e9, description="a length in seconds")] = (
         "auto"
     )
-    v_onset: Annotated[float, Measure("velocity", 1e-6, 100.0)] = 0.03
+    v_onset: Annotated[float, Meta(ge=1e-6, le=100.0), Measure("velocity")] = 0.03
     """Payout begins where the smoothed line velocity first exceeds this (Sec. 3.2). [m/s]"""
-    smoothing: Annotated[float, Measure("time", 1e-3, 10.0)] = 0.6
+    smoothing: Annotated[float, Meta(ge=1e-3, le=10.0), Measure("time")] = 0.6
     """Width of the local quadratic that smooths the line velocity for detection. [s]"""
-    stroke_min: Annotated[float, Measure("length", 1e-6, 1e4)] = 0.2
+    stroke_min: Annotated[float, Meta(ge=1e-6, le=1e4), Measure("length")] = 0.2
     """Motions that travel less are no payout. [m]"""
-    reversal_max: Annotated[float, Measure(None, high=1.0, positive=True)] = 0.5
+    reversal_max: _ShareOfAll = 0.5
     """A reversal inside a payout takes back less than this share of it; a haul-in takes back more. [1]"""
-    creep_max: Annotated[float, Measure(None, high=1.0)] = 0.1
+    creep_max: _Share = 0.1
     """A motion apart that stays below this share of the payout's top speed is crane creep. [1]"""
-    aborted_below: Annotated[float, Measure(None, high=1.0)] = 0.5
+    aborted_below: _Share = 0.5
     """A payout that travels less than this share of the median is an aborted one (not with window `payout`). [1]"""
-    plateau_quantile: Annotated[float, Measure(None, high=1.0)] = 0.99
-    plateau_band: Annotated[float, Measure(None, high=1.0)] = 0.90
-    plateau_level: Annotated[float, Measure(None, high=1.0)] = 0.98
-    plateau_hold: Annotated[float, Measure("time", 1e-3, 1e3)] = 0.2
+    plateau_quantile: _Share = 0.99
+    plateau_band: _Share = 0.90
+    plateau_level: _Share = 0.98
+    plateau_hold: Annotated[float, Meta(ge=1e-3, le=1e3), Measure("time")] = 0.2
     """The plateau begins where the velocity stays above its level for this long. [s]"""
-    settle: Annotated[float, Measure("time", 0.0, 1e6)] = 0.5
+    settle: Annotated[float, Meta(ge=0.0, le=1e6), Measure("time")] = 0.5
     """The window `auto` ends this long after the plateau begins. [s]"""
-    tau_engaged: Annotated[float, Measure("torque")] = 2.0
+    tau_engaged: Annotated[NotNegative, Measure("torque")] = 2.0
     """With less torque on the PTO shaft than this the shaft runs free: zero and noise of the torque sensor. [N m]"""
-    rpm_bin: Annotated[float, Measure(None, 1.0, 1e5)] = 100.0
+    rpm_bin: Annotated[float, Meta(ge=1.0, le=1e5)] = 100.0
     """Width of a bin of generator speed (Sec. 3.2). [rpm]"""
-    gap_max: Annotated[float, Measure("time", 0.0, 1e6)] = 1.0
+    gap_max: Annotated[float, Meta(ge=0.0, le=1e6), Measure("time")] = 1.0
     """A longer gap inside a window makes its cycle incomplete. [s]"""
-    gap_energy_max: Annotated[float, Measure(None)] = 0.005
+    gap_energy_max: NotNegative = 0.005
     """So does a gap whose bridging could change an energy by more than this share. [1]"""
 
 
@@ -397,15 +381,13 @@ class Rig(msgspec.Struct, frozen=True):
         for name, kind in kinds_of_rig().items():
             if not isinstance(part := getattr(self, name), kind):
                 raise RigError(f"Rig: {name} is {part!r:.100}; expected a {kind.__name__}.")
-            for number, measure in measures(kind).items():
+            for number in measures(kind) if kind is not Thresholds else ():
                 value = getattr(part, number)
-                if kind is Thresholds and not (isinstance(value, float | int) and measure.holds(value)):
-                    raise RigError(f"Rig: {name}.{number} is {value!r:.100}; expected {measure.words}.")
-                known = isinstance(value, Quantity) and math.isfinite(value.value)
-                if kind is not Thresholds and not (value is None or known):
+                if not (value is None or (isinstance(value, Quantity) and math.isfinite(value.value))):
                     raise RigError(
                         f"Rig: {name}.{number} is {value!r:.100}; expected a finite Quantity, such as Quantity(0.13, 'm')."
                     )
+        convert(msgspec.structs.asdict(self.thresholds), Thresholds, "Rig: thresholds", RigError)
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:

@@ -192,14 +192,10 @@ def _part(raw: object, kind: Any, place: str) -> Any:
     _check_replaced(table, place)
     numbers: Table = {}
     for name, measure in measures(kind).items():
-        if (stated := table.get(name)) is None:
+        if (stated := table.get(name)) is None or (kind is Thresholds and not isinstance(stated, dict)):
             continue
-        if kind is not Thresholds:
-            numbers[name] = _quantity(stated, f"{place} {name}", measure)
-        elif isinstance(stated, dict):
-            numbers[name] = _quantity(stated, f"{place} {name}", measure).value
-        else:
-            numbers[name] = _possible(convert(stated, Finite, f"{place} {name}", RigError), f"{place} {name}", measure)
+        number = _quantity(stated, f"{place} {name}", measure)
+        numbers[name] = number.value if kind is Thresholds else number
     return convert({**table, **numbers}, kind, place, RigError)
 
 
@@ -264,8 +260,8 @@ def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
     number: _Number = convert(raw, _Number, place, RigError)
     unit = find_unit(number.unit)
     if unit is None or unit.dimension != measure.dimension:
-        raise RigError(f"{place}: the unit {number.unit!r} is none of {str(measure.dimension).replace('_', ' ')}.")
-    value = _possible(number.value * unit.factor + unit.offset, place, measure)
+        raise RigError(f"{place}: the unit {number.unit!r} is none of {measure.dimension.replace('_', ' ')}.")
+    value: float = convert(number.value * unit.factor + unit.offset, measure.si, f"{place} in SI units", RigError)
     key = next((key for key in UNCERTAINTIES if getattr(number, key) is not None), None)
     u, limits = None, key is not None and key.startswith("limits")
     if key is not None:
@@ -281,13 +277,6 @@ def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
             prior = _quantity({"unit": number.unit, **record.prior}, where, measure)
         calibrated = Calibrated(record.log, record.sha256, prior)
     return Quantity(value, number.unit, number.source, u, calibrated, limits)
-
-
-def _possible(value: float, place: str, measure: Measure) -> float:
-    """A number that must be possible for what it measures [SI unit]; RigError with its place."""
-    if not measure.holds(value):
-        raise RigError(f"{place} is {value:g}; expected {measure.words}.")
-    return value
 
 
 def _cascade(file: _RigFile, known: Mapping[str, Channel], where: str) -> Cascade:

@@ -18,29 +18,27 @@ import numpy as np
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency_changes import ALPHA, PRIOR
 
-SMOOTH = 0.005
+ETA_SCATTER = 0.005
 """Relative standard deviation of an efficiency about these laws that is assumed before any is measured: the repeatability from
 day to day, and what the laws leave of a real machine."""
 
-FAR = 0.01
+ETA_DISTANCE_MIN = 0.01
 """Smallest distance of interest: twice the 0.005 to which an efficiency can be stated at best. [1]"""
 
-MAX_FAR = 3
+MIN_OTHERS = 3
 """Minimum number of logs for each one that lies far from the others; with more of these the usual value is unclear."""
 
 MAX_PAIRED = 30
 """Maximum number of logs of which pairs are tried: of more the others outvote two that were swapped."""
 
-TINY = 1e-6
+PHYSICAL_MIN = 1e-6
 """No rig has a load, a speed or a power below this, nor a load above its inverse. [ohm, m/s, W]"""
-
-LAWS = 3
-"""Terms of the laws above, the constant included."""
 
 
 class LogEfficiency(msgspec.Struct, frozen=True):
     """Efficiencies of a log: means with their standard uncertainties without the gains, load [ohm], speed of the
-    payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared.
+    payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared. `cycles`
+    has the energies of each complete cycle to six digits, which two cycles share by being the same one alone.
     """
 
     name: str
@@ -50,6 +48,7 @@ class LogEfficiency(msgspec.Struct, frozen=True):
     power: float | None
     eta: Mapping[str, float | None]
     uncertainty: Mapping[str, float | None]
+    cycles: frozenset[str] = frozenset()
 
 
 class Apart(msgspec.Struct, frozen=True):
@@ -92,8 +91,11 @@ def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
     One log at a time is left out and predicted from the others, then two where no single one explains it, as of two logs that
     were swapped. Significance is that of all these comparisons together.
     """
-    loaded = [log for log in logs if log.load is None or TINY < log.load < 1.0 / TINY]
-    given = {m: [log for log in loaded if (log.eta.get(m) or 0.0) > FAR] for m in ("eta_trans", "eta_gen", "eta_pto")}
+    loaded = [log for log in logs if log.load is None or PHYSICAL_MIN < log.load < 1.0 / PHYSICAL_MIN]
+    given = {
+        m: [log for log in loaded if (log.eta.get(m) or 0.0) > ETA_DISTANCE_MIN]
+        for m in ("eta_trans", "eta_gen", "eta_pto")
+    }
     tested = [m for m in ("eta_trans", "eta_gen") if len(given[m]) > 1] or ["eta_pto"]
     found: list[Apart] = []
     for metric in tested:
@@ -107,7 +109,7 @@ def _apart(metric: str, logs: Sequence[LogEfficiency], metrics: int) -> list[Apa
         logs = [log for log in logs if log.load is not None]
     left, rows = list(range(len(logs))), _rows(metric, logs)
     found: list[Apart] = []
-    while rows is not None and len(found) < max(len(logs) // MAX_FAR, 1):
+    while rows is not None and len(found) < max(len(logs) // MIN_OTHERS, 1):
         chosen, others = _most_apart(rows, left, metrics)
         if not chosen:
             break
@@ -125,19 +127,19 @@ def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
     eta = np.array([log.eta[metric] for log in logs])
     loads = [log.load for log in logs]
     distinct = len(set(loads)) if None not in loads else len(logs)
-    v = np.array([max(log.speed, TINY) for log in logs])
+    v = np.array([max(log.speed, PHYSICAL_MIN) for log in logs])
     if metric == "eta_trans":
-        if any((log.power or 0.0) < TINY for log in logs):
+        if any((log.power or 0.0) < PHYSICAL_MIN for log in logs):
             return None
         power = np.array([log.power for log in logs])
         terms = np.column_stack([np.ones(len(logs)), v / power, v * v / power])
     else:
         r = np.array(loads, dtype=np.float64)
         terms = np.column_stack([np.ones(len(logs)), 1.0 / r, r])
-    terms = terms[:, : min(LAWS, distinct)]
+    terms = terms[:, :distinct]
     terms /= np.linalg.norm(terms, axis=0) if len(logs) else 1.0
     u = np.array([log.uncertainty.get(metric) or 0.0 for log in logs]) / eta
-    sd = np.hypot(SMOOTH, u) / eta
+    sd = np.hypot(ETA_SCATTER, u) / eta
     return _Rows(sd, 1.0 / eta / sd, np.log(v) / sd, terms / sd[:, None], 1.0 - eta)
 
 
@@ -146,9 +148,9 @@ def _distance(rows: _Rows, left: Sequence[int], out: Sequence[int]) -> _Distance
     from scipy.special import fdtrc
 
     by, of = [k for k in left if k not in out], list(out)
-    inverse = np.linalg.pinv(rows.terms[by], rcond=TINY)  # terms that go together, as at one speed, count once
+    inverse = np.linalg.pinv(rows.terms[by], rcond=PHYSICAL_MIN)  # terms that go together, as at one speed, count once
     weights = rows.terms[of] @ inverse
-    known = np.abs(weights @ rows.terms[by] - rows.terms[of]).max() <= TINY * np.abs(rows.terms[of]).max()
+    known = np.abs(weights @ rows.terms[by] - rows.terms[of]).max() <= PHYSICAL_MIN * np.abs(rows.terms[of]).max()
     off, moved = (x[of] - weights @ x[by] for x in (rows.y, rows.ln_v))
     allowed = rows.lost[of] * np.abs(moved) * rows.y[of] * rows.sd[of]
     beyond = np.maximum(np.abs(off) - allowed, 0.0) * np.sign(off)
@@ -156,7 +158,7 @@ def _distance(rows: _Rows, left: Sequence[int], out: Sequence[int]) -> _Distance
     rest = rows.y[by] - rows.terms[by] @ (inverse @ rows.y[by])
     freedom = PRIOR + len(by) - rows.terms.shape[1]
     f = beyond @ np.linalg.solve(variance, beyond) / len(of) / ((PRIOR + rest @ rest) / freedom)
-    far = known and bool(np.all(np.abs(beyond) / (rows.y[of] ** 2 * rows.sd[of]) >= FAR))
+    far = known and bool(np.all(np.abs(beyond) / (rows.y[of] ** 2 * rows.sd[of]) >= ETA_DISTANCE_MIN))
     square = float(off @ np.linalg.solve(variance, off)) if known else 0.0
     chance = float(fdtrc(len(of), freedom, f)) if far else 1.0
     return _Distance(off * rows.sd[of], allowed * rows.sd[of], chance, square)
@@ -169,7 +171,7 @@ def _significant(rows: _Rows, left: Sequence[int], metrics: int) -> dict[tuple[i
         return {}
     single: dict[tuple[int, ...], _Distance] = {(k,): _distance(rows, left, (k,)) for k in left}
     found = {logs: d.square for logs, d in single.items() if d.chance * len(left) * metrics < ALPHA}
-    if found or not 2 * MAX_FAR <= len(left) <= MAX_PAIRED:
+    if found or not 2 * MIN_OTHERS <= len(left) <= MAX_PAIRED:
         return found
     pairs = {pair: _distance(rows, left, pair) for pair in combinations(left, 2)}
     best = min(pairs, key=lambda pair: pairs[pair].chance)
@@ -188,5 +190,5 @@ def _most_apart(rows: _Rows, left: Sequence[int], metrics: int) -> tuple[tuple[i
     few = left if len(left) <= MAX_PAIRED else []
     alone = [k for k in few if not _significant(rows, [n for n in left if n != k], metrics)]
     squares = {(k,): _distance(rows, left, (k,)).square for k in alone} or found
-    best = max(squares, key=lambda logs: squares[logs])
+    best = max(squares, key=lambda logs: round(squares[logs], 6))  # the first of those that explain it equally well
     return best, tuple(k for k in alone if (k,) != best)

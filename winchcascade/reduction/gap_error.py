@@ -11,10 +11,10 @@ from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import CLOCK, Index, Run, Signal
 
-NEAR = 0.3
+INSTANT_REACH = 0.3
 """A gap of the velocity this close to an instant moves it: half the width that smooths the velocity. [s]"""
 
-BESIDE = 0.2
+SLOPE_LENGTH_MIN = 0.2
 """Slopes beside a gap are taken over at least this long. [s]"""
 
 TOUCH = 1e-9
@@ -67,7 +67,7 @@ def bridging_error(t: Signal, x: Signal, gaps: Signal) -> Signal:
     meet.
     """
     width = np.maximum(gaps[:, 1] - gaps[:, 0], TOUCH)
-    beside = np.maximum(0.5 * width, BESIDE)
+    beside = np.maximum(0.5 * width, SLOPE_LENGTH_MIN)
     first, last = np.interp(gaps.T, t, x)
     chord = (last - first) / width
     bend_in = (first - np.interp(gaps[:, 0] - beside, t, x)) / beside - chord
@@ -106,17 +106,17 @@ def instant_error(run: Run, v_smooth: Signal, instants: Signal) -> Signal:
     if "velocity" not in run.channels:
         return moved
     gaps = gaps_of(run, ("velocity",))
-    first = np.searchsorted(instants, gaps[:, 0] - NEAR)
-    near = np.append(instants, np.inf)[first] <= gaps[:, 1] + NEAR
+    first = np.searchsorted(instants, gaps[:, 0] - INSTANT_REACH)
+    near = np.append(instants, np.inf)[first] <= gaps[:, 1] + INSTANT_REACH
     gaps, first = gaps[near], first[near]
     at, width = instants[first], gaps[:, 1] - gaps[:, 0]
-    half = np.maximum(width, NEAR)
+    half = np.maximum(width, INSTANT_REACH)
     before, after = np.interp([at - half, at + half], run.t, v_smooth)
     slope = np.maximum((after - before) / (2.0 * half), SLOPE_MIN)
     # Weight of the smoothing quadratic over its mean, by the distance in its half widths (Savitzky and Golay 1964).
-    distance = np.maximum(np.maximum(gaps[:, 0] - at, at - gaps[:, 1]), 0.0) / NEAR
+    distance = np.maximum(np.maximum(gaps[:, 0] - at, at - gaps[:, 1]), 0.0) / INSTANT_REACH
     weight = np.abs(9.0 / 4.0 - 15.0 / 4.0 * distance**2)
     metres = bridging_error(run.t, run.channels["velocity"], gaps)
-    speed = metres * np.minimum(1.5 / width, weight / (2.0 * NEAR))
-    np.add.at(moved, first, np.minimum(speed / slope, width + NEAR))
+    speed = metres * np.minimum(1.5 / width, weight / (2.0 * INSTANT_REACH))
+    np.add.at(moved, first, np.minimum(speed / slope, width + INSTANT_REACH))
     return moved

@@ -37,9 +37,6 @@ BREAKPOINTS = 25
 """Breakpoints of torque and of speed in the table: linear interpolation of a quadratic surface between them errs by less than a
 thousandth of its curvature over the whole range."""
 
-FOLDS = 10
-"""Parts of the points that are held out one after the other, where there are too few logs and cycles to hold these out."""
-
 CLUSTERS = 12
 """Minimum number of cycles from which the errors of the points of one cycle are taken as correlated."""
 
@@ -70,7 +67,7 @@ class Surface(msgspec.Struct, frozen=True):
     condition_all : the same of all five columns; infinite where some are the same
     residual : root mean square of what the surface leaves of the points [W]
     held_out : the same of points that took no part in the fit [W]; None for too few of them
-    held_out_by : what was held out: log, cycle or point
+    held_out_by : what was held out: each log, or of fewer than three each cycle
     """
 
     coefficients: tuple[Coefficient, ...]
@@ -145,7 +142,7 @@ def fit_surface(points: LossPoints, rig: Rig) -> Surface:
     kept = [k for k in range(len(TERMS)) if np.any(points.columns[:, k])]
     while len(kept) > 1 and condition_number(points.columns[:, kept]) > CONDITION_MAX:
         kept.pop()
-    x, groups, by = points.columns[:, kept], *_held_out_groups(points)
+    x, by = points.columns[:, kept], "log" if np.unique(points.log).size >= 3 else "cycle"
     fitted = _solve(x, points.loss)
     residual = points.loss - x @ fitted
     covariance, freedom = _scatter(x, residual, points.cycle)
@@ -169,7 +166,7 @@ def fit_surface(points: LossPoints, rig: Rig) -> Surface:
         condition=condition_number(x),
         condition_all=condition_number(points.columns),
         residual=_rms(residual),
-        held_out=_held_out(x, points.loss, groups),
+        held_out=_held_out(x, points.loss, points.log if by == "log" else points.cycle),
         held_out_by=by,
     )
 
@@ -187,15 +184,6 @@ def condition_number(x: Signal) -> float:
     if x.shape[0] < x.shape[1] or sizes[-1] <= 1e-12 * sizes[0]:
         return math.inf
     return float(sizes[0] / sizes[-1])
-
-
-def _held_out_groups(points: LossPoints) -> tuple[Index, str]:
-    """Number of the part of each point that is held out together, and what the parts are."""
-    if np.unique(points.log).size >= 3:
-        return points.log, "log"
-    if np.unique(points.cycle).size >= 3:
-        return points.cycle, "cycle"
-    return np.arange(points.loss.size) % FOLDS, "point"
 
 
 def _held_out(x: Signal, loss: Signal, groups: Index) -> float | None:

@@ -27,7 +27,7 @@ from winchcascade.reduction.reduction_result import Reduction
 STORING = ("line", "hyd")
 """Stages next to which gas, oil or inertia store energy: no loss follows from their power at an instant."""
 
-BLOCK = 0.5
+BLOCK_LENGTH = 0.5
 """Length of the blocks of a motion: longer than the ringing of the shaft, shorter than the acceleration of a crane. [s]"""
 
 SMOOTHING = 0.44
@@ -36,7 +36,7 @@ SMOOTHING = 0.44
 TURNING = 0.5
 """Mean speed from which the shaft turns: below, bearings stick and resolution decides. [rad/s]"""
 
-STEADY = 0.02
+SPEED_CHANGE_MAX = 0.02
 """Largest rate at which the speed changes within a point, as a share of the speed, where the inertia is unknown. [1/s]"""
 
 
@@ -226,7 +226,7 @@ def _spans(reduction: Reduction) -> tuple[Signal, Index]:
     spans: list[tuple[float, float]] = []
     for first, stop in stretches_of(driven).tolist():  # cut into blocks of equal length
         begin, end = float(run.t[first]), float(run.t[stop - 1])
-        count = int((end - begin) / BLOCK)
+        count = int((end - begin) / BLOCK_LENGTH)
         spans += pairwise(np.linspace(begin, end, count + 1).tolist() if count else [])
     blocks = np.array(spans).reshape(-1, 2)
     return blocks, np.searchsorted([c.phases.onset for c in complete], blocks[:, 0], side="right") - 1
@@ -277,7 +277,7 @@ def _usable(points: LossPoints, change: Signal, rig: Rig) -> LossPoints:
     change : of the speed within each point, (k,) [rad/s]
     """
     resting = points.speed < TURNING
-    unsteady = ~resting & (change > STEADY * points.speed * points.duration) & (_shaft_inertia(rig) is None)
+    unsteady = ~resting & (change > SPEED_CHANGE_MAX * points.speed * points.duration) & (_shaft_inertia(rig) is None)
     reasons = {"shaft at rest": resting, "speed changes and inertia_rotor is unknown": unsteady}
     left_out = {reason: int(of.sum()) for reason, of in reasons.items() if of.any()}
     good = ~resting & ~unsteady

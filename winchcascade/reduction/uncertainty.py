@@ -38,7 +38,7 @@ third sample alone changes of an energy."""
 TAKEN_AS_EXACT = ("velocity",)
 """Channels without a stated accuracy that count as exact: an encoder's counts have neither zero nor gain error."""
 
-STEP = 1e-30
+IMAGINARY_STEP = 1e-30
 """Imaginary step by which the model is differentiated: what it leaves out is below rounding (Squire and Trapp 1998). [1]"""
 
 NORMAL_REACH = 3.0
@@ -234,11 +234,11 @@ class ErrorModel(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def steps(self) -> Errors:
         """A small imaginary share of one standard uncertainty of one source after the other."""
-        return self.errors(1j * STEP * np.diag(np.array([source.u for source in self.sources])))
+        return self.errors(1j * IMAGINARY_STEP * np.diag(np.array([source.u for source in self.sources])))
 
     def changes(self, of: Energy | Ratio) -> Signal:
         """Change with one standard uncertainty of each source, (m, k)."""
-        return np.asarray(of.without(self.steps).imag / STEP)
+        return np.asarray(of.without(self.steps).imag / IMAGINARY_STEP)
 
     def ratio(self, metric: str, rows: Index) -> Ratio:
         """A metric of some cycles that have it."""

@@ -18,8 +18,8 @@ from winchcascade.core.accuracy import Shape, student
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import not_negative, ratio
 
-DRAWS = 4000
-SEED = 20260101
+BOOTSTRAP_DRAWS = 4000
+BOOTSTRAP_SEED = 20260101
 """Draws of the bootstrap and the seed of its random numbers: the same data give the same interval."""
 
 MIN_WAVES = 8
@@ -28,7 +28,7 @@ MIN_WAVES = 8
 SIGNIFICANT = 2.0
 """Number of standard deviations below which an autocorrelation counts as zero (Politis and White 2004, Sec. 3.2: about 2)."""
 
-TINY = 1e-9
+RECORD_MIN = 1e-9
 """No record is shorter. [s]"""
 
 _AT_ONCE = 2_000_000
@@ -58,14 +58,14 @@ class EnergyError(msgspec.Struct, frozen=True):
         return up - down if self.shared else math.hypot(up, down)
 
 
-WRITTEN = {
+WRITTEN_RATIO = {
     "interval": "interval_95", "block": "block_waves", "u_waves": "standard_uncertainty_waves",
     "u_sensors": "standard_uncertainty_sensors",
 }  # fmt: skip
 """Names of the fields in written files."""
 
 
-class RatioOfSums(msgspec.Struct, frozen=True, rename=WRITTEN):
+class RatioOfSums(msgspec.Struct, frozen=True, rename=WRITTEN_RATIO):
     """An efficiency of all waves together [1], or the mean power of the record [W].
 
     `interval` holds 95 % by the waves, and by the sensors where `u_sensors`, their standard uncertainty, is known; `u_waves` is
@@ -112,7 +112,7 @@ def mean_power(
     counts, errors : as of `ratio_of_sums`, errors of the power [W]
     """
     periods, joules = waves or (np.empty(0), np.empty(0))
-    share = float(periods.sum()) / max(record[0], TINY)
+    share = float(periods.sum()) / max(record[0], RECORD_MIN)
     return _with_interval(ratio(record[1], record[0]), (periods, joules), share, counts or [periods.size], errors)
 
 
@@ -124,7 +124,7 @@ def _with_interval(
     x, y = of
     if value is None or x.size < MIN_WAVES:
         return RatioOfSums(value, u_sensors=u_sensors)
-    rng, measured = np.random.default_rng(SEED), float(y.sum()) / float(x.sum())
+    rng, measured = np.random.default_rng(BOOTSTRAP_SEED), float(y.sum()) / float(x.sum())
     logs = [log for log in np.split(np.array(of), np.cumsum(counts)[:-1], axis=1) if log.size]
     blocks = [block_length(log[1] - measured * log[0]) for log in logs]
     sums = np.sum([_resampled(log, block, rng) for log, block in zip(logs, blocks, strict=True)], axis=0)
@@ -134,20 +134,22 @@ def _with_interval(
     drawn = value + around * (student(freedom) / student(math.inf))
     for size, shape in errors or ():  # independent of which waves came
         root = math.sqrt(3.0)
-        drawn += size * (rng.standard_normal(DRAWS) if shape == "normal" else rng.uniform(-root, root, DRAWS))
+        drawn += size * (
+            rng.standard_normal(BOOTSTRAP_DRAWS) if shape == "normal" else rng.uniform(-root, root, BOOTSTRAP_DRAWS)
+        )
     low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
     return RatioOfSums(value, (low, high), max(blocks), float(np.std(around)), u_sensors)
 
 
 def _resampled(x: Signal, block: int, rng: np.random.Generator) -> Signal:
-    """Sums of resampled blocks of the columns of some rows, (rows, DRAWS)."""
+    """Sums of resampled blocks of the columns of some rows, (rows, BOOTSTRAP_DRAWS)."""
     n = x.shape[1]
     lengths = np.full(math.ceil(n / block), block)
     lengths[-1] = n - block * (lengths.size - 1)
     summed = np.concatenate((np.zeros((x.shape[0], 1)), np.cumsum(np.tile(x, 2), axis=1)), axis=1)
     found, step = [], max(1, _AT_ONCE // lengths.size)
-    for begin in range(0, DRAWS, step):
-        starts = rng.integers(0, n, (min(step, DRAWS - begin), lengths.size))
+    for begin in range(0, BOOTSTRAP_DRAWS, step):
+        starts = rng.integers(0, n, (min(step, BOOTSTRAP_DRAWS - begin), lengths.size))
         found.append((summed[:, starts + lengths] - summed[:, starts]).sum(axis=2))
     return np.concatenate(found, axis=1)
 

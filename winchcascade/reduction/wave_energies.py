@@ -20,22 +20,22 @@ from winchcascade.reduction.gap_error import all_gaps, energy_error
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Energy, error_model, integrands, without_accuracy
 from winchcascade.reduction.wave_bootstrap import (
-    DRAWS,
-    SEED,
-    TINY,
+    BOOTSTRAP_DRAWS,
+    BOOTSTRAP_SEED,
+    RECORD_MIN,
     EnergyError,
     RatioOfSums,
     mean_power,
     ratio_of_sums,
 )
 
-WRITTEN = {
+WRITTEN_WAVES = {
     "power": "mean_power", "counts": "waves_of_logs", "errors": "sensors", "unknown": "without_accuracy",
 }  # fmt: skip
 """Names of the fields of waves in written files."""
 
 
-class WaveEnergies(msgspec.Struct, frozen=True, kw_only=True, dict=True, rename=WRITTEN):
+class WaveEnergies(msgspec.Struct, frozen=True, kw_only=True, dict=True, rename=WRITTEN_WAVES):
     """Energies of the complete waves of a log, or of several, and of the whole records: the block `waves` of the JSON.
 
     Parameters
@@ -99,7 +99,7 @@ class WaveEnergies(msgspec.Struct, frozen=True, kw_only=True, dict=True, rename=
         return {key[len("power_") : -len("_w")]: x for key, x in self.record.items() if key.startswith("power_")}
 
 
-class CampaignWavesRecord(WaveEnergies, frozen=True, kw_only=True, dict=True, rename=WRITTEN):
+class CampaignWavesRecord(WaveEnergies, frozen=True, kw_only=True, dict=True, rename=WRITTEN_WAVES):
     """The block `waves` of the record of a campaign: all logs together, and each; single waves are in the results."""
 
     logs: tuple[dict[str, Any], ...]
@@ -137,7 +137,7 @@ def wave_energies(reduction: Reduction) -> WaveEnergies:
     errors, unknown = _sensor_errors(reduction, energy)
     found = WaveEnergies(
         record=_record(float(np.ptp(run.t)) - float(np.ptp(_long_gaps(reduction), axis=1).sum()), joules),
-        bootstrap={"draws": DRAWS, "seed": SEED},
+        bootstrap={"draws": BOOTSTRAP_DRAWS, "seed": BOOTSTRAP_SEED},
         waves=len(waves),
         counts=(len(waves),),
         payout_unit=unit,
@@ -248,7 +248,7 @@ def _of_record(reduction: Reduction, stage: str, waves: Energy) -> Energy:
         run.t, power.stream(run.channels, rig.r_drum)(slice(None)), short, run.t[[[0, -1]]], np.zeros(1)
     )
     duration = float(np.ptp(run.t)) - float(np.ptp(_long_gaps(reduction), axis=1).sum())
-    sampled = waves.integrals[-1].sum() * duration / max(float(waves.t.sum()), TINY)
+    sampled = waves.integrals[-1].sum() * duration / max(float(waves.t.sum()), RECORD_MIN)
     whole = _over_record(reduction, integrands(run, power, rig.r_drum))
     return msgspec.structs.replace(
         waves, integrals=np.append(whole, sampled)[:, None], t=np.array([duration]), bridged=missed / math.sqrt(3.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.campaign_waves import CampaignWaves, LogWaves
-from winchcascade.reduction.wave_bootstrap import DRAWS, SEED, RatioOfSums
+from winchcascade.reduction.wave_bootstrap import BOOTSTRAP_DRAWS, BOOTSTRAP_SEED, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveEnergies
 from winchcascade.report.content import (
     Block,
@@ -133,7 +133,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
         table("wave-record", "The whole record, and its complete waves.", powers,
               [(stage, found.power.get(stage)) for stage in found.record_energy]),
         table("wave-efficiencies", "Efficiencies of all waves together.", EFFICIENCIES, found.efficiency.items()),
-        Note(f"95 %, by waves in blocks ({DRAWS} draws, seed {SEED}) and sensors{without}.", "Intervals"),
+        Note(f"95 %, by waves in blocks ({BOOTSTRAP_DRAWS} draws, seed {BOOTSTRAP_SEED}) and sensors{without}.", "Intervals"),
     ]  # fmt: skip
 
 
