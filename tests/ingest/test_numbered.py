@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from campaign_log import HEAD, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, text
+from campaign_log import HEAD, ROWS, SAME, UNITS, clean, efficiencies, kinds, read
 from openpyxl import Workbook
 
 from winchcascade.core.errors import LogError
@@ -56,15 +56,6 @@ def rig(columns: str) -> str:
 def test_a_log_without_names_is_read_by_the_numbers_of_its_columns(tmp_path: Path) -> None:
     run = read(tmp_path, BARE, rig=parse_rig(rig(NUMBERED), "rig.toml"))
     assert kinds(run) == set()
-    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
-
-
-def test_a_number_overrides_the_names_of_a_log(tmp_path: Path) -> None:
-    swapped = [[*row[:4], row[5], row[4], *row[6:]] for row in ROWS]
-    given = rig(
-        'force = { number = 6, unit = "N", override = true }\ntorque = { number = 5, unit = "N.m", override = true }\n'
-    )
-    run = read(tmp_path, text(swapped, HEAD), rig=parse_rig(given, "rig.toml"))
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 

@@ -54,7 +54,6 @@ class ColumnNames(msgspec.Struct, frozen=True):
 
     channels: dict[str, ChannelNames]
     anywhere: frozenset[str]
-    not_measured: frozenset[str]
     dates: frozenset[str]
     counts: frozenset[str]
     unit_decides: frozenset[str]
@@ -62,6 +61,7 @@ class ColumnNames(msgspec.Struct, frozen=True):
     at_drum: frozenset[str]
     warm_parts: frozenset[str]
     unit_of_name: dict[str, str]
+    capitals: dict[str, str]
 
 
 @cache
@@ -82,7 +82,8 @@ def column_names() -> ColumnNames:
         channels[channel] = ChannelNames(names, by_word, beside)
     units = {letters_of(name): unit for name, unit in raw["unit_of_name"].items()}
     lists = {key: folded(words) for key, words in raw.items() if isinstance(words, str) and key != "unit_decides"}
-    return ColumnNames(channels, unit_decides=frozenset(raw["unit_decides"].split()), unit_of_name=units, **lists)
+    decides = frozenset(raw["unit_decides"].split())
+    return ColumnNames(channels, unit_decides=decides, unit_of_name=units, capitals=raw["capitals"], **lists)
 
 
 @lru_cache(_HEADERS)
@@ -163,21 +164,13 @@ def read_header(header: Header) -> ReadHeader:
 def candidates(name: str) -> tuple[str, ...]:
     """Channels that a name may mean, with and without the words that describe where it was measured.
 
-    Of a name within groups, as `/winch/tension` and `field.tension`, the last part counts where the whole is none, unless a
-    group holds set points; a symbol counts only in a group without words, as x of a position is no travel.
+    Groups before a slash that hold a digit are places, as in `cDAQ1Mod1/Force`; other groups count as words, as in
+    `/winch/tension`, so that `/wind/speed` is none.
     """
-    table = column_names()
-    *groups, last = _GROUPS.split(name)
+    *groups, last = re.split(r"[/\\]", name)
     if groups and find_unit(name) is not None:  # m/s is no s in a group m
         return ()
-    found = _named(name)
-    words = frozenset[str]().union(*map(words_of, groups)) - table.anywhere
-    symbol = len(letters_of(last)) <= _SYMBOL_LENGTH and any(len(word) > 1 for word in words)
-    return found if found or not groups or symbol or words & table.not_measured else _named(last)
-
-
-_GROUPS = re.compile(r"[/\\]|(?<=[^\W\d])\.(?=[^\W\d])")
-"""Between the groups of a name and its last part."""
+    return _named(" ".join([*(group for group in groups if not _WITH_DIGIT.search(group)), last]))
 
 
 def _named(text: str) -> tuple[str, ...]:
@@ -206,8 +199,8 @@ def recognise(header: Header) -> str | None:
         found = tuple(channel for channel in found if read_as(read.unit, DIMENSION[channel]))
     elif letters_of(read.name) in table.counts or table.unit_decides.issuperset(found):
         return None
-    elif len(found) > 1 and read.name.strip() == "T":  # without a unit t is the time, T a torque
-        return "torque"
+    elif read.name.strip() in table.capitals:
+        return table.capitals[read.name.strip()]
     return found[0] if found else None
 
 
