@@ -332,7 +332,11 @@ def stale(log: Samples, name: str) -> Mask:
         stuck = _travels_on(log, name, a, last)
         if stuck is None:
             sides = _beside(log, name, motion, a, last, NEAR)
-            unlikely = motion[(a + last) // 2] not in usual and (last - a - 1) * _chance(repeats, *sides) < CERTAIN
+            again = [
+                rows[repeats[rows - 1]] for rows in sides
+            ]  # a log that is held or interpolated holds still for longer
+            chance = (last - a - 1) * _chance(repeats, *sides, *again)
+            unlikely = motion[(a + last) // 2] not in usual and chance < CERTAIN
             stuck = unlikely and _are_noisy(x, sides, log.level(name).step) and not shown(log, name, a, last)
         idle = name not in MOTIONS and abs(x[a]) <= IDLE * max(
             map(abs, log.level(name)[:2])
@@ -399,7 +403,12 @@ def _chance(still: Mask, *rows: Index) -> float:
     known = [group for group in rows if group.size >= BESIDE // 8]
     if sum(group.size for group in known) < BESIDE // 4:
         return 0.0
-    return math.log(max((np.count_nonzero(still[group]) + 1.0) / (group.size + 2.0) for group in known))
+    return math.log(max(_share(still[group]) for group in known))
+
+
+def _share(still: Mask) -> float:
+    """Chance of a sample to be still, by the rule of succession of Laplace."""
+    return (np.count_nonzero(still) + 1.0) / (still.size + 2.0)
 
 
 def _beside(
@@ -428,7 +437,10 @@ def _are_noisy(x: Signal, sides: Sequence[Index], step: float) -> bool:
         values = x[rows[np.isfinite(x[rows])]]
         new = values[np.diff(values, prepend=np.nan) != 0]
         bends = np.diff(new, 2)
-        if bends.size < BESIDE // 8 or np.mean(np.abs(bends)) <= ROUNDED * step or _turns(bends) <= TURNS:
+        size = np.abs(bends)
+        if bends.size < BESIDE // 8 or np.mean(size) <= ROUNDED * step or 8.0 * np.median(size) < np.mean(size):
+            return False  # rounded, or a few kinks between straight lines
+        if _turns(bends) <= TURNS:
             return False
     return True
 
