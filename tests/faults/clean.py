@@ -87,7 +87,7 @@ def unusual() -> Named:
         t, velocity = stroke_velocity([(length, speed * (1 + 0.02 * rng.uniform(-1, 1)), acceleration, 0.0)] * 3, 200.0)
         fine = twin(t, velocity, load)
         window = ("auto", "payout")[k // 3 % 2]
-        table = noisy({c: fine[c].to_numpy()[:: round(200 / rate)] for c in fine}, rng)
+        table = noisy(fine.iloc[:: round(200 / rate)], rng)
         log = Log(f"{k}", rate, table, load, window)
         what = f"{k}: {speed:.2f} m/s, {acceleration:.2f} m/s2, {length:.1f} m, {load:g} ohm, {rate:g} Hz, {window}"
         yield what, result(log), result(Log(f"{k}", 200.0, fine, load, window)), table

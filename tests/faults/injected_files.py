@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from injected import ELECTRICAL, POWERS, Rng, Trial, either, fault, log_uniform, payouts, pick, spot
+from injected import ELECTRICAL, POWERS, Rng, Trial, either, fault, log_uniform, payouts, spot, times
 from logs import CAMPAIGN, HEADERS, Log
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
@@ -69,9 +69,8 @@ UNITS = {
 
 
 @fault("unit of the rig file", 16)
-def unit_conflict(rng: Rng, k: int) -> Trial:
+def unit_conflict(rng: Rng, k: int, log: Log) -> Trial:
     """The rig file names another unit than the header, which is right or wrong itself, or overrides the header."""
-    log = pick(rng, k)
     channel = list(UNITS)[rng.integers(len(UNITS) - (k % 3 == 1))]
     unit = UNITS[channel][rng.integers(len(UNITS[channel]))]
     bare, _, right = HEADERS[channel].rstrip(")").rpartition(" (")
@@ -88,9 +87,8 @@ def unit_conflict(rng: Rng, k: int) -> Trial:
 
 
 @fault("window", 24)
-def window(rng: Rng, k: int) -> Trial:
+def window(rng: Rng, k: int, log: Log) -> Trial:
     """A window that ends after the payouts, has its decimal point moved, or is shorter than two samples."""
-    log = pick(rng, k)
     assert isinstance(log.window, float)
     longest = max((b - a) / log.rate for a, b in payouts(log))
     chosen = [
@@ -101,12 +99,10 @@ def window(rng: Rng, k: int) -> Trial:
     return Trial(what, log, replace(log, window=round(chosen, 4)), frozenset({"window"}), always=True)
 
 
-@fault("load in the header", 12)
-def load_property(rng: Rng, k: int) -> Trial:
+@fault("load in the header", 12, SLOW)
+def load_property(rng: Rng, k: int, log: Log) -> Trial:
     """A load in words in the head of the file: right or wrong, it has to be read, reported or rejected."""
-    log = pick(rng, k, SLOW)
-    assert log.load is not None
-    load = log.load * (1.0 if k % 3 else (2.0, 0.5, 1.5)[rng.integers(3)])
+    load = (log.load or 1.0) * (1.0 if k % 3 else (2.0, 0.5, 1.5)[rng.integers(3)])
     words = (
         "{} ohm / 50 Hz", "{} Ohm (nominal)", "{} R", "{} ohm +/- 1 %", "approx. {} ohm", "{} ohm, cold",
         "2 x {half} ohm in series", "{milli} mOhm", "{kilo} kOhm", "resistor bank {} ohm",
@@ -114,7 +110,7 @@ def load_property(rng: Rng, k: int) -> Trial:
     text = words.format(f"{load:g}", half=f"{load / 2:g}", milli=f"{1e3 * load:g}", kilo=f"{load / 1e3:g}")
     head = f"{('Load', 'R_load', 'load_ohm')[k % 3]}: {text}\n\n"
     damaged = replace(log, load=None, write=partial(to_csv, head=head))
-    return Trial(f"{head.strip()} for {log.load:g} ohm", log, damaged, frozenset({"load", *ELECTRICAL}))
+    return Trial(f"{head.strip()} for {log.load} ohm", log, damaged, frozenset({"load", *ELECTRICAL}))
 
 
 # --- several tables in one file
@@ -128,17 +124,16 @@ def second(rng: Rng, log: Log) -> tuple[Log, str]:
         return log.changed(**smooth), "the run smoothed"
     if kind == 1:
         channel = POWERS[rng.integers(4)]
-        gain = 1 + either(rng, log_uniform(rng, 0.02, 0.3))
+        gain = 1 + either(rng, 0.02, 0.3)
         return log.changed(**{channel: (gain * log[channel]).round(4)}), f"the run with another gain of {channel}"
     if kind == 2:
         return log.rows(np.arange(payouts(log)[1][0])), "the first cycle of the run"
-    return log.without("torque"), "the run without torque"
+    return replace(log, table=log.table.drop(columns="torque")), "the run without torque"
 
 
-@fault("several tables", 16)
-def several_tables(rng: Rng, k: int) -> Trial:
+@fault("several tables", 16, SLOW)
+def several_tables(rng: Rng, k: int, log: Log) -> Trial:
     """A workbook, MATLAB or TDMS file with two tables that could each be the log."""
-    log = pick(rng, k, SLOW)
     other, what = second(rng, log)
     names = [("Run_1", "Run_2"), ("Data", "Data_2"), ("raw", "filtered"), ("before", "after")][rng.integers(4)]
     frames = [log.frame(), other.frame()]
@@ -168,10 +163,9 @@ FORMS: dict[str, Callable[[float], str]] = {
 """How a cell is written as a text."""
 
 
-@fault("cells: texts", 24)
-def text_cells(rng: Rng, k: int) -> Trial:
+@fault("cells: texts", 24, SLOW)
+def text_cells(rng: Rng, k: int, log: Log) -> Trial:
     """Numbers written as texts, or words where numbers belong, in some columns, in all rows or in a part of them."""
-    log = pick(rng, k, SLOW)
     form = list(FORMS)[k % len(FORMS)]
     word = FORMS[form](1.5) == FORMS[form](-2.5)
     channels = [("velocity", *POWERS)[j] for j in rng.permutation(5)[: 1 if word else rng.integers(1, 5)]]
@@ -182,13 +176,12 @@ def text_cells(rng: Rng, k: int) -> Trial:
         table.loc[a : b - 1, channel] = [FORMS[form](x) for x in log[channel][a:b].tolist()]
     damaged = replace(log, table=table, write=lambda frame, folder: to_excel({"Data": frame}, folder))
     what = f"{form} in {', '.join(channels)} at rows {a}:{b}"
-    return Trial(what, log, damaged, frozenset(channels), [(float(log.t[a]), float(log.t[b - 1]))])
+    return Trial(what, log, damaged, frozenset(channels), times(log, [(a, b)]))
 
 
-@fault("cells: inserted rows", 12)
-def inserted_rows(rng: Rng, k: int) -> Trial:
+@fault("cells: inserted rows", 12, SLOW)
+def inserted_rows(rng: Rng, k: int, log: Log) -> Trial:
     """A note, the header again, units, a row of means or empty rows inside the table or at its end."""
-    log = pick(rng, k, SLOW)
     columns = list(log.table)
     choices: list[list[list[object]]] = [
         [["crane stopped here"]], [[HEADERS[c] for c in columns]], [[None, "m", "m/s"]], [[None], ["Pause"], [None]],
@@ -199,8 +192,7 @@ def inserted_rows(rng: Rng, k: int) -> Trial:
     at = len(log.t) if rng.random() < 0.15 else spot(rng, log, 0.1)[0] + 1
     table = pd.concat([log.table.iloc[:at].astype(object), added, log.table.iloc[at:].astype(object)])
     damaged = replace(log, table=table, write=lambda frame, folder: to_excel({"Data": frame}, folder))
-    where = float(log.t[min(at, len(log.t)) - 1])
-    return Trial(f"{rows[0][0]} at row {at}", log, damaged, frozenset({"time"}), [(where, where)])
+    return Trial(f"{rows[0][0]} at row {at}", log, damaged, frozenset({"time"}), times(log, [(at - 1, at)]))
 
 
 # --- campaigns
@@ -239,8 +231,8 @@ def of_campaign(what: str, runs: dict[str, tuple[str, float]]) -> Trial:
     return Trial(what, sound_campaign(), damaged, frozenset(runs), always=True)
 
 
-@fault("copies: one log under two names", 25)
-def under_two_names(rng: Rng, k: int) -> Trial:
+@fault("copies: one log under two names", 25, [25.0])
+def under_two_names(rng: Rng, k: int, log: Log) -> Trial:
     """A campaign that lists a copy of a log: as it is, with other separators, cut, or with a note in front."""
     runs = shipped()
     name = list(runs)[rng.integers(len(runs))]
@@ -258,13 +250,13 @@ def under_two_names(rng: Rng, k: int) -> Trial:
     return of_campaign(f"{name} {form}", {**runs, "repeat.csv": (forms[form], load)})
 
 
-@fault("gain of one log", 8)
-def gain_between_logs(rng: Rng, k: int) -> Trial:
+@fault("gain of one log", 8, [25.0])
+def gain_between_logs(rng: Rng, k: int, log: Log) -> Trial:
     """A gain of one log in a campaign that is 6 to 40 % off that of the others, below 9 % for Vdc and Idc."""
     runs = shipped()
     name = list(runs)[rng.integers(len(runs))]
     channel = POWERS[k % 4]
-    change = either(rng, log_uniform(rng, 0.06, 0.09 if channel in ELECTRICAL else 0.4))
+    change = either(rng, 0.06, 0.09 if channel in ELECTRICAL else 0.4)
     table = pd.read_csv(CAMPAIGN / name)
     table[HEADERS[channel]] = (table[HEADERS[channel]] * (1 + change)).round(3)
     what = f"gain of {channel} {100 * change:+.1f} % in {name}"

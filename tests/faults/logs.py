@@ -121,10 +121,6 @@ class Log:
         """Take rows in an order."""
         return replace(self, table=self.table.iloc[keep].reset_index(drop=True))
 
-    def without(self, *channels: str) -> Log:
-        """Leave columns out."""
-        return replace(self, table=self.table.drop(columns=list(channels)))
-
     def frame(self) -> pd.DataFrame:
         """The table with the headers of the file."""
         return self.table.rename(columns=dict(self.headers))
@@ -181,10 +177,11 @@ def rounded(channel: str, x: Signal) -> Signal:
     return np.round(np.round(x / STEPS[channel]) * STEPS[channel], 6)
 
 
-def noisy(table: Mapping[str, Signal], rng: np.random.Generator, share: float = 1.0) -> pd.DataFrame:
+def noisy(table: Mapping[str, Signal] | pd.DataFrame, rng: np.random.Generator, share: float = 1.0) -> pd.DataFrame:
     """Add a share of the noise of the sensors, and round as the logger does."""
     columns = {}
-    for channel, x in table.items():
+    for channel, column in table.items():
+        x = np.asarray(column, dtype=np.float64)
         noise = share * NOISE.get(channel, 0.0) * rng.standard_normal(len(x))
         columns[channel] = np.round(x, 6) if channel == "time" else rounded(channel, x + noise)
     return pd.DataFrame(columns)

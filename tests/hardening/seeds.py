@@ -54,17 +54,6 @@ def lvm() -> str:
     return top + "\t".join(["X_Value", *HEADERS[1:], "Comment"]) + "\n" + "".join("\t".join(r) + "\t\n" for r in ROWS)
 
 
-def toa5() -> str:
-    """The log as Campbell's loggers write it."""
-    quoted = [["TIMESTAMP", "RECORD", *NAMES[1:]], ["TS", "RN", *UNITS[1:]], ["", "", *["Smp"] * 7]]
-    top = '"TOA5","rig","CR1000","1","CR1000.Std","CPU:rig.CR1","1","Table1"\n'
-    top += "".join(",".join(f'"{cell}"' for cell in row) + "\n" for row in quoted)
-    clock = [f'"2026-04-18 10:{int(float(r[0]) // 60):02d}:{float(r[0]) % 60:05.2f}"' for r in ROWS]
-    return top + "".join(
-        f"{stamp},{k},{','.join(row[1:])}\n" for k, (stamp, row) in enumerate(zip(clock, ROWS, strict=True))
-    )
-
-
 def delimited() -> list[bytes]:
     """The dialects of text."""
     chinese = text("\t").replace("Time", "時間").replace("Vdc", "直流電壓").replace("Idc", "直流電流")
@@ -213,7 +202,6 @@ def toml(*places: str) -> list[bytes]:
 SEEDS: dict[str, Callable[[], list[bytes]]] = {
     "text": delimited,
     "lvm": lambda: [lvm().encode()],
-    "toa5": lambda: [toa5().encode()],
     "tdms": tdms,
     "mat": mat,
     "mat73": mat73,

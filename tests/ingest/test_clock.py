@@ -147,27 +147,15 @@ def test_a_steady_clock_is_left_alone_and_lost_rows_are_counted() -> None:
     assert [(f.kind, f.count, f.removed) for f in clock.findings] == [("dropped_samples", 12, 12)]
 
 
-def test_swapped_rows_go_back_to_where_they_were() -> None:
-    order = np.arange(LINE.size)
-    order[[700, 701]] = order[[701, 700]]
-    clock = read_clock(LINE[order], "log.csv")
-    assert clock.rows is not None
-    assert np.array_equal(order[clock.rows], np.arange(LINE.size))
-    assert np.array_equal(clock.t, LINE)
-
-
-def test_unreadable_stamps_are_filled_where_there_is_room_for_their_rows() -> None:
-    times = np.concatenate([LINE[:500], np.full(3000, np.nan), LINE[500:], np.full(7, np.nan)])
-    times[[100, 101]] = np.nan
-    clock = read_clock(times, "log")
-    assert clock.rows is not None
-    assert clock.rows.tolist() == [*range(500), *range(3500, 5000)]
-    assert clock.t == pytest.approx(LINE)
-    (finding,) = clock.findings
-    assert (finding.kind, finding.count, finding.removed) == ("not_a_number", 3009, 3007)
-    lost = np.delete(LINE, [700])
-    lost[[300, 301, 699]] = np.nan
-    assert read_clock(lost, "log").t[300:302] == pytest.approx(LINE[300:302])
+def test_unreadable_stamps_are_filled_between_their_neighbours() -> None:
+    times = LINE.copy()
+    times[[0, 700, 701, -1]] = np.nan
+    clock = read_clock(times, "log.csv")
+    assert clock.t == pytest.approx(LINE[1:-1])
+    assert [(f.kind, f.count, f.removed) for f in clock.findings] == [("not_a_number", 4, 2)]
+    crowded = read_clock(np.insert(LINE, 500, np.full(3000, np.nan)), "log.csv")  # rows between two tables
+    assert crowded.t == pytest.approx(LINE)
+    assert crowded.findings[0].removed == 3000
 
 
 @given(
@@ -189,14 +177,13 @@ def test_a_repaired_clock_always_rises_and_keeps_its_rows(values: list[float], o
 # --------------------------------------------------------------------------------------------------- how times are written
 BEFORE_MIDNIGHT = dt.datetime(2026, 4, 18, 23, 59, 30)
 FORMS = [
-    "%Y-%m-%dT%H:%M:%S.~", "%Y-%m-%dT%H:%M:%S.~Z", "%Y-%m-%dT%H:%M:%S.~+0800", "%Y-%m-%d %H:%M:%S.~ UTC",
-    "%Y-%m-%dT%H:%M:%S,~", "%Y%m%dT%H%M%S.~", "%Y/%m/%d %H:%M:%S.~", "%d.%m.%Y %H:%M:%S,~", "%m/%d/%Y %I:%M:%S.~ %p",
-    "%d-%b-%Y %H:%M:%S.~", "%d %B %Y %H:%M:%S.~", "%b %d, %Y %H:%M:%S.~", "%Y-%m-%d-%H:%M:%S.~", "[%Y-%m-%d %H:%M:%S.~]",
-    "%Y年%m月%d日 %H:%M:%S.~", "%H時%M分%S.~秒", "%H:%M:%S.~", "%I:%M:%S.~ a.m.", "%H:%M:%S:~", "%M:%S,~",
+    "%Y-%m-%dT%H:%M:%S.~", "%Y-%m-%dT%H:%M:%S.~+0800", "%Y-%m-%dT%H:%M:%S,~", "%Y%m%dT%H%M%S.~", "%d.%m.%Y %H:%M:%S,~",
+    "%m/%d/%Y %I:%M:%S.~ %p", "%d-%b-%Y %H:%M:%S.~", "%b %d, %Y %H:%M:%S.~", "[%Y-%m-%d %H:%M:%S.~]", "%H時%M分%S.~秒",
+    "%Y年%m月%d日 %H:%M:%S.~", "%H:%M:%S:~", "%M:%S,~",
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("form", [form for form in FORMS if "%I" not in form or "%p" in form])
+@pytest.mark.parametrize("form", FORMS)
 def test_midnight_noon_and_the_full_hour_pass_without_a_step(form: str) -> None:
     for start in (BEFORE_MIDNIGHT, dt.datetime(2026, 4, 18, 11, 59, 30)):
         assert seconds(stamps(form, start)) == pytest.approx(STAMPS, abs=1e-4)  # to the digits of the stamps
@@ -239,13 +226,10 @@ def test_other_texts_are_no_stamps(other: str) -> None:
 EPOCH = 1_776_500_000.0
 NUMBERS = {
     "Time (ms)": [f"{1e3 * t:.0f}" for t in T],
-    "Time (µs)": [f"{1e6 * t:.0f}" for t in T],
     "Time (min)": [f"{t / 60:.9f}" for t in T],
-    "Time [s]": [f"{EPOCH + t:.2f}" for t in T],
     "timestamp_ms": [f"{1e3 * (EPOCH + t):.0f}" for t in T],
     "Date/Time": [f"{46130.4166666667 + t / 86400:.11f}" for t in T],
     "Time": [f"{0.41667 + t / 86400:.11f}" for t in T],
-    "DateTime": [f"{739_000.4 + t / 86400:.10f}" for t in T],
 }
 
 

@@ -75,16 +75,6 @@ def test_an_index_of_durations_or_dates_is_the_clock(fixtures: Path, start: str 
     assert_same(read_run(frame), read_run(path, campaign=False))
 
 
-def test_a_float_index_is_the_clock_and_its_name_gives_the_unit(fixtures: Path) -> None:
-    path = fixtures / "campaign" / "r36ohm.csv"
-    frame = frame_of(path).set_index("Time (s)")
-    assert_same(read_run(frame), read_run(path, campaign=False))
-    nameless = read_run(frame.rename_axis(index=None))
-    assert [finding.kind for finding in nameless.findings] == ["unit_assumed"]
-    assert np.array_equal(nameless.t, read_run(path, campaign=False).t)
-    assert_same(read_run(frame.rename_axis(index="time"), units={"time": "s"}), read_run(path, campaign=False))
-
-
 def test_named_channels_take_their_units_from_the_call(fixtures: Path) -> None:
     path = fixtures / "campaign" / "r36ohm.csv"
     frame = frame_of(path).rename(columns=NAMED)
@@ -112,13 +102,6 @@ def test_texts_objects_and_arrow_columns_are_numbers(fixtures: Path) -> None:
     assert np.array_equal(other.channels["force"], read_run(path, campaign=False).channels["force"])
     for kind in ("string", "double[pyarrow]", "Float64"):
         assert_same(read_run(frame.astype(kind)), read_run(path, campaign=False))
-
-
-def test_the_load_may_be_a_property_of_the_frame(fixtures: Path) -> None:
-    frame = frame_of(fixtures / "campaign" / "r36ohm.csv")
-    frame.attrs = {"load_ohm": 36, "operator": "A. B.", "rows": [1, 2]}
-    run = read_run(frame)
-    assert (run.load, run.load_source, run.name, run.path) == (36.0, "property load_ohm of the file", "data frame", "")
 
 
 def test_a_frame_is_never_changed_and_its_digest_follows_its_values(fixtures: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import io
 import zipfile
 from collections.abc import Callable, Sequence
@@ -10,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from campaign_log import HEAD, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, text
+from campaign_log import HEAD, ROWS, SAME, UNITS, clean, efficiencies, kinds, read
 from openpyxl import Workbook
 
 from winchcascade.core.errors import LogError
@@ -60,15 +59,6 @@ def test_a_log_without_names_is_read_by_the_numbers_of_its_columns(tmp_path: Pat
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-def test_a_number_overrides_the_names_of_a_log(tmp_path: Path) -> None:
-    swapped = [[*row[:4], row[5], row[4], *row[6:]] for row in ROWS]
-    given = rig(
-        'force = { number = 6, unit = "N", override = true }\ntorque = { number = 5, unit = "N.m", override = true }\n'
-    )
-    run = read(tmp_path, text(swapped, HEAD), rig=parse_rig(given, "rig.toml"))
-    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
-
-
 def test_a_log_without_numbers_or_with_one_beyond_its_columns_is_rejected_with_the_remedy(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"number the columns in a rig file: \[columns\] velocity = \{ number = 3"):
         read(tmp_path, BARE)
@@ -81,12 +71,10 @@ def test_a_log_without_numbers_or_with_one_beyond_its_columns_is_rejected_with_t
 @pytest.mark.parametrize(
     "content",
     [
-        lambda: gzip.compress(BARE.encode()),
         lambda: zipped("run.csv", BARE.replace(",", ";").replace(".", ",").encode("utf-16")),
-        plain_workbook,
         lambda: workbook(["a", *[None] * 7], UNITS, *NUMBERS),
     ],
-    ids=["gzip", "zip, decimal commas", "sheet", "sheet, units"],
+    ids=["zip, decimal commas", "sheet, units"],
 )
 def test_a_log_without_names_may_be_packed_or_a_sheet(content: Callable[[], bytes], tmp_path: Path) -> None:
     run = read(tmp_path, content(), rig=parse_rig(rig(NUMBERED), "rig.toml"))

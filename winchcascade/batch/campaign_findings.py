@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
+from winchcascade.core.run import FindingKind
 from winchcascade.reduction.efficiency import FIELDS, RATIOS
 from winchcascade.reduction.efficiency_between_runs import Apart, LogEfficiency, logs_apart
 from winchcascade.reduction.efficiency_changes import LOOK_AT
 from winchcascade.reduction.phase_summary import PayoutSummary
-from winchcascade.reduction.run_record import FindingRecord, RunRecord
+from winchcascade.reduction.run_record import CycleRecord, FindingRecord, RunRecord
 
 
 def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
@@ -31,7 +32,15 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
         power=record.mean.get(FIELDS["power_mech"]),
         eta={metric: record.mean.get(metric) for metric in RATIOS},
         uncertainty={metric: math.hypot(*(part.get(metric) or 0.0 for part in own)) for metric in RATIOS},
+        cycles=frozenset()
+        if record.window == "whole"
+        else frozenset(_energies(cycle) for cycle in record.cycles if cycle.complete),
     )
+
+
+def _energies(cycle: CycleRecord) -> str:
+    """Energies of a cycle to six digits."""
+    return " ".join(f"{joule:.6g}" for joule in (cycle.energy_line_j, cycle.energy_mech_j, cycle.energy_gen_j) if joule)
 
 
 def _speed(payout: PayoutSummary) -> float:
@@ -42,8 +51,21 @@ def _speed(payout: PayoutSummary) -> float:
 
 
 def findings_between(logs: Iterable[LogEfficiency | None]) -> list[tuple[str, FindingRecord]]:
-    """Names and findings of the logs whose efficiency lies far from the others, as records of a reduction's `quality`."""
-    return [(apart.name, _finding(apart)) for apart in logs_apart([log for log in logs if log is not None])]
+    """Names and findings of the logs whose efficiency lies far from the others, and of those that hold cycles of others."""
+    known = [log for log in logs if log is not None]
+    return [*((apart.name, _finding(apart)) for apart in logs_apart(known)), *_copies(known)]
+
+
+def _copies(logs: Sequence[LogEfficiency]) -> Iterator[tuple[str, FindingRecord]]:
+    """Report each log that shares cycles with an earlier one: noise makes two cycles differ in their energies."""
+    first: dict[str, str] = {}
+    for log in logs:
+        shared = {cycle: first[cycle] for cycle in log.cycles if cycle in first}
+        if shared:
+            other = min(shared.values())
+            message = f"{len(shared)} of {len(log.cycles)} complete cycles are those of {other}, which count twice"
+            yield log.name, _record("repeated_log", message, "kept as listed; take one of the two out of the campaign")
+        first |= dict.fromkeys(log.cycles - first.keys(), log.name)
 
 
 def _finding(apart: Apart) -> FindingRecord:
@@ -53,7 +75,11 @@ def _finding(apart: Apart) -> FindingRecord:
     if apart.or_else:
         message += f"; the fault may also lie in {', '.join(apart.or_else[:3])}"
     action = f"kept as logged; look at {LOOK_AT[apart.metric]}, and at the stated load"
+    return _record("efficiency_change", message, action)
+
+
+def _record(kind: FindingKind, message: str, action: str) -> FindingRecord:
+    """A finding on a whole log, as its record has it."""
     return FindingRecord(
-        kind="efficiency_change", channel=None, start_s=None, end_s=None, count=1, action=action, message=message,
-        removed_share=0.0,
-    )  # fmt: skip
+        kind=kind, channel=None, start_s=None, end_s=None, count=1, action=action, message=message, removed_share=0.0
+    )

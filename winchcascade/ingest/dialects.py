@@ -54,7 +54,6 @@ class ColumnNames(msgspec.Struct, frozen=True):
 
     channels: dict[str, ChannelNames]
     anywhere: frozenset[str]
-    not_measured: frozenset[str]
     dates: frozenset[str]
     counts: frozenset[str]
     unit_decides: frozenset[str]
@@ -163,21 +162,13 @@ def read_header(header: Header) -> ReadHeader:
 def candidates(name: str) -> tuple[str, ...]:
     """Channels that a name may mean, with and without the words that describe where it was measured.
 
-    Of a name within groups, as `/winch/tension` and `field.tension`, the last part counts where the whole is none, unless a
-    group holds set points; a symbol counts only in a group without words, as x of a position is no travel.
+    Groups before a slash that hold a digit are places, as in `cDAQ1Mod1/Force`; other groups count as words, as in
+    `/winch/tension`, so that `/wind/speed` is none.
     """
-    table = column_names()
-    *groups, last = _GROUPS.split(name)
+    *groups, last = re.split(r"[/\\]", name)
     if groups and find_unit(name) is not None:  # m/s is no s in a group m
         return ()
-    found = _named(name)
-    words = frozenset[str]().union(*map(words_of, groups)) - table.anywhere
-    symbol = len(letters_of(last)) <= _SYMBOL_LENGTH and any(len(word) > 1 for word in words)
-    return found if found or not groups or symbol or words & table.not_measured else _named(last)
-
-
-_GROUPS = re.compile(r"[/\\]|(?<=[^\W\d])\.(?=[^\W\d])")
-"""Between the groups of a name and its last part."""
+    return _named(" ".join([*(group for group in groups if not _WITH_DIGIT.search(group)), last]))
 
 
 def _named(text: str) -> tuple[str, ...]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 import struct
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from pkgutil import resolve_name
 
 from msgspec.structs import replace
 
@@ -20,7 +22,14 @@ _READERS = {
     b"MATLAB ": "mat",
     b"\x89HDF": "mat",
 }
-"""Readers by first bytes."""
+"""Readers by first bytes: a module `formats.NAME` with a function `open_NAME`, or `read_NAME` where it is isolated."""
+
+_ISOLATED = {"excel", "mat"}
+"""Readers that run in a process of their own."""
+
+_SEVERAL_TABLES = {"excel", "mat", "tdms"}
+_NAMELESS = {"excel", "text"}
+"""Readers of files that may hold several tables, and of columns without names where the rig file numbers them."""
 
 _AS_CSV = "as CSV"
 _UNREADABLE = {
@@ -31,7 +40,6 @@ _UNREADABLE = {
     b"ARROW1": ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`"),
     b"FEA1": ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`"),
     b"#ROSBAG": ("a ROS bag", "by `rostopic echo -b FILE -p TOPIC`, which prints CSV"),
-    b"\x93NUMPY": ("a NumPy array", "by `numpy.savetxt(...)` with a header of names"),
     b"BZh": ("bzip2-compressed", "by unpacking it"),
     b"\xfd7zXZ": ("xz-compressed", "by unpacking it"),
     b"\x28\xb5\x2f\xfd": ("zstd-compressed", "by unpacking it"),
@@ -68,26 +76,19 @@ def open_log(path: Path, table: str | None = None, *, numbered: bool = False) ->
     if not path.is_file():
         raise LogError(f"{path}: is not a file; give the path of one log.")
     reader = reader_of(path)
-    if reader == "tdms":
-        from winchcascade.ingest.formats.tdms import open_tdms
-
-        return open_tdms(path, table=table)
     if reader == "archive":
         return _open_archive(path, table, numbered=numbered)
-    if reader in ("excel", "mat"):
+    if table is not None and reader not in _SEVERAL_TABLES:
+        reject_sheet(table, path.name)
+    options: dict[str, str | bool | None] = {"table": table} if reader in _SEVERAL_TABLES else {}
+    options |= {"numbered": numbered} if reader in _NAMELESS else {}
+    place = f"winchcascade.ingest.formats.{reader}"
+    if reader in _ISOLATED:
         from winchcascade.ingest.isolated import read_isolated
 
-        options = {"numbered": numbered} if reader == "excel" else {}
-        return read_isolated(f"winchcascade.ingest.formats.{reader}:read_{reader}", path, table=table, **options)
-    if table is not None:
-        reject_sheet(table, path.name)
-    if reader == "parquet":
-        from winchcascade.ingest.formats.parquet import open_parquet
-
-        return open_parquet(path)
-    from winchcascade.ingest.formats.text import open_text
-
-    return open_text(path, numbered=numbered)
+        return read_isolated(f"{place}:read_{reader}", path, **options)
+    opener: Callable[..., LogSource] = resolve_name(f"{place}:open_{reader}")
+    return opener(path, **options)
 
 
 def _open_archive(path: Path, table: str | None, *, numbered: bool) -> LogSource:

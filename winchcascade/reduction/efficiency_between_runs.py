@@ -37,7 +37,8 @@ PHYSICAL_MIN = 1e-6
 
 class LogEfficiency(msgspec.Struct, frozen=True):
     """Efficiencies of a log: means with their standard uncertainties without the gains, load [ohm], speed of the
-    payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared.
+    payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared. `cycles`
+    has the energies of each complete cycle to six digits, which two cycles share by being the same one alone.
     """
 
     name: str
@@ -47,6 +48,7 @@ class LogEfficiency(msgspec.Struct, frozen=True):
     power: float | None
     eta: Mapping[str, float | None]
     uncertainty: Mapping[str, float | None]
+    cycles: frozenset[str] = frozenset()
 
 
 class Apart(msgspec.Struct, frozen=True):

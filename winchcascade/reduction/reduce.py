@@ -16,11 +16,10 @@ from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import Bin, bins_of
-from winchcascade.reduction.checks.lag import lag_findings
-from winchcascade.reduction.checks.load import load_findings, measured_load, operating_points
-from winchcascade.reduction.checks.ratios import ratio_findings, sign_findings
-from winchcascade.reduction.checks.sampling import Sampling, check_sampling, resolution_findings
-from winchcascade.reduction.checks.zeros import bench_zero_findings, zero_findings
+from winchcascade.reduction.checks.find_faults import find_faults
+from winchcascade.reduction.checks.load import measured_load
+from winchcascade.reduction.checks.phased_log import PhasedLog
+from winchcascade.reduction.checks.sampling import sampled, thinned_changes
 from winchcascade.reduction.efficiency import (
     Metrics,
     ensemble_mean,
@@ -28,7 +27,6 @@ from winchcascade.reduction.efficiency import (
     metrics,
     total,
 )
-from winchcascade.reduction.efficiency_changes import changes_within
 from winchcascade.reduction.energies import Energies, find_net_spans, integrate_energies, net_metrics
 from winchcascade.reduction.phase_proposal import no_cycles, other_source
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
@@ -99,12 +97,10 @@ def reduce(
 
     summaries, (energy, bins) = side_by_side(lambda: summarise(phased), integrate, samples=run.samples)
     by_motion = rig.phases.by_motion
-    sampling = check_sampling(phased, energy) if by_motion else Sampling({}, ())
-    points = operating_points(phased, summaries)
-    findings += [*sign_findings(run, rig), *load_findings(phased, points), *_cross_checks(phased)]
-    findings += [*sampling.findings, *resolution_findings(phased, energy)]
+    thinned = thinned_changes(phased, energy)
     results = _results(phased, summaries, energy, findings)
-    findings += changes_within(results, rig, energy.bridged, run) if by_motion else []
+    log = PhasedLog(phased, summaries, energy, thinned, results)
+    findings += find_faults(log)
     complete = [r.metrics for r in results if r.complete]
     deviation = largest_deviation(complete, rig.cascade) if rig.phases.repeats else Metrics((), rig.cascade.all_metrics)
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
@@ -119,8 +115,8 @@ def reduce(
         bins=bins,
         quality=(*assumed, *other_source(phased, results), *run.findings, *findings),
         bridged=energy.bridged,
-        sampled=sampling.changes,
-        measured_load=measured_load(phased, points),
+        sampled=sampled(thinned, energy),
+        measured_load=measured_load(log),
     )
 
 
@@ -199,12 +195,6 @@ def require_payouts(reduction: Reduction) -> None:
         raise LogError(no_cycles(reduction.run, reduction.rig))
 
 
-def _cross_checks(phased: PhasedRun) -> list[Finding]:
-    """Lags and zeros: payouts that are alike and the rests between them show both, a bench at rest the zero of its torque."""
-    winch = [*lag_findings(phased), *zero_findings(phased)] if phased.rig.phases.by_motion else []
-    return [*winch, *bench_zero_findings(phased)]
-
-
 def _not_given(phased: PhasedRun, chosen: tuple[int, int] | None) -> list[Finding]:
     """Why a stage has no power, one of a rig file or one although its channel is there; and a log that ends too early.
 
@@ -242,22 +232,17 @@ def _results(
     phased: PhasedRun, summaries: Sequence[PhaseSummary], energy: Energies, findings: list[Finding]
 ) -> list[CycleResult]:
     results = []
-    odd: dict[str, list[tuple[int, float]]] = {}
     of_cycles = zip(phased.cycles, energy.windows, energy.nets, summaries, strict=True)
     for k, (cycle, window, net, summary) in enumerate(of_cycles):
         number = phased.first + k
         joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
         of_cycle, net = net_metrics(joules, net)
-        values, outside = metrics(
+        values, _ = metrics(
             {f"energy_{stage}": joules[stage] for stage in phased.rig.cascade.names} | of_cycle,
             window.cutoff - window.onset,
             open_circuit=phased.run.open_circuit,
             cascade=phased.rig.cascade,
         )
-        for name, value in outside.items():
-            odd.setdefault(name, []).append((number, value))
-        if (values["eta_net"] or 0.0) > 1.0:
-            odd.setdefault("eta_net", []).append((number, values.value("eta_net")))
         if window.fault is not None:
             rows = phased.rows(window.onset, window.cutoff)
             message, action = f"cycle {number} is incomplete: {window.fault}", "listed, left out of the mean"
@@ -272,5 +257,4 @@ def _results(
                 )
             )
         results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
-    findings += ratio_findings(results, odd, phased.run, phased.rig)
     return results

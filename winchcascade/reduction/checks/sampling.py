@@ -6,27 +6,25 @@ log itself (Richardson), that to every third sample eight times. Where the sampl
 motion is a kink between two of them, the interpolated onset errs in proportion to the interval: the changes are then once and
 twice the error of the log.
 
-A logger that truncates records every value too low by half a step on average. One that rounds deviates by less, but by up to
-half a step where the noise is smaller than the step.
+A logger that rounds errs by up to half a step where the noise of a channel is smaller than that; larger noise averages out.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Iterator, Mapping
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import ELECTRICAL
-from winchcascade.core.integrate import integrals, largest, median, quantile
-from winchcascade.core.run import Finding, Run, Signal
-from winchcascade.ingest.checks.channel_findings import text_of
+from winchcascade.core.integrate import integrals, median, quantile, white_noise
+from winchcascade.core.run import Signal
+from winchcascade.reduction.checks.phased_log import MIN_SAMPLES, REPORTED, Fault, PhasedLog
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.gap_error import all_gaps
-from winchcascade.reduction.phased_run import SHORTEST, PhasedRun, Window, find_phases, find_windows
+from winchcascade.reduction.phased_run import SHORTEST, PhasedRun, find_phases, find_windows
 
 THINNED = ((2, 0), (2, 1), (3, 0), (3, 1), (3, 2))
 """Steps and first samples of the thinned logs: every phase of every second and every third sample."""
@@ -35,239 +33,40 @@ FINE = 12
 """Number of samples within the smoothing width, and between onset and plateau, from which sampling needs no check: errors
 of trapezoids and interpolated instants are then below 0.1 % of an energy."""
 
-SMOOTHED = 5
-"""Number of samples that a local quadratic needs to smooth: through three it passes exactly."""
-
 KINKED = 3
 """Fewer sampling intervals within the smoothing width smooth nothing, and the error of the onset is of first order."""
 
-REPORTED = 0.005
-"""Smallest error of an energy of a cycle, by its sampling or by half a step, that is reported. [1]"""
+SMOOTHED = 5
+"""Number of samples that a local quadratic needs to smooth: through three it passes exactly."""
 
-ROUNDED = 1e-9
-"""Changes below this share of the largest value are of rounding. [1]"""
+EVEN = 0.9
+"""Share of the changes, by number and by square, that lie evenly apart in a channel that is slower than its log. [1]"""
+
+STRAIGHT = 4
+"""Shortest interval between values of an interpolated channel that is distinguished from the corners of a motion. [samples]"""
+
+DITHERED = 0.5
+"""Noise in steps of a channel from which rounding averages out, to less than 1 % of a step (Widrow). [1]"""
+
+OF_ONSET = 0.5
+"""Step of the velocity over the threshold of the onset from which it is reported: the onset then lies between two steps. [1]"""
 
 
-class Sampling(msgspec.Struct, frozen=True):
-    """What thinning changes of each stage's energy in each cycle [J], by the phase that changes the means most; findings."""
+def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
+    """Relative change of each stage's energy in each cycle on each thinned log, (5, k); NaN where a cycle is not found.
 
-    changes: Mapping[str, tuple[float, ...]]
-    findings: tuple[Finding, ...]
-
-
-def check_sampling(phased: PhasedRun, energies: Energies) -> Sampling:
-    """Repeat a reduction on thinned logs, unless the sampling is clearly fine.
-
-    Parameters
-    ----------
-    energies : of the log as it is, with its windows
+    Nothing where the sampling is clearly fine: enough samples lie within the smoothing width and within each ramp, or half of a
+    payout without a plateau.
     """
-    run, windows, smoothing = phased.run, energies.windows, phased.rig.thresholds.smoothing
-    whole = np.array([w.fault is None for w in windows], dtype=bool)
-    if not whole.any():  # due to the sampling where samples are farther apart than the smoothing is wide
-        short = [w for w in windows if (w.cutoff - w.onset) * run.fs < SHORTEST]
-        message = (
-            f"{len(short)} of {len(windows)} windows are shorter than {SHORTEST:g} sampling intervals, and payouts may lie "
-            f"between two samples"
-        )
-        coarse = bool(short) and run.fs * smoothing < 1.0
-        return Sampling({}, (_too_coarse(run, message, "no energy is computed", short),) if coarse else ())
-    held = _held_channels(phased, energies)
-    if _clearly_fine(phased):
-        return Sampling({}, held)
-    changes = {s: c[:, whole] for s, c in thinned_changes(phased, energies).items()}
-    if run.open_circuit:
-        changes.pop("gen", None)  # no current flows, so that any of it is a large share
-    if not changes:
-        return Sampling({}, held)
-    error = max(_own_error(change, smoothing * run.fs) for change in changes.values())
-    filled = {s: np.nan_to_num(change, nan=-1.0) for s, change in changes.items()}
-    largest = int(np.argmax(np.max([np.abs(c.mean(axis=1)) for c in filled.values()], axis=0)))
-    joules = {}
-    for stage, change in filled.items():
-        changed = np.zeros(len(windows))
-        changed[whole] = change[largest]
-        joules[stage] = tuple((changed * np.array(energies.joules[stage])).tolist())
-    extreme = max(float(np.max(np.abs(change))) for change in filled.values())
-    message = (
-        f"every second or third sample alone changes an energy of a cycle by up to {extreme:.1%}, so that the log itself may "
-        f"err by {min(error, extreme):.1%}"
-    )
-    found = _too_coarse(run, message, "reported and part of the uncertainty", [w for w in windows if w.fault is None])
-    return Sampling(joules, held if error < REPORTED else (*held, found))
-
-
-def _too_coarse(run: Run, message: str, action: str, windows: Sequence[Window]) -> Finding:
-    """The finding of a sampling that is too coarse, over some windows in order of time."""
-    return Finding(
-        "coarse_sampling",
-        f"{run.fs:.3g} Hz is too coarse for this motion: {message}",
-        f"{action}; log faster, or use the window payout",
-        start=windows[0].onset,
-        end=windows[-1].cutoff,
-        count=len(windows),
-    )
-
-
-def _held_channels(phased: PhasedRun, energies: Energies) -> tuple[Finding, ...]:
-    """Channels that keep their value for several samples while the line pays out, or that are straight between slower values.
-
-    A held channel is late by half of the interval on average. A velocity that is straight begins a payout too early, by a
-    quarter of it; of another channel the curvature of the ramp is lost.
-    """
-    run, both = phased.run, zip(phased.cycles, phased.plateaus, strict=True)
-    ramps = [(k, c, p) for k, (c, p) in enumerate(both) if p and not c.begins_inside]
-    if not ramps:
-        return ()
-    k, cycle, plateau = ramps[len(ramps) // 2]
-    rows = phased.rows(cycle.onset, plateau.braking)
-    end = int(np.searchsorted(run.t, energies.windows[k].cutoff))
-    found: dict[str, Finding] = {}
-    r_drum = phased.rig.r_drum
-
-    @cache
-    def recorded_late(name: str) -> tuple[float, str]:
-        return _recorded_late(run.channels[name][rows], name, run.fs, plateau.begin - cycle.onset)
-
-    for stage in phased.rig.cascade.stages:
-        product, watts = stage.power(run.channels, r_drum), stage.stream(run.channels, r_drum)
-        joules = energies.joules[stage.name]
-        if product is None or watts is None or joules is None or joules[k] <= NOTHING:
-            continue
-        if run.open_circuit and stage.name in ELECTRICAL:
-            continue
-        power = float(watts(slice(max(end - 1, 0), end + 1)).mean())
-        for name in product.channels:
-            late, how = recorded_late(name)
-            if late * power / joules[k] >= REPORTED:
-                message = f"{name} is {how}; energies of {name} may err by {late * power / joules[k]:.1%}"
-                action = "reported and kept; log it with every sample"
-                found.setdefault(name, Finding("coarse_sampling", message, action, name, cycle.onset, cycle.payout_end))
-    return tuple(found.values())
-
-
-def _recorded_late(x: Signal, name: str, fs: float, ramp: float) -> tuple[float, str]:
-    """By how much a channel is late that changes more slowly than it is logged, 0 for one that does not, and how it does. [s]
-
-    Parameters
-    ----------
-    fs : sampling rate [Hz]
-    ramp : time from the onset to the plateau [s]
-    """
-    every = _update_interval(x)
-    if every > 1:
-        late = 0.5 * (every - 1) / fs
-        return late, (
-            f"updated every {every} samples ({every / fs:.2g} s) and held in between, so that it is {late:.2g} s late on "
-            f"average"
-        )
-    every = _straight_interval(x)
-    h = every / fs
-    late = 0.25 * h if name == "velocity" else h * h / (12.0 * max(ramp, h))
-    return late if every > 1 else 0.0, (
-        f"straight between values that lie {every} samples ({h:.2g} s) apart, as if interpolated from a slower log, which has "
-        f"the effect of up to {late:.2g} s"
-    )
-
-
-HELD = 0.9
-"""Share of the steps of a channel that must be equally far apart, for one that is updated more slowly than it is logged. [1]"""
-
-MIN_STEPS = 8
-"""Smallest number of steps that shows an interval."""
-
-COARSE_STEP = 3.0
-"""Minimum ratio of most steps of a channel that is held to its smallest step; a coarse resolution has smaller steps. [1]"""
-
-
-def _update_interval(x: Signal) -> int:
-    """Samples from one update of a channel to the next, 1 for one that is updated with every sample."""
-    step = np.diff(x)
-    at = np.flatnonzero(step)
-    apart = np.diff(at)
-    if 2 * at.size > 1.2 * step.size or apart.size < MIN_STEPS:
-        return 1
-    every = int(median(apart.astype(np.float64)))
-    size = np.abs(step[at])
-    regular = np.count_nonzero(apart % every == 0) >= HELD * apart.size
-    return every if regular and median(size) > COARSE_STEP * float(size.min()) else 1
-
-
-BENT = 3.0
-"""Smallest bend of an interpolated channel at each of its values, in usual bends: 70 % quantiles of all second differences."""
-
-CLEARLY = 6.0
-"""Smallest median of these bends, in usual bends."""
-
-ROUNDING = 1e-6
-"""Bends below this share of the largest are of rounding. [1]"""
-
-MIN_STRAIGHT = 4
-"""Smallest number of intervals between its values that shows an interpolation."""
-
-MIN_INTERVAL = 4
-"""Shortest interval that is distinguished from the corners of a motion, in samples."""
-
-
-def _straight_interval(x: Signal) -> int:
-    """Samples between the values of a channel that was interpolated by straight lines, 1 for one that was not."""
-    if x.size < MIN_INTERVAL * MIN_STRAIGHT or 2 * np.count_nonzero(np.diff(x)) <= 1.2 * (x.size - 1):
-        return 1
-    bend = np.abs(np.diff(x, 2))
-    usual = max(quantile(bend, 0.7), ROUNDING * float(bend.max()))
-    at = np.flatnonzero(bend > BENT * usual)
-    if at.size == 0 or np.sum(bend[at] ** 2) < HELD * np.sum(bend**2) or median(bend[at]) < CLEARLY * usual:
-        return 1
-    apart = np.diff(at)
-    apart = apart[apart > 1]  # a value between two samples bends at both
-    if apart.size < MIN_STRAIGHT:
-        return 1
-    every = median(apart.astype(np.float64))
-    uneven = np.abs(apart - every * np.maximum(np.round(apart / every), 1.0)) > 1.0
-    return round(every) if every >= MIN_INTERVAL and np.count_nonzero(uneven) <= (1.0 - HELD) * apart.size else 1
-
-
-def _clearly_fine(phased: PhasedRun) -> bool:
-    """Whether enough samples lie within the smoothing width and within each ramp, or half of a payout without a plateau."""
+    run, rig = phased.run, phased.rig
     ramps = [
         0.5 * (c.payout_end - c.onset) if p is None else p.begin - c.onset
         for c, p in zip(phased.cycles, phased.plateaus, strict=True)
         if not c.begins_inside
     ]
-    return phased.run.fs * min([phased.rig.thresholds.smoothing, *ramps]) > FINE - 0.5
-
-
-def _own_error(change: Signal, within: float) -> float:
-    """Error of an energy of a cycle of the log itself, from its changes on thinned logs, (5, k). [1]
-
-    Where the log is smoothed, thinning also removes the smoothing. Richardson's extrapolation then uses the whole change, as a
-    root mean square over the cycles. Where it is not smoothed, the extrapolation uses only the change that the cycles share.
-    What differs between cycles is the error of noise. It is as large in the log as in a thinned log, so that the difference
-    of the two is the square root of 2 of it. What differs between the two thinned logs is of a higher order; an eighth of it
-    remains in the log.
-    Below `KINKED` sampling intervals the error is taken as of first order.
-
-    Parameters
-    ----------
-    within : samples within the smoothing width
-    """
-    second, third = change[:2], change[2:]
-    if np.isnan(second).all(axis=0).any():
-        return 1.0
-    twice = np.nanmean(second, axis=0)
-    thrice = np.nanmean(np.where(np.isnan(third).all(axis=0), 0.0, third), axis=0)
-    by_second, by_third = (1.0, 2.0) if within < KINKED else (3.0, 8.0)
-    error = float(max(np.sqrt(np.mean(twice**2)) / by_second, np.sqrt(np.mean(thrice**2)) / by_third))
-    if within < SMOOTHED:
-        shared = float(twice.mean())
-        apart = 0.5 * float(np.max(np.nanmax(second, axis=0) - np.nanmin(second, axis=0)))
-        error = max(error, abs(shared) / 3.0 + float(np.max(np.abs(twice - shared))) / math.sqrt(2.0), apart / 8.0)
-    return error
-
-
-def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
-    """Relative change of each stage's energy in each cycle on each thinned log, (5, k); NaN where a cycle is not found."""
-    run, rig = phased.run, phased.rig
+    whole = [w.fault is None for w in energies.windows]
+    if not rig.phases.by_motion or not any(whole) or run.fs * min([rig.thresholds.smoothing, *ramps]) > FINE - 0.5:
+        return {}
     known = {s.name: np.array(joules) for s in rig.cascade.stages if (joules := energies.joules[s.name]) is not None}
     changes = {stage: np.full((len(THINNED), len(phased.cycles)), np.nan) for stage in known}
     middles = np.array([0.5 * (c.onset + c.payout_end) for c in phased.cycles])
@@ -286,128 +85,174 @@ def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
                 into = known[stage.name]
                 changed = integrals(t, watts, spans)[at] - into[cycle]
                 changes[stage.name][row, cycle] = changed / np.maximum(np.abs(into[cycle]), NOTHING)
-    return changes
+    if run.open_circuit:
+        changes.pop("gen", None)  # no current flows, so that any of it is a large share
+    return {stage: change[:, whole] for stage, change in changes.items()}
 
 
-def resolution_findings(phased: PhasedRun, energies: Energies) -> list[Finding]:
-    """Report channels whose step is coarse for an energy that is evaluated; no channel is changed.
+def sampled(changes: Mapping[str, Signal], energies: Energies) -> dict[str, tuple[float, ...]]:
+    """What thinning changes of each stage's energy in each cycle, by the thinned log that changes the means most. [J]"""
+    if not changes:
+        return {}
+    filled = {s: np.nan_to_num(change, nan=-1.0) for s, change in changes.items()}
+    most = int(np.argmax(np.max([np.abs(c.mean(axis=1)) for c in filled.values()], axis=0)))
+    joules = {}
+    for stage, change in filled.items():
+        changed = np.zeros(len(energies.windows))
+        changed[[w.fault is None for w in energies.windows]] = change[most]
+        joules[stage] = tuple((changed * np.array(energies.joules[stage])).tolist())
+    return joules
 
-    In open circuit Vdc and Idc enter no efficiency.
+
+def coarse_sampling(log: PhasedLog) -> Iterator[Fault]:
+    """A log whose own error, by its changes on thinned logs, is too large, and one with payouts between two samples.
+
+    The error is the root mean square over the cycles of the mean of the thinned logs of a kind.
     """
-    run, joules = phased.run, energies.joules
-    chosen = [w for k in phased.chosen() if (w := energies.windows[k]).fault is None]
-    if not chosen or run.simulated:
-        return []
-    of = joules.get("gen") or (), joules.get("line") or ()
-    delivered = [ratio(gen, line) for gen, line in zip(*of, strict=False)]
-    idle = run.open_circuit or runs_idle(delivered)
-    levels: dict[str, float] = {}
+    run, windows = log.phased.run, log.energies.windows
+    within = run.fs * log.phased.rig.thresholds.smoothing
+    whole = [(w.onset, w.cutoff) for w in windows if w.fault is None]
+    if not whole and within < 1.0:
+        short = [(w.onset, w.cutoff) for w in windows if (w.cutoff - w.onset) * run.fs < SHORTEST]
+        if short:
+            yield Fault("no_window", None, {"rate": run.fs, "all": len(windows), "shortest": SHORTEST}, spans=short)
+    by_second, by_third = (1.0, 2.0) if within < KINKED else (3.0, 8.0)
+    error = extreme = 0.0
+    for change in log.thinned.values():
+        extreme = max(extreme, float(np.max(np.abs(np.nan_to_num(change, nan=-1.0)))))
+        for part, over in ((change[:2], by_second), (change[2:], by_third)):
+            lost = np.isnan(part).all(axis=0)
+            some = np.where(lost, 0.0, part)
+            mean = np.nanmean(some, axis=0)
+            error = max(error, 1.0 if over == by_second and lost.any() else float(np.sqrt(np.mean(mean**2))) / over)
+            if (
+                within < SMOOTHED and over == by_second
+            ):  # what cycles do not share is noise, of this log as of the thinned one
+                shared, apart = float(mean.mean()), float(np.max(np.nanmax(some, axis=0) - np.nanmin(some, axis=0)))
+                error = max(
+                    error, abs(shared) / 3.0 + float(np.max(np.abs(mean - shared))) / math.sqrt(2.0), apart / 16.0
+                )
+    if error >= REPORTED:
+        yield Fault(
+            "coarse_sampling", None, {"rate": run.fs, "extreme": extreme, "error": min(error, extreme)}, spans=whole
+        )
+
+
+def slow_channel(log: PhasedLog) -> Iterator[Fault]:
+    """Channels that keep their value for several samples while the line pays out, or that are straight between slower values.
+
+    A held channel is late by half of the interval on average. A velocity that is straight begins a payout too early, by a
+    quarter of it; of another channel the curvature of the ramp is lost.
+    """
+    phased, run, r_drum = log.phased, log.phased.run, log.phased.rig.r_drum
+    ramps = [
+        (k, c, p)
+        for k, (c, p) in enumerate(zip(phased.cycles, phased.plateaus, strict=True))
+        if p and not c.begins_inside
+    ]
+    if not ramps:
+        return
+    k, cycle, plateau = ramps[len(ramps) // 2]
+    rows, ramp = phased.rows(cycle.onset, plateau.braking), plateau.begin - cycle.onset
+    end, reported = int(np.searchsorted(run.t, log.energies.windows[k].cutoff)), set()
     for stage in phased.rig.cascade.stages:
+        product, watts, joules = (
+            stage.power(run.channels, r_drum),
+            stage.stream(run.channels, r_drum),
+            log.energies.joules[stage.name],
+        )
+        if product is None or watts is None or joules is None or joules[k] <= NOTHING:
+            continue
+        if run.open_circuit and stage.name in ELECTRICAL:
+            continue
+        power = float(watts(slice(max(end - 1, 0), end + 1)).mean())
+        for name in [name for name in dict.fromkeys(product.channels) if name not in reported]:
+            x = run.channels[name][rows]
+            held, between = update_interval(np.diff(x)), update_interval(np.diff(x, 2))
+            h, name_of_fault = held / run.fs, "held"
+            seconds = 0.5 * (held - 1) / run.fs
+            if held == 1 and between >= STRAIGHT:
+                h, name_of_fault = between / run.fs, "straight"
+                seconds = 0.25 * h if name == "velocity" else h * h / (12.0 * max(ramp, h))
+            share = seconds * power / joules[k]
+            if share >= REPORTED:
+                reported.add(name)
+                values = {"every": round(h * run.fs), "interval": h, "late": seconds, "share": share}
+                yield Fault(name_of_fault, name, values, spans=[(cycle.onset, cycle.payout_end)])
+
+
+def update_interval(change: Signal) -> int:
+    """Samples between the changes of a channel, or of its slope; 1 where they do not lie evenly apart. [samples]
+
+    >>> update_interval(np.tile([0.0, 0.0, 1.0], 20))
+    3
+    """
+    size = np.abs(change)
+    if size.size < MIN_SAMPLES or not size.any():
+        return 1
+    at = np.flatnonzero(size > max(6.0 * quantile(size, 0.4), 1e-6 * float(size.max())))
+    apart = np.diff(at).astype(np.float64)
+    steady = 2 * np.count_nonzero(apart == 1.0) > 1.2 * apart.size
+    apart = apart[apart > 1.0]  # a value between two samples bends twice
+    if steady or apart.size < STRAIGHT or np.sum(size[at] ** 2) < EVEN * np.sum(size**2):
+        return 1
+    every = median(apart)
+    uneven = np.abs(apart - every * np.maximum(np.round(apart / every), 1.0)) > (1.0 if every >= STRAIGHT else 0.0)
+    return round(every) if np.count_nonzero(uneven) <= (1.0 - EVEN) * apart.size else 1
+
+
+def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
+    """Channels whose step is coarse for an energy that is evaluated; in open circuit Vdc and Idc are in none.
+
+    The mean of a channel is weighted by the other factor of its power: an error divided by it is the share of the energy that
+    the error changes.
+    """
+    phased, run, joules, windows = log.phased, log.phased.run, log.energies.joules, log.energies.windows
+    chosen = [phased.rows(w.onset, w.cutoff) for k in phased.chosen() if (w := windows[k]).fault is None]
+    of = joules.get("gen") or (), joules.get("line") or ()
+    idle = run.open_circuit or runs_idle([ratio(gen, line) for gen, line in zip(*of, strict=False)])
+    levels: dict[str, float] = {}
+    for stage in phased.rig.cascade.stages if chosen and not run.simulated else ():
         product = stage.power(run.channels, phased.rig.r_drum)
-        evaluated = max(joules[stage.name] or [0.0]) > NOTHING and not (stage.name in ELECTRICAL and idle)
-        if product is not None and evaluated:
-            pairs = [pair for term in product.terms for pair in zip(term.channels, term.channels[::-1], strict=True)]
-            for name, other in pairs:
-                level = median(np.array([_level(phased, name, other, w) for w in chosen]))
-                levels[name] = min(level, levels.get(name, math.inf))
-    return [f for name, level in levels.items() if (f := _coarse(phased, name, level)) is not None]
-
-
-def _level(phased: PhasedRun, name: str, other: str, window: Window) -> float:
-    """Mean of a channel in a window, weighted by the other factor of its power: an error of the channel divided by it is the
-    share of the energy that the error changes. [SI unit of the channel]
-    """
-    rows = phased.rows(window.onset, window.cutoff)
-    x = phased.run.channels[name][rows]
-    if name == other:
-        return abs(float(x.mean()))
-    weight = phased.run.channels[other][rows]
-    return abs(float(x @ weight)) / max(float(np.abs(weight).sum()), NOTHING)
-
-
-OF_ONSET = 0.5
-"""Step of the velocity over the threshold of the onset from which it is reported: the onset then lies between two steps. [1]"""
-
-
-def _coarse(phased: PhasedRun, name: str, level: float) -> Finding | None:
-    """The finding of one channel, None where its step is fine."""
-    by_onset = OF_ONSET * phased.rig.thresholds.v_onset if name == "velocity" else math.inf
-    step = recorded_step(phased, name, min(2.0 * REPORTED * level, by_onset))
-    if step == 0.0 or level <= ROUNDED * step:
-        return None
-    error, of_onset = 0.5 * step / level, step >= by_onset
-    channel = phased.rig.known_channels[name]
-    message = (
-        f"{name} is recorded in steps of {text_of(channel, step, 3)} {channel.unit}, {step / level:.1%} of its mean in the "
-        f"windows; if the logger truncates, energies of {name} are up to {error:.1%} too low"
-    ) + ("; the onset moves too, which may raise or lower them" if of_onset else "")
-    finding = Finding("coarse_resolution", message, "reported and kept; record it with more digits", name)
-    return finding if error > REPORTED or of_onset else None
-
-
-SWITCHED = 2
-"""Number of values between which a channel switches; a channel that is recorded in steps has more."""
-
-SELDOM = 0.01
-"""Share of the samples in which such a channel may hold another value. [1]"""
-
-
-def switches(x: Signal) -> bool:
-    """Whether a channel holds one or two values, and others in a few samples alone, as a friction or a brake does.
-
-    >>> switches(np.tile([-4000.0, 4000.0], 50)), switches(np.tile([1.0, 2.0, 3.0], 50))
-    (True, False)
-    """
-    return int(np.count_nonzero(np.unique(x, return_counts=True)[1] > SELDOM * x.size)) <= SWITCHED
-
-
-MIN_CHANGES = 6
-"""Smallest number of changes of a channel that shows a step."""
-
-SMALL = 0.05
-"""Quantile of the changes that is taken for a single step: a few values between the steps do not hide it."""
-
-SEVERAL = 4.5
-"""Largest change that is compared with multiples of the step, in steps: of more, the error of the step is too large."""
-
-MULTIPLE = 0.2
-"""A change is a multiple of the step within this share of it: a logger may write the steps with rounded digits. [1]"""
-
-NEARLY_ALL = 0.95
-"""Share of these changes that must be multiples; of a channel without steps it is less than a half. [1]"""
-
-STRAIGHT = 0.85
-"""Share of the changes that follow an equal one, above which they are the slope of a straight ramp without noise. [1]"""
+        if product is None or max(joules[stage.name] or [0.0]) <= NOTHING or (stage.name in ELECTRICAL and idle):
+            continue
+        for name, other in [
+            both for term in product.terms for both in zip(term.channels, term.channels[::-1], strict=True)
+        ]:
+            x, weight = run.channels[name], run.channels[other] if other != name else np.ones(run.t.size)
+            of_windows = [abs(float(x[r] @ weight[r])) / max(float(np.abs(weight[r]).sum()), NOTHING) for r in chosen]
+            levels[name] = min(median(np.array(of_windows)), levels.get(name, math.inf))
+    for name, level in levels.items():
+        by_onset = OF_ONSET * phased.rig.thresholds.v_onset if name == "velocity" else math.inf
+        step = recorded_step(phased, name, min(2.0 * REPORTED * level, by_onset))
+        if 2.0 * REPORTED * level < step < 1e9 * level or step >= by_onset:
+            moves = "; the onset moves too, which may raise or lower them" if step >= by_onset else ""
+            values = {"share": step / level, "error": 0.5 * step / level, "moves": moves}
+            yield Fault("coarse_resolution", name, values, {"step": step})
 
 
 def recorded_step(phased: PhasedRun, name: str, minimum: float) -> float:
-    """Step in which a channel is recorded in payouts, 0 where it has none or one below `minimum`. [SI unit of the channel]
+    """Step in which a channel is recorded in payouts, 0 where it has none, one below `minimum`, or noise beyond it.
 
-    `smallest_step` of the ingest takes the smallest change of all. Here the step must explain nearly all changes, so that a
-    bridged or repaired value does not pass for a fine resolution.
+    The step explains nearly all changes between the samples that were logged, so that a bridged or repaired value does not pass
+    for a fine resolution. A channel that holds two values, as a friction or a brake does, has none. [SI unit of the channel]
     """
-    t, x, gaps = phased.run.t, phased.run.channels[name], all_gaps(phased.run, (name,))
+    t, x = phased.run.t, phased.run.channels[name]
     payouts = [phased.rows(phased.cycles[k].onset, phased.cycles[k].payout_end) for k in phased.chosen()]
-    courses = [np.diff(x[rows]) for rows in payouts]
-    for begin, end in gaps:  # the changes that were logged, not bridged
-        outside = [(t[rows][1:] <= begin) | (t[rows][:-1] >= end) for rows in payouts]
-        courses = [np.where(logged, change, np.nan) for logged, change in zip(outside, courses, strict=True)]
-    courses = [change[np.isfinite(change)] for change in courses] if len(gaps) else courses
-    changes = np.abs(np.concatenate(courses))
-    changes = changes[changes > ROUNDED * largest(x)]
-    if changes.size < MIN_CHANGES:
+    logged = np.ones(t.size, dtype=bool)
+    for begin, end in all_gaps(phased.run, (name,)):
+        logged &= (t <= begin) | (t >= end)
+    courses = [x[rows][logged[rows]] for rows in payouts]
+    every = np.concatenate([np.diff(course) for course in courses])
+    changes = np.abs(every[every != 0.0])
+    changes = changes[changes > 1e-9 * float(np.max(np.abs(x)))]
+    if changes.size < MIN_SAMPLES // 2 or 1.4 * (small := float(np.sort(changes)[int(0.05 * changes.size)])) < minimum:
         return 0.0
-    small = int(SMALL * changes.size)
-    changes.partition(small)
-    step = float(changes[small])
-    if 1.4 * step < minimum:  # as of most channels
-        return 0.0
-    step = float(np.mean(changes[(changes > 0.7 * step) & (changes < 1.4 * step)]))
-    few = changes[changes < SEVERAL * step] / step
-    multiple = (np.abs(few - np.round(few)) < MULTIPLE) & (few > 0.5)
-    if few.size < MIN_CHANGES or np.count_nonzero(multiple) < NEARLY_ALL * few.size:
-        return 0.0
-    alike = sum(
-        np.count_nonzero((np.abs(np.diff(d)) < MULTIPLE * step) & (np.abs(d[1:]) > 0.5 * step)) for d in courses
-    )
-    return 0.0 if alike > STRAIGHT * few.size or switches(np.concatenate([x[rows] for rows in payouts])) else step
+    step = float(np.mean(changes[(changes > 0.7 * small) & (changes < 1.4 * small)]))
+    few = changes[changes < 4.5 * step] / step  # of more steps, the error of the step is too large
+    multiple = (np.abs(few - np.round(few)) < 0.2) & (few > 0.5)
+    alike = np.abs(np.diff(every)) < 0.2 * step
+    straight = np.count_nonzero(alike & (np.abs(every[1:]) > 0.5 * step)) > 0.85 * few.size
+    two_values = np.count_nonzero(np.unique(np.concatenate(courses), return_counts=True)[1] > 0.01 * every.size) <= 2
+    noisy = white_noise(max(courses, key=len)) > DITHERED * step
+    return 0.0 if np.mean(multiple) < 0.95 or straight or two_values or noisy else step
