@@ -47,7 +47,7 @@ def test_the_signature_is_that_of_the_declaration() -> None:
 
 
 def test_the_places_of_a_law_are_those_where_windage_stands() -> None:
-    places = re.findall(r"^\| `([\w/]+\.py)` \|", (DOCS / PAGE).read_text(encoding="utf-8"), re.MULTILINE)
+    places = re.findall(r"^\| `([\w/]+\.(?:py|toml))` \|", (DOCS / PAGE).read_text(encoding="utf-8"), re.MULTILINE)
     assert len(places) == 9
     for place in places:
         assert "windage" in (ROOT / place).read_text(encoding="utf-8"), place

@@ -191,7 +191,7 @@ def test_a_json_without_a_split_counts_its_gains_as_independent(place: Path, tmp
 
 def test_what_is_no_reduction_is_reported(place: Path, tmp_path: Path) -> None:
     for change, words in (
-        (lambda record: record.update(schema="other/1"), "its schema is 'other/1'"),
+        (lambda record: record.update(schema="other/1"), "'other/1'"),
         (lambda record: record.update(cycles=3), "is no JSON of a reduction"),
         (lambda record: record["cycles"][0].pop("window"), "is no JSON of a reduction"),
     ):

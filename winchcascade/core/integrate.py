@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -146,28 +145,41 @@ def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
 def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
     """Integrate several signals over the same windows, (m, k): as `integrals`, with the places of the windows found once."""
     at = np.minimum(np.maximum(np.searchsorted(t, windows, side="right") - 1, 0), t.size - 2)
+    ends = at.ravel()
+    order = np.argsort(ends, kind="stable")
+    whole = np.empty((len(streams), ends.size))
+    whole[:, order] = _running(t, streams, ends[order])
     into = windows - t[at]
     half_share = 0.5 * (into / (t[at + 1] - t[at]))
-    whole = np.empty((len(streams), len(windows)))
     for row, stream in zip(whole, streams, strict=True):  # on to each end, along the straight line between two samples
         before, after = stream(at), stream(at + 1)
-        beyond = into * (before + half_share * (after - before))
-        row[:] = [_area(t, stream, first, last) for first, last in at.tolist()]
-        row += beyond[:, 1] - beyond[:, 0]
-    return whole
+        row += (into * (before + half_share * (after - before))).ravel()
+    return np.asarray(whole[:, 1::2] - whole[:, ::2])
 
 
 def running(t: Signal, stream: Stream, ends: Index) -> Signal:
     """Integrate a signal from the first of some samples, (k,) in rising order, to each of them, (k,)."""
-    return np.cumsum([0.0, *(_area(t, stream, *pair) for pair in pairwise(ends.tolist()))])[: ends.size]
+    return np.asarray(_running(t, [stream], ends)[0])
 
 
-def _area(t: Signal, stream: Stream, first: int, last: int) -> float:
-    """Integral between two samples by the trapezoidal rule, block by block; negative where the last comes first."""
-    if last < first:
-        return -_area(t, stream, last, first)
-    blocks = (slice(start, min(start + BLOCK, last) + 1) for start in range(first, last, BLOCK))
-    return sum((float(np.trapezoid(stream(block), t[block])) for block in blocks), 0.0)
+def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:
+    steps = np.zeros((len(streams), ends.size))
+    if ends.size == 0:
+        return steps
+    for start in range(int(ends[0]), int(ends[-1]), BLOCK):
+        stop = min(start + BLOCK, int(ends[-1]))
+        interval = np.diff(t[start : stop + 1])
+        first, last = np.searchsorted(ends, (start, stop), side="right")
+        cuts = np.concatenate(([0], ends[first:last] - start))
+        without_length = np.flatnonzero(cuts[1:] == cuts[:-1])
+        area = np.zeros(interval.size + 1)  # one more than there are steps, so that a cut may lie at the very end
+        for row, stream in zip(steps, streams, strict=True):
+            x = stream(slice(start, stop + 1))
+            np.multiply(x[1:] + x[:-1], interval, out=area[:-1])
+            parts = np.add.reduceat(area, cuts)
+            parts[without_length] = 0.0  # reduceat gives the sample itself for a part without length
+            row[first : last + 1] += parts[: ends.size - first]
+    return np.cumsum(0.5 * steps, axis=1)
 
 
 def means(t: Signal, stream: Stream, windows: Signal) -> Signal:

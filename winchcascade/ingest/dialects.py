@@ -61,6 +61,7 @@ class ColumnNames(msgspec.Struct, frozen=True):
     at_drum: frozenset[str]
     warm_parts: frozenset[str]
     unit_of_name: dict[str, str]
+    capitals: dict[str, str]
 
 
 @cache
@@ -81,7 +82,8 @@ def column_names() -> ColumnNames:
         channels[channel] = ChannelNames(names, by_word, beside)
     units = {letters_of(name): unit for name, unit in raw["unit_of_name"].items()}
     lists = {key: folded(words) for key, words in raw.items() if isinstance(words, str) and key != "unit_decides"}
-    return ColumnNames(channels, unit_decides=frozenset(raw["unit_decides"].split()), unit_of_name=units, **lists)
+    decides = frozenset(raw["unit_decides"].split())
+    return ColumnNames(channels, unit_decides=decides, unit_of_name=units, capitals=raw["capitals"], **lists)
 
 
 @lru_cache(_HEADERS)
@@ -197,8 +199,8 @@ def recognise(header: Header) -> str | None:
         found = tuple(channel for channel in found if read_as(read.unit, DIMENSION[channel]))
     elif letters_of(read.name) in table.counts or table.unit_decides.issuperset(found):
         return None
-    elif len(found) > 1 and read.name.strip() == "T":  # without a unit t is the time, T a torque
-        return "torque"
+    elif read.name.strip() in table.capitals:
+        return table.capitals[read.name.strip()]
     return found[0] if found else None
 
 

@@ -30,6 +30,8 @@ class Metrics(dict[str, float | None]):
     (0.9, None)
     """
 
+    known: Collection[str] = ()
+
     def __init__(
         self,
         values: Mapping[str, float | None] | Iterable[tuple[str, float | None]] = (),
@@ -40,23 +42,20 @@ class Metrics(dict[str, float | None]):
         self.known = known
 
     def __missing__(self, name: str) -> None:
-        """None for a metric that is not listed; OptionError for a name that is none of a metric."""
+        """None for a metric that is not listed; OptionError, which names similar ones, for a name that is none of a metric."""
         if name not in ALL_METRICS and name not in self.known:
-            raise OptionError(self._unknown(name))
+            from difflib import get_close_matches
+
+            names = list(dict.fromkeys((*self, *self.known, *ALL_METRICS)))
+            near = get_close_matches(str(name), names, n=3, cutoff=0.6) or names
+            raise OptionError(f"no metric {name!r}; expected {' or '.join(near)}.")
 
     def __getattr__(self, name: str) -> float | None:
         """A metric by its name; AttributeError for a name that is none of a metric."""
-        if name in ALL_METRICS or name in self or name in self.__dict__.get("known", ()):
-            return self.get(name)
-        raise AttributeError(self._unknown(name))
-
-    def _unknown(self, name: str) -> str:
-        """Sentence on a name that is none of a metric, with names like it."""
-        from difflib import get_close_matches
-
-        names = list(dict.fromkeys((*self, *self.__dict__.get("known", ()), *ALL_METRICS)))
-        near = get_close_matches(str(name), names, n=3, cutoff=0.6) or names
-        return f"no metric {name!r}; expected {' or '.join(near)}."
+        try:
+            return self[name]
+        except OptionError as fault:
+            raise AttributeError(str(fault)) from None
 
     def value(self, name: str) -> float:
         """A metric that the log gives; OptionError for one that it does not give."""

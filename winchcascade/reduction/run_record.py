@@ -17,7 +17,7 @@ from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import PhaseSummary, mean_plateau_speed
 from winchcascade.reduction.wave_energies import WaveEnergies
 
-REDUCTION_SCHEMA = "winchcascade/reduction/1"
+REDUCTION_SCHEMA: Literal["winchcascade/reduction/1"] = "winchcascade/reduction/1"
 
 Interval95 = tuple[float, float]
 """Ends of a 95 % interval, in the unit of its metric."""
@@ -192,7 +192,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     velocity.
     """
 
-    schema: str
+    schema: Literal["winchcascade/reduction/1"]
     version: str
     data: dict[str, bool | str | None] = {}
     log: LogRecord
@@ -232,10 +232,6 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
         return own | (getattr(self.stages, part) if self.stages else {})
 
 
-class _Head(msgspec.Struct, frozen=True):
-    schema: str | None = None
-
-
 def run_record(content: bytes, where: str) -> RunRecord:
     """Read the JSON of a reduction.
 
@@ -248,11 +244,9 @@ def run_record(content: bytes, where: str) -> RunRecord:
     OptionError : this is no reduction
     """
     try:
-        found = msgspec.json.decode(content, type=_Head).schema
-        if found == REDUCTION_SCHEMA:
-            return msgspec.json.decode(content, type=RunRecord)
+        return msgspec.json.decode(content, type=RunRecord)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
-        raise OptionError(f"{where}: is no JSON of a reduction ({fault}); reduce its log again.") from None
-    raise OptionError(
-        f"{where}: its schema is {found!r}; expected {REDUCTION_SCHEMA}, as `winchcascade reduce LOG --json FILE` writes."
-    )
+        raise OptionError(
+            f"{where}: is no JSON of a reduction ({fault}); expected the schema {REDUCTION_SCHEMA}, as `winchcascade "
+            "reduce LOG --json FILE` writes. Reduce its log again."
+        ) from None
