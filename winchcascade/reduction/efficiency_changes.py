@@ -24,7 +24,7 @@ from winchcascade.reduction.reduction_result import CycleResult
 ALPHA = 0.01
 """Probability of a false finding in one log, or between the logs of one campaign, all comparisons together. [1]"""
 
-REPEATS = 0.003
+REPEATABILITY = 0.003
 """Repeatability of an efficiency between cycles, relative standard deviation that is assumed before any is measured: where a
 tenth of the power rings at 2 Hz, a window of 5 s that cuts it anywhere changes an energy by 0.1 / (2 pi 5) = 0.3 %."""
 
@@ -105,7 +105,7 @@ def largest_change(log: PhasedLog, metric: str, given: Sequence[int], metrics: i
     share = 0.5 if log.phased.run.load is not None else 1.0  # change of the share of the loss over that of the power
     allowed = share * (1.0 - mean + zero_share(log, cycles)) * differs + unknown
     within = np.maximum(float((eta - 1.0) @ (eta - 1.0)) - change**2 / spread, 0.0)
-    repeats, freedom = math.hypot(REPEATS, *(energy_noise(log, stage) for stage in stages)), PRIOR + n - 2
+    repeats, freedom = math.hypot(REPEATABILITY, *(energy_noise(log, stage) for stage in stages)), PRIOR + n - 2
     scatter = np.sqrt((PRIOR * repeats**2 + within) / freedom * spread)
     t = np.maximum(np.abs(change) - allowed, 0.0) / scatter
     best = int(t.argmax())

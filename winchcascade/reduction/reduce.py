@@ -205,15 +205,10 @@ def _not_given(phased: PhasedRun, chosen: tuple[int, int] | None) -> list[Findin
     run, rig, found = phased.run, phased.rig, []
     for stage in rig.cascade.stages if rig.cascade.configured else ():
         if stage.power(run.channels, rig.r_drum) is None:
-            power = min(
-                stage.powers, key=lambda p: sum(name not in run.channels for name in p.channels) / len(p.channels)
-            )
-            missing = [name for name in power.channels if name not in run.channels]
-            lacks = (
-                f"the log has no {' and no '.join(missing)}"
-                if missing
-                else f"the rig {rig.name} has no r_drum under [winch]"
-            )
+            lacking = [[name for name in power.channels if name not in run.channels] for power in stage.powers]
+            missing = min(zip(lacking, stage.powers, strict=True), key=lambda of: len(of[0]) / len(of[1].channels))[0]
+            lacks = f"the log has no {' and no '.join(missing)}"
+            lacks = lacks if missing else f"the rig {rig.name} has no r_drum under [winch]"
             message = f"stage {stage.name} has no power ({' or '.join(p.text for p in stage.powers)}): {lacks}"
             action = "its energy and its efficiencies are null"
             found.append(Finding("missing_channel", message, action, missing[0] if missing else None))
@@ -231,6 +226,7 @@ def _not_given(phased: PhasedRun, chosen: tuple[int, int] | None) -> list[Findin
 def _results(
     phased: PhasedRun, summaries: Sequence[PhaseSummary], energy: Energies, findings: list[Finding]
 ) -> list[CycleResult]:
+    """Put the cycles together; incomplete ones are added to the findings."""
     results = []
     of_cycles = zip(phased.cycles, energy.windows, energy.nets, summaries, strict=True)
     for k, (cycle, window, net, summary) in enumerate(of_cycles):
@@ -244,17 +240,10 @@ def _results(
             cascade=phased.rig.cascade,
         )
         if window.fault is not None:
-            rows = phased.rows(window.onset, window.cutoff)
-            message, action = f"cycle {number} is incomplete: {window.fault}", "listed, left out of the mean"
-            findings.append(
-                Finding(
-                    "incomplete_cycle",
-                    message,
-                    action,
-                    start=window.onset,
-                    end=window.cutoff,
-                    removed=rows.stop - rows.start,
-                )
+            rows, message = phased.rows(window.onset, window.cutoff), f"cycle {number} is incomplete: {window.fault}"
+            incomplete = Finding(
+                "incomplete_cycle", message, "listed, left out of the mean", removed=rows.stop - rows.start
             )
+            findings.append(replace(incomplete, start=window.onset, end=window.cutoff))
         results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
     return results

@@ -14,7 +14,7 @@ import numpy as np
 from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import largest, median, median_and_error, stretches_of
 from winchcascade.core.quantity import ATMOSPHERE
-from winchcascade.reduction.checks.phased_log import MIN_SAMPLES, Fault, PhasedLog, Span
+from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog, Span
 
 TIME_CONSTANTS = 5.0
 """Number of time constants after which 0.7 % remains, which counts as nothing."""
@@ -22,7 +22,7 @@ TIME_CONSTANTS = 5.0
 RUN_DOWN = 1.0
 """Time constant with which the rotor runs down where the rig file lacks its inertia or its drag. [s]"""
 
-CLEAR = 4.0
+CLEAR_ZERO = 4.0
 """Smallest zero in standard uncertainties of the median at rest."""
 
 KNOWN = 0.01
@@ -92,10 +92,10 @@ def significant_zero(log: PhasedLog, channel: str, spans: Sequence[Span], known:
     of the sensor is stated. [SI unit of the channel]
     """
     read, limit = log.samples(channel, spans) - known, log.zero_limit(channel)
-    if read.size < MIN_SAMPLES // 2 or not limit:
+    if read.size < MIN_COMPARED // 2 or not limit:
         return None
     zero, u = median_and_error(read)
-    return zero if abs(zero) >= max(limit, CLEAR * u) else None
+    return zero if abs(zero) >= max(limit, CLEAR_ZERO * u) else None
 
 
 def zeros(log: PhasedLog) -> Iterator[Fault]:
@@ -124,7 +124,7 @@ def open_clutch(log: PhasedLog) -> Iterator[Fault]:
         return
     found = rests_of(log)
     at_rest = log.samples("torque", [rest.after(wait) for rest in (*found["rest"], *found["hold"])])
-    known = at_rest.size >= MIN_SAMPLES // 2
+    known = at_rest.size >= MIN_COMPARED // 2
     spans = [span for rest in found["haul_in"] if (span := rest.after(wait))[1] > span[0]]
     drag = significant_zero(log, "torque", spans, median(at_rest) if known else 0.0)
     if drag is not None:
@@ -140,7 +140,7 @@ def computed_current(log: PhasedLog) -> Iterator[Fault]:
         [] if wait is None else [span for r in (*found["rest"], *found["hold"]) if (span := r.after(wait))[1] > span[0]]
     )
     volt, ampere = log.samples("vdc", spans), log.samples("idc", spans)
-    if not volt.size == ampere.size >= MIN_SAMPLES or np.mean(volt < 0.0) < BELOW:
+    if not volt.size == ampere.size >= MIN_COMPARED or np.mean(volt < 0.0) < BELOW:
         return
     volt, ampere = np.diff(volt, 2), np.diff(ampere, 2)  # without what a slow motion gives both
     size = float(np.linalg.norm(volt) * np.linalg.norm(ampere))
@@ -167,7 +167,7 @@ def forces_at_rest(log: PhasedLog, rests: Sequence[Rest]) -> Mapping[Span, tuple
         elif paid.size and part.p_precharge is not None and part.volume_gas is not None:
             left = 1.0 - per_travel * median(paid) / part.volume_gas.value
             balanced = ((part.p_precharge.value + ATMOSPHERE) / left - ATMOSPHERE) * per_travel if left > 0.0 else 0.0
-        if force.size >= MIN_SAMPLES // 2 and balanced > 0.0:
+        if force.size >= MIN_COMPARED // 2 and balanced > 0.0:
             found[span] = median(force), balanced
     return found
 
@@ -243,9 +243,9 @@ def bench_zero(log: PhasedLog) -> Iterator[Fault]:
     spans = [span for span, x in held if x.size and median(x) <= UNSTATED * usual]
     read, stated = log.samples("torque", spans), log.phased.u_zero("torque")
     level = 0.0 if stated or top < rig.phases.omega_onset else UNSTATED * median(np.abs(torque[~still]))
-    if read.size < MIN_SAMPLES // 2 or not (stated or level):
+    if read.size < MIN_COMPARED // 2 or not (stated or level):
         return
     zero, u = median_and_error(read)
-    if abs(zero) >= max(CERTAIN * stated, level, CLEAR * u):
+    if abs(zero) >= max(CERTAIN * stated, level, CLEAR_ZERO * u):
         known = f"its zero is known to {stated:.2g} N.m" if stated else "the rig file states no accuracy of the sensor"
         yield Fault("bench_zero", "torque", {"known": known}, {"zero": zero}, spans)

@@ -11,7 +11,7 @@ import numpy as np
 from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import ENOUGH, GAUSS, median, smallest_step, white_noise
 from winchcascade.core.run import Signal
-from winchcascade.reduction.checks.phased_log import MIN_SAMPLES, Fault, PhasedLog
+from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog
 from winchcascade.reduction.efficiency import NOTHING, ratio
 from winchcascade.reduction.phased_run import travel_in
 
@@ -25,7 +25,7 @@ exchanges is out of phase by a quarter of a period. [1]"""
 STROKE = 0.01
 """Repeatability of a stroke: standard deviation of travel, and of travel over speed in a window, by a crane. [1]"""
 
-NOISY = 0.5
+REVERSED = 0.5
 """Share of the fourth differences that reverse the one before, from which a channel has noise: smooth ones hardly do. [1]"""
 
 
@@ -110,7 +110,7 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
     for cycle in results:
         rows = phased.rows(cycle.window.onset, cycle.window.cutoff)
         parts = np.array([x[rows] for x in channels.values()])
-        noisy = parts.shape[1] > MIN_SAMPLES and any(has_noise(x) for x in parts)
+        noisy = parts.shape[1] > MIN_COMPARED and any(has_noise(x) for x in parts)
         sums = weights @ parts
         if noisy and any(np.count_nonzero(np.isin(sums, other)) > 0.5 * sums.size for other in seen):
             copies.append(cycle)
@@ -123,7 +123,7 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
 def has_noise(x: Signal) -> bool:
     """Whether a channel has noise beyond its resolution, which reverses nearly every difference of the fourth order."""
     change = np.diff(x, 4)
-    return white_noise(x) > smallest_step(x) and float(np.mean(change[1:] * change[:-1] < 0.0)) > NOISY
+    return white_noise(x) > smallest_step(x) and float(np.mean(change[1:] * change[:-1] < 0.0)) > REVERSED
 
 
 def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:

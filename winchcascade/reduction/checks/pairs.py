@@ -20,7 +20,7 @@ from winchcascade.core.channels import CHANNELS
 from winchcascade.core.integrate import largest, median, white_noise
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.load import losses
-from winchcascade.reduction.checks.phased_log import MIN_SAMPLES, REPORTED, Fault, PhasedLog, Span
+from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog, Span
 from winchcascade.reduction.phases import Plateau
 
 SAME_TIME = 0.1
@@ -35,11 +35,11 @@ OF_THE_MACHINE = 0.35
 SLOPE = 0.2
 """Time on either side over which slopes are taken, or one sample where samples are farther apart. [s]"""
 
-FOLLOWS = 0.1
+UNLIKE = 0.1
 """Two signals follow each other if the residual is less than this share of the variance; a lag explains their difference if it
 leaves less than five times this share of it. [1]"""
 
-FAR = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
+FAR_LAGS = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
 """Lags from which the search starts where the signals do not follow each other without one; the last is the longest. [s]"""
 
 LOWEST = 0.1
@@ -109,7 +109,7 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
 
     The residual is correlated from sample to sample, so that fewer of them count.
     """
-    if y.size < MIN_SAMPLES:
+    if y.size < MIN_COMPARED:
         return None
     columns, y = columns - columns.mean(axis=1, keepdims=True), y - y.mean()
     size, of_y = np.linalg.norm(columns, axis=1), float(y @ y)
@@ -168,32 +168,32 @@ def late(log: PhasedLog) -> Iterator[Fault]:
 def follows_late(pair: Pair, limit: float) -> bool:
     """Whether one regression shows a lag beyond a limit [s], or signals that do not follow each other."""
     first = at_lag(pair, 0.0)
-    return first is None or first[2].residual > FOLLOWS or abs(first[0]) > limit
+    return first is None or first[2].residual > UNLIKE or abs(first[0]) > limit
 
 
 def lag_of(pair: Pair, limit: float) -> tuple[float, float] | None:
     """Lag of the second signal behind the first, and its standard error; None if it is below a limit, uncertain, or explains no
     difference. [s]
     """
-    if pair.t.size < MIN_SAMPLES or any(np.ptp(z) < 2.0 * CERTAIN * white_noise(z) for z in (pair.x, pair.y)):
+    if pair.t.size < MIN_COMPARED or any(np.ptp(z) < 2.0 * CERTAIN * white_noise(z) for z in (pair.x, pair.y)):
         return None
     first = at_lag(pair, 0.0)
-    far = () if first is not None and first[2].residual < FOLLOWS else FAR
+    far = () if first is not None and first[2].residual < UNLIKE else FAR_LAGS
     tried = [one for one in (first, *(at_lag(pair, lag) for lag in far)) if one is not None]
     found = min(tried, key=lambda one: one[2].residual, default=None)
     for _ in range(4):
-        if found is not None and abs(found[0]) <= FAR[-1]:
+        if found is not None and abs(found[0]) <= FAR_LAGS[-1]:
             step, found = found[0], at_lag(pair, found[0])
             if found is not None and abs(found[0] - step) < 0.05 * limit:
                 break
-    if found is None or abs(found[0]) > FAR[-1]:
+    if found is None or abs(found[0]) > FAR_LAGS[-1]:
         return None
     if (
         first is not None and first[2].residual < found[2].residual
     ):  # a filter delays as its slope does, without a shift
         found = first
     unmoved = fit(np.array([pair.x, *pair.beside]), pair.y)
-    explains = found[2].residual < 5.0 * FOLLOWS * (1.0 if unmoved is None else unmoved.residual)
+    explains = found[2].residual < 5.0 * UNLIKE * (1.0 if unmoved is None else unmoved.residual)
     certain = abs(found[0]) >= limit and abs(found[0]) > CERTAIN * found[1]
     return found[:2] if certain and explains else None
 
@@ -207,7 +207,7 @@ def smoothed(log: PhasedLog) -> Iterator[Fault]:
     half = max(1, round(SLOPE * run.fs))
     group, spans, _ = next(groups(log), ([], [], []))
     for pair in group if "displacement" in run.channels else ():
-        if pair.t.size > 2 * half + MIN_SAMPLES:
+        if pair.t.size > 2 * half + MIN_COMPARED:
             x, inner, step = pair.x, slice(half, -half), 0.5 * (pair.t[2 * half :] - pair.t[: -2 * half])
             slope = 0.5 * (x[2 * half :] - x[: -2 * half]) / step
             bend = (x[2 * half :] - 2.0 * x[inner] + x[: -2 * half]) / step**2
@@ -253,11 +253,11 @@ def largest_step(
     the scale, a gain is twice its step.
     """
     nothing = 0.0, 0.0, 0.0, 0.0
-    if y.size < MIN_SAMPLES:
+    if y.size < MIN_COMPARED:
         return nothing
     top, smooth = largest(y), np.array([*(x**power for power in range(1, degree + 1)), *beside])
     course = fit(smooth, y)
-    if course is None or course.residual > FOLLOWS:
+    if course is None or course.residual > UNLIKE:
         return nothing
     level = course.weight @ smooth
     level += float(np.mean(y - level))

@@ -20,7 +20,7 @@ import numpy as np
 from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import integrals, median, quantile, white_noise
 from winchcascade.core.run import Signal
-from winchcascade.reduction.checks.phased_log import MIN_SAMPLES, REPORTED, Fault, PhasedLog
+from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.gap_error import all_gaps
@@ -39,7 +39,7 @@ KINKED = 3
 SMOOTHED = 5
 """Number of samples that a local quadratic needs to smooth: through three it passes exactly."""
 
-EVEN = 0.9
+EVENLY = 0.9
 """Share of the changes, by number and by square, that lie evenly apart in a channel that is slower than its log. [1]"""
 
 STRAIGHT = 4
@@ -188,17 +188,17 @@ def update_interval(change: Signal) -> int:
     3
     """
     size = np.abs(change)
-    if size.size < MIN_SAMPLES or not size.any():
+    if size.size < MIN_COMPARED or not size.any():
         return 1
     at = np.flatnonzero(size > max(6.0 * quantile(size, 0.4), 1e-6 * float(size.max())))
     apart = np.diff(at).astype(np.float64)
     steady = 2 * np.count_nonzero(apart == 1.0) > 1.2 * apart.size
     apart = apart[apart > 1.0]  # a value between two samples bends twice
-    if steady or apart.size < STRAIGHT or np.sum(size[at] ** 2) < EVEN * np.sum(size**2):
+    if steady or apart.size < STRAIGHT or np.sum(size[at] ** 2) < EVENLY * np.sum(size**2):
         return 1
     every = median(apart)
     uneven = np.abs(apart - every * np.maximum(np.round(apart / every), 1.0)) > (1.0 if every >= STRAIGHT else 0.0)
-    return round(every) if np.count_nonzero(uneven) <= (1.0 - EVEN) * apart.size else 1
+    return round(every) if np.count_nonzero(uneven) <= (1.0 - EVENLY) * apart.size else 1
 
 
 def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
@@ -246,7 +246,7 @@ def recorded_step(phased: PhasedRun, name: str, minimum: float) -> float:
     every = np.concatenate([np.diff(course) for course in courses])
     changes = np.abs(every[every != 0.0])
     changes = changes[changes > 1e-9 * float(np.max(np.abs(x)))]
-    if changes.size < MIN_SAMPLES // 2 or 1.4 * (small := float(np.sort(changes)[int(0.05 * changes.size)])) < minimum:
+    if changes.size < MIN_COMPARED // 2 or 1.4 * (small := float(np.sort(changes)[int(0.05 * changes.size)])) < minimum:
         return 0.0
     step = float(np.mean(changes[(changes > 0.7 * small) & (changes < 1.4 * small)]))
     few = changes[changes < 4.5 * step] / step  # of more steps, the error of the step is too large
