@@ -146,7 +146,7 @@ def test_a_scheduler_that_cannot_be_reached_is_reported(tmp_path: Path) -> None:
     arguments = ("--out", tmp_path / "out", "--scheduler", f"tcp://127.0.0.1:{port}")
     text = one_sentence("batch", CAMPAIGN, *arguments)
     assert "cannot be reached" in text
-    assert "expected the address of a running scheduler" in text
+    assert "expected that of a running scheduler" in text
 
 
 @pytest.mark.parametrize("address", ["nonsense", "nosuch://127.0.0.1:1"])

@@ -13,15 +13,11 @@ import pytest
 from calls import call
 
 from winchcascade import read_run, reduce
-from winchcascade.batch.plan import make_plan
-from winchcascade.batch.results import campaign_results
-from winchcascade.core.errors import RigError
 from winchcascade.core.rig_toml import built_in
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 here = pytest.mark.skipif(not SHARED.exists(), reason="the logs lie in ../shared/data, which is not here")
-NEW = {"dead_channel", "sign_mismatch", "listed_in_parts"}
 
 RIG = """name = "dyno"
 [cascade]
@@ -185,20 +181,3 @@ def test_logs_of_a_bench_show_their_torque_sensor(tmp_path: Path, log: str, kind
     )
     record = json.loads(call("reduce", SHARED / "benches" / "vdyno" / f"{log}.csv", "--rig", rig, "--json", "-").out)
     assert of_kind(record["quality"], kind) == ["torque"]
-
-
-# ------------------------------------------------------------------------------------------------------------ sound logs
-def campaigns() -> list[Path]:
-    groups = ("labelled", "harder", "own_simulation", "peer", "trust")
-    found = [SHARED / "campaign", *(path for group in groups for path in sorted((SHARED / group).glob("*")))]
-    return [CAMPAIGN, *(path for path in found if (path / "campaign.toml").is_file())]
-
-
-@pytest.mark.parametrize("folder", campaigns(), ids=lambda path: path.name)
-def test_no_sound_campaign_has_a_finding_of_the_new_kinds(folder: Path) -> None:
-    try:
-        plan = make_plan([str(folder)])
-    except RigError as fault:
-        pytest.skip(f"its rig file is of another form: {fault}")
-    records = campaign_results(plan, 1).records
-    assert {f.kind for _, record in records for f in record.quality} & NEW == set()

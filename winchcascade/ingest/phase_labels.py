@@ -78,10 +78,8 @@ def phase_labels(
 def _texts(source: LogSource, column: int, beside: Sequence[int], time: int | None) -> Sequence[str]:
     """A column as texts, in the rows of the columns beside it; empty where it holds none.
 
-    Formats other than text hand over texts as they do those of stamps; channels with clocks of their own give stamps instead.
+    Texts are handed over as those of stamps are; channels with clocks of their own give stamps instead.
     """
-    if source.texts is not None:
-        return source.texts(column, beside)
     for others in ([*beside, *([] if time is None else [time])], []):
         found = source.load(others, column).stamps
         if found is not None and not isinstance(found, np.ndarray):

@@ -53,13 +53,11 @@ class LogSource(msgspec.Struct, frozen=True):
     Parameters
     ----------
     headers : every column of the file in its order
-    load : called once with the indices of the wanted channels and the index of the time column (or None)
+    load : called with the indices of the wanted channels, and the index of the time column or of one of texts (or None)
     time_step : sampling interval that the file states itself (a waveform); None where stamps or nothing give it [s]
     time_start : stamp of the first sample of such a waveform [s]
     properties : what the file states about itself, such as `load_ohm`
     table : name of the sheet, variable or group that is read, where a file may hold several
-    texts : loads a column as texts, by its index, in the rows in which the columns of some other indices hold a number; None
-        where the format gives numbers alone
     close : releases what the source holds; no column can be loaded afterwards
     """
 
@@ -68,7 +66,6 @@ class LogSource(msgspec.Struct, frozen=True):
     time_step: float | None = None
     time_start: float = 0.0
     properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)
-    texts: Callable[[int, Sequence[int]], Sequence[str]] | None = None
     close: Callable[[], object] = lambda: None
     table: str | None = None
 

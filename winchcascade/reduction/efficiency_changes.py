@@ -105,13 +105,16 @@ def largest_change(log: PhasedLog, metric: str, given: Sequence[int], metrics: i
     share = 0.5 if log.phased.run.load is not None else 1.0  # change of the share of the loss over that of the power
     allowed = share * (1.0 - mean + zero_share(log, cycles)) * differs + unknown
     within = np.maximum(float((eta - 1.0) @ (eta - 1.0)) - change**2 / spread, 0.0)
-    repeats, freedom = math.hypot(REPEATABILITY, *(energy_noise(log, stage) for stage in stages)), PRIOR + n - 2
-    scatter = np.sqrt((PRIOR * repeats**2 + within) / freedom * spread)
-    t = np.maximum(np.abs(change) - allowed, 0.0) / scatter
-    best = int(t.argmax())
+    freedom = PRIOR + n - 2
+    for noisy in ((), stages):  # noise makes a change less significant
+        repeats = math.hypot(REPEATABILITY, *(energy_noise(log, stage) for stage in noisy))
+        scatter = np.sqrt((PRIOR * repeats**2 + within) / freedom * spread)
+        t = np.maximum(np.abs(change) - allowed, 0.0) / scatter
+        best = int(t.argmax())
+        if probability(float(t[best]), freedom) * change.size * metrics > ALPHA:
+            return None
     of_mean = min(first[best], n - first[best]) / n if best < first.size else 0.5
-    moved = (abs(change[best]) - allowed[best]) * mean * of_mean
-    if probability(float(t[best]), freedom) * change.size * metrics > ALPHA or moved < MOVES:
+    if (abs(change[best]) - allowed[best]) * mean * of_mean < MOVES:
         return None
     here = None
     if best < first.size:

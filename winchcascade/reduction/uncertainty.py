@@ -356,11 +356,10 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     for k, source in enumerate(model.sources):  # gaps of all energies make one row
         row = rows.setdefault(source if source.part != "gap" else None, {})
         row.update({m: math.hypot(row.get(m, 0.0), x[k]) for m, x in parts.items()})
-    sensors, scatter = {m: math.hypot(*x) for m, x in parts.items()}, {}
-    counts = {m: _cycles_with(reduction, m, complete).size for m in given}
-    for m in (m for m in given if reduction.rig.phases.repeats and counts[m] > 1):
-        values = [reduction.cycles[k].metrics.value(m) for k in _cycles_with(reduction, m, complete)]
-        scatter[m] = float(np.std(values, ddof=1)) / math.sqrt(counts[m])
+    values = {m: [c.metrics.value(m) for c in reduction.complete if c.metrics[m] is not None] for m in given}
+    repeated = {m: x for m, x in values.items() if reduction.rig.phases.repeats and len(x) > 1}
+    scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in repeated.items()}
+    sensors = {m: math.hypot(*x) for m, x in parts.items()}
     mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
     in_place = {n: s for n, s in reduction.rig.sensors.items() if s.u_zero is not None or s.u_gain is not None}
     bare = {n: msgspec.structs.replace(s, u_zero=None, u_gain=None) for n, s in in_place.items()}
@@ -372,7 +371,7 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
         sensors=Metrics(sensors, names),
         repeatability=Metrics(scatter, names),
         mean=Metrics(mean, names),
-        freedom=Metrics({m: _freedom(u, scatter.get(m, 0.0), counts[m]) for m, u in mean.items()}, names),
+        freedom=Metrics({m: _freedom(u, scatter.get(m, 0.0), len(values[m])) for m, u in mean.items()}, names),
         cycles=cycles,
         by_limits=Metrics({m: math.hypot(*x) for m, x in by_limits.items()}, names),
         cycles_by_limits=cycles_by_limits,

@@ -61,13 +61,13 @@ MARKS_MAX = 200
 RAGGED_ROWS_MAX, RAGGED_SHARE_MAX = 10, 0.5
 """Rows with cells too many or too few that a table may have: the larger of a number and a share of the other rows."""
 
-_BOMS = {
-    codecs.BOM_UTF8: "utf-8-sig",
-    codecs.BOM_UTF32_LE: "utf-32",
-    codecs.BOM_UTF32_BE: "utf-32",
-    codecs.BOM_UTF16_LE: "utf-16",
-    codecs.BOM_UTF16_BE: "utf-16",
+_MARKS = {
+    "utf-8-sig": (codecs.BOM_UTF8,),
+    "utf-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
+    "utf-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
 }
+"""How files in some encodings begin; that of UTF-32 begins as that of UTF-16 does."""
+
 _ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251", "cp1250", "euc_jp", "koi8-r", "cp850")
 _LABVIEW_HEADING = re.compile(rb"^(?!nan\b|inf)(?:[*]{3}End_|[a-z])[^\n]*\n?", re.IGNORECASE | re.MULTILINE)
 """A line of the heading that LabVIEW repeats above each segment; a row of data begins with a number or an empty cell."""
@@ -103,15 +103,14 @@ def open_text(path: Path, *, numbered: bool = False) -> LogSource:
         time_step=step,
         time_start=start,
         properties=dict(layout.properties),
-        texts=lambda column, beside: _load(path, encoding, layout, step, beside, column).stamps or [],  # type: ignore[arg-type,return-value]
     )
 
 
 def find_encoding(head: bytes) -> str:
     """Guess the encoding of a file from its beginning: a mark, UTF-8, zeros of UTF-16, else the one that reads best."""
-    marked = next((name for mark, name in _BOMS.items() if head.startswith(mark)), None)
-    if marked is not None:
-        return marked
+    for encoding, marks in _MARKS.items():
+        if head.startswith(marks):
+            return encoding
     if head[:400].count(b"\0") > len(head[:400]) // 4:
         return "utf-16-le" if head[1:2] == b"\0" else "utf-16-be"
     try:
@@ -156,11 +155,16 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
             data = find_data([split_row(line, delimiter) for line in head])
             if data is not None:
                 values = sum(bool(cell) and is_value(cell) for column in data[1] for cell in column)
-                found.append(
-                    (values / len(data[1][0]) - data[0] / 4000, delimiter, *data)
-                )  # less for one that begins late
+                score = values / len(data[1][0]) - data[0] / 4000  # less for one that begins late
+                found.append((score, delimiter, *data))
     if not found:
-        raise LogError(_no_table(head, where))
+        begins = next((line.strip()[:40] for line in head if line.strip()), "")
+        named = any(channels_named(split_row(line, delimiter)) > 1 for delimiter in ",;\t" for line in head)
+        what = "column names but no rows of numbers" if named else f"no table of numbers (it begins with {begins!r})"
+        raise LogError(
+            f"{where}: {what}; expected column names and rows of numbers. Check that this is a log, and that the logger wrote "
+            "its data."
+        )
     _, delimiter, first, columns = max(found, key=lambda table: table[0])
     above = [_name_cells(line, delimiter, len(columns)) for line in lines[:first]]
     headers = headers_above(above, columns, where, numbered=numbered)
@@ -185,20 +189,6 @@ def _name_cells(line: str, delimiter: str, width: int) -> list[str]:
             if len(other) == width:
                 return other
     return cells
-
-
-def _no_table(lines: Sequence[str], where: str) -> str:
-    """Explain what a file without rows of numbers holds."""
-    named = [line.strip() for line in lines if line.strip()]
-    if any(channels_named(split_row(line, delimiter)) > 1 for delimiter in ",;\t" for line in named):
-        return (
-            f"{where}: column names but no rows of numbers below them; expected at least a few seconds of samples. "
-            f"Check that the logger wrote its data."
-        )
-    return (
-        f"{where}: no table of numbers found (it begins with {(named or [''])[0][:40]!r}); expected column names and rows of "
-        f"numbers. Check that this is a log."
-    )
 
 
 def _load(

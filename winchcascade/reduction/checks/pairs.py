@@ -83,7 +83,7 @@ def pairs_of(log: PhasedLog, k: int) -> Iterator[Pair]:
     braking = end if plateau is None else plateau.braking
     payout, driven = log.phased.rows(cycle.onset - blur, end + blur), log.phased.rows(cycle.onset - blur, braking)
     t, electrical = run.t[payout], "vdc" in channels and "idc" in channels and not run.open_circuit
-    if "displacement" in channels:
+    if {"displacement", "velocity"} <= channels.keys():
         v = channels["velocity"][payout]
         travel = np.concatenate((np.zeros(min(1, t.size)), np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))))
         yield Pair("displacement", "velocity", SAME_TIME, 0, t, channels["displacement"][payout], travel, (t,))
@@ -95,13 +95,21 @@ def pairs_of(log: PhasedLog, k: int) -> Iterator[Pair]:
             omega = v * ((rig.rpm_per_velocity or 0.0) * math.pi / 30.0)
             needed = v_dc * i_dc + losses(rig, i_dc, omega)
             for part, x in ((rig.dc_link.c_dc, v_dc), (rig.drivetrain.inertia_rotor, omega)):
-                needed += part.value * x * np.gradient(x, t) if part is not None and t.size > 1 else 0.0
+                needed += part.value * x * slope_of(t, x) if part is not None else 0.0
             yield Pair("torque", "Vdc x Idc", OF_THE_ROTOR, 0, t, shaft(driven), needed)
         yield Pair("velocity", "vdc", OF_THE_MACHINE, 0, t, v, v_dc)
     if "torque" in channels and "force" in channels:
         driven = log.phased.rows(cycle.onset + blur, braking)  # before, the friction of the restoring module reverses
         t, along = run.t[driven], channels.get("pressure", channels.get("displacement", run.t))[driven]
         yield Pair("torque", "force", SAME_TIME, 2, t, channels["torque"][driven], channels["force"][driven], (along,))
+
+
+def slope_of(t: Signal, x: Signal) -> Signal:
+    """Slope of a signal at each sample, by the mean of the steps on either side; zeros for fewer than three samples."""
+    if t.size < 3:
+        return np.zeros(t.size)
+    step = np.diff(x) / np.diff(t)
+    return np.concatenate((step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]))
 
 
 def fit(columns: Signal, y: Signal) -> Fitted | None:
@@ -116,12 +124,12 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     if not size.all() or of_y == 0.0:
         return None
     scaled = columns / size[:, None]
-    product = scaled @ scaled.T
+    product = np.einsum("ij,kj->ik", scaled, scaled)  # not by BLAS, whose threads wait for each other where others work
     if np.linalg.det(product) < 1e-9:
         return None
     inverse = np.linalg.inv(product)
-    weight = inverse @ (scaled @ y)
-    residual = y - weight @ scaled
+    weight = inverse @ np.einsum("ij,j->i", scaled, y)
+    residual = y - np.einsum("i,ij->j", weight, scaled)
     left = float(residual @ residual)
     following = float(residual[1:] @ residual[:-1]) / max(left, 1e-30)
     fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
@@ -206,7 +214,7 @@ def smoothed(log: PhasedLog) -> Iterator[Fault]:
     run, widths = log.phased.run, []
     half = max(1, round(SLOPE * run.fs))
     group, spans, _ = next(groups(log), ([], [], []))
-    for pair in group if "displacement" in run.channels else ():
+    for pair in group if group and group[0].first == "displacement" else ():
         if pair.t.size > 2 * half + MIN_COMPARED:
             x, inner, step = pair.x, slice(half, -half), 0.5 * (pair.t[2 * half :] - pair.t[: -2 * half])
             slope = 0.5 * (x[2 * half :] - x[: -2 * half]) / step
@@ -274,9 +282,7 @@ def largest_step(
 
 def ramp_of(pair: Pair, plateau: Plateau | None, settle: float) -> Signal:
     """Both signals, their slopes, and what else the second depends on, outside the plateau, (m, n)."""
-    if pair.t.size < 2:
-        return np.empty((4 + len(pair.beside), 0))
-    rows = np.array([pair.x, pair.y, np.gradient(pair.x, pair.t), np.gradient(pair.y, pair.t), *pair.beside])
+    rows = np.array([pair.x, pair.y, slope_of(pair.t, pair.x), slope_of(pair.t, pair.y), *pair.beside])
     if plateau is None:
         return rows
     return rows[:, (pair.t < plateau.begin + settle) | (pair.t > plateau.braking - settle)]
