@@ -17,7 +17,7 @@ from winchcascade.core.integrate import ENOUGH, GAUSS, median, median_and_error,
 from winchcascade.core.run import Finding, Index, Mask, Signal
 from winchcascade.ingest.checks.samples import Samples
 
-BLOCK = 1.0
+BLOCK_TIME = 1.0
 """Minimum duration of a block: noise of the sensors averages out, and a lag between the channels matters little. [s]"""
 
 SHORT_BLOCK = 0.2
@@ -29,7 +29,7 @@ MOVING = 2.0
 MIN_BLOCKS = 5
 """Smallest number of blocks, or samples, that shows a deviation. [1]"""
 
-CERTAIN = 4.0
+CERTAIN_U = 4.0
 """A deviation is reported from this many standard uncertainties on. [1]"""
 
 GAIN = 0.01
@@ -44,7 +44,7 @@ ZERO = 1 / 6
 ALIKE = 0.3
 """A block that deviates by less than this share stays: a slow sensor in a fast log makes blocks that differ. [1]"""
 
-SMOOTHED = 0.1
+SMOOTHING_MIN = 0.1
 """Smallest standard deviation of a smoothing that is reported: an average over 0.35 s, half of what detection applies. [s]"""
 
 DRIVEN = 0.3
@@ -56,7 +56,7 @@ UNITS = (60.0, 1e3, 3600.0, 6e4, 86400.0, 1e6, 3.6e6, 1e9)
 UNIT = 0.03
 """A factor is such a ratio within this share: gains of velocity and displacement differ by less. [1]"""
 
-BEYOND = 20.0
+GAIN_MAX = 20.0
 """Largest factor that an error of a gain may cause. [1]"""
 
 
@@ -96,7 +96,7 @@ def _over_holes(t: Signal, v: Signal, ends: Index) -> Signal:
 def mean_speeds(log: Samples, v_onset: float) -> SpeedBlocks:
     """Blocks of a second or more without holes and gaps; coarse steps of an encoder make them longer."""
     usual = median(np.diff(log.t[:ENOUGH]))
-    seconds = max(BLOCK, MOVING * smallest_step(log.channels["displacement"]) / v_onset)
+    seconds = max(BLOCK_TIME, MOVING * smallest_step(log.channels["displacement"]) / v_onset)
     rows = max(1, round(min(seconds / usual, float(log.t.size))))
     blocks = speed_blocks(log, rows)
     blocks.v[blocks.seconds > 1.5 * rows * usual] = np.nan
@@ -117,7 +117,9 @@ def clock_mismatch(log: Samples) -> str | None:
             f"stamps are {usual:.4g} s apart, and the velocity is smoothed over {smoothing:g} s; no other channel confirms the "
             "clock. For stamps in a smaller unit, state it with override = true under [columns] of a rig file"
         )
-    rows = min(BLOCK / usual, max(1.0, log.t.size / 200.0))  # whatever the clock, a log has more than a hundred blocks
+    rows = min(
+        BLOCK_TIME / usual, max(1.0, log.t.size / 200.0)
+    )  # whatever the clock, a log has more than a hundred blocks
     blocks = speed_blocks(log, round(rows)).known()
     moving = np.abs(blocks.v) > MOVING * log.rig.thresholds.v_onset
     moving &= (blocks.by_displacement != 0.0) & np.isfinite(blocks.v * blocks.by_displacement)
@@ -126,7 +128,7 @@ def clock_mismatch(log: Samples) -> str | None:
     factor = median(np.abs(blocks.v[moving] / blocks.by_displacement[moving]))
     large = max(factor, 1.0 / factor)
     counts = bool(np.all(np.diff(log.t[:1000]) == 1.0)) and large > 1.0 + UNIT
-    if not (counts or large > BEYOND or any(abs(large / ratio - 1.0) < UNIT for ratio in UNITS)):
+    if not (counts or large > GAIN_MAX or any(abs(large / ratio - 1.0) < UNIT for ratio in UNITS)):
         return None
     clock = "stamps may count rows" if counts else f"the true interval may be {usual / factor:.4g} s"
     return (
@@ -147,7 +149,7 @@ def compare_motions(log: Samples) -> None:
     at_rest = np.abs(blocks.by_displacement) < v_onset
     if np.count_nonzero(at_rest) >= MIN_BLOCKS:
         found, u = median_and_error(blocks.v[at_rest] - blocks.by_displacement[at_rest])
-        if abs(found) > max(ZERO * v_onset, CERTAIN * u, step):
+        if abs(found) > max(ZERO * v_onset, CERTAIN_U * u, step):
             zero = found
             _report(log, "velocity", _zero_text(zero, median(blocks.by_displacement[at_rest]), v_onset))
     gain = _gain(blocks, zero, v_onset, step)
@@ -180,14 +182,14 @@ def _gain(blocks: SpeedBlocks, zero: float, v_onset: float, step: float) -> floa
     v = np.abs(blocks.v[along] - zero)
     rough = median(v / speed)
     beyond = np.abs(v - rough * speed)
-    near = beyond <= np.maximum(CERTAIN * GAUSS * median(beyond), ALIKE * rough * speed)
+    near = beyond <= np.maximum(CERTAIN_U * GAUSS * median(beyond), ALIKE * rough * speed)
     if 2 * np.count_nonzero(near) < np.count_nonzero(moving):
         return None
     seconds, speed, v = blocks.seconds[along][near], speed[near], v[near]
     travel = float(np.dot(speed, seconds))
     gain = float(np.dot(v, seconds)) / travel
     u = float(np.linalg.norm((v - gain * speed) * seconds)) / travel
-    return gain if abs(gain - 1.0) > max(GAIN, CERTAIN * u, 0.5 * step * float(seconds.sum()) / travel) else None
+    return gain if abs(gain - 1.0) > max(GAIN, CERTAIN_U * u, 0.5 * step * float(seconds.sum()) / travel) else None
 
 
 def _zero_text(zero: float, drift: float, v_onset: float) -> str:
@@ -228,7 +230,9 @@ def _smoothing(log: Samples) -> float | None:
     scatter = float(np.sum((off - terms @ found) ** 2)) / (off.size - found.size)
     u = math.sqrt(scatter * float(np.linalg.inv(normal)[-1, -1]))
     half_variance = float(found[-1])
-    return math.sqrt(2.0 * half_variance) if half_variance > max(0.5 * SMOOTHED**2, 2.0 * CERTAIN * u) else None
+    return (
+        math.sqrt(2.0 * half_variance) if half_variance > max(0.5 * SMOOTHING_MIN**2, 2.0 * CERTAIN_U * u) else None
+    )
 
 
 def compare_powers(log: Samples) -> None:
@@ -279,4 +283,4 @@ def _ratio(x: Signal, size: Signal, where: Mask, y: Signal) -> float | None:
     if np.count_nonzero(driven) < MIN_BLOCKS:
         return None
     ratio, u = median_and_error(x[driven] / y[driven])
-    return ratio if abs(ratio - 1.0) > max(RADIUS, CERTAIN * u) else None
+    return ratio if abs(ratio - 1.0) > max(RADIUS, CERTAIN_U * u) else None

@@ -42,7 +42,7 @@ of one in a hundred. [1]"""
 NEAR = 0.2
 """Largest distance of these from the values of the stretch, in ranges: noise may grow with the value. [1]"""
 
-IDLE = 0.05
+IDLE_SHARE = 0.05
 """A stage may give out nothing, without noise, below this share of its largest value. [1]"""
 
 MOTIONS = ("velocity", "displacement", "speed")
@@ -338,7 +338,7 @@ def stale(log: Samples, name: str) -> Mask:
             chance = (last - a - 1) * _chance(repeats, *sides, *again)
             unlikely = motion[(a + last) // 2] not in usual and chance < CERTAIN
             stuck = unlikely and _are_noisy(x, sides, log.level(name).step) and not shown(log, name, a, last)
-        idle = name not in MOTIONS and abs(x[a]) <= IDLE * max(
+        idle = name not in MOTIONS and abs(x[a]) <= IDLE_SHARE * max(
             map(abs, log.level(name)[:2])
         )  # a stage may give nothing
         bad[a + 1 : last] = stuck and not idle and low <= x[a] <= high  # beyond that it was clipped

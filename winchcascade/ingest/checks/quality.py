@@ -31,7 +31,7 @@ APPLIED = ("missing_channel", "derived_channel", "not_a_number", "sign_flipped")
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
 """Channels that must change while the line pays out; a channel of your own may hold its value."""
 
-MIN_SAMPLES = 50
+MIN_CHECKED = 50
 """Fewer samples do not show what a channel usually does. [1]"""
 
 ROUNDS = 4
@@ -111,7 +111,7 @@ def _run_checks(log: Samples, checks: Sequence[Check], without: Collection[str] 
         names = [
             name
             for name, x in log.channels.items()
-            if name not in without and np.count_nonzero(np.isfinite(x)) > MIN_SAMPLES
+            if name not in without and np.count_nonzero(np.isfinite(x)) > MIN_CHECKED
         ]
         for name, bad in [(name, bad) for name in names if (bad := mask(log, name)).any()]:
             log.take_out(name, bad)

@@ -15,7 +15,7 @@ MAY_HOLD = ("velocity", "speed")
 """Factors of a power whose largest value need not scatter: a line or a shaft may move at one speed. A machine that is blocked
 takes a current and gives a torque."""
 
-MIN_ROWS = 20
+MIN_REPEATS = 20
 """Fewest samples at the largest value, or rows that equal earlier ones: noise repeats none by chance. [1]"""
 
 MAX_ROWS = 1_000_000
@@ -57,7 +57,7 @@ def saturated(log: Samples, name: str) -> None:
     top = high if high >= -low else low
     held = x == top
     again = int(np.count_nonzero(held[1:] & held[:-1]))
-    if top == 0.0 or again < MIN_ROWS or 2 * again < np.count_nonzero(held):
+    if top == 0.0 or again < MIN_REPEATS or 2 * again < np.count_nonzero(held):
         return
     change = np.diff(x)[~(held[1:] | held[:-1])]
     if is_noisy(change[np.isfinite(change)]):
@@ -69,7 +69,7 @@ def saturated(log: Samples, name: str) -> None:
 def is_noisy(change: Signal) -> bool:
     """Whether changes from sample to sample are those of a channel with noise above its resolution."""
     some = change[change != 0]
-    if some.size < MIN_ROWS or some.size < (1.0 - NOISY) * change.size:
+    if some.size < MIN_REPEATS or some.size < (1.0 - NOISY) * change.size:
         return False
     turn = some[1:] * some[:-1] < 0
     large = np.minimum(np.abs(some[1:]), np.abs(some[:-1]))[turn] > 1.5 * np.abs(some).min()
@@ -147,7 +147,7 @@ def repeated_rows(log: Samples) -> None:
     twice: Mask = np.zeros(n, dtype=bool)
     for a, b in pairwise(np.flatnonzero(np.diff(later, prepend=0, append=0)).tolist()):
         changes = any(2 * np.count_nonzero(np.diff(x[a:b])) > b - a for x in channels)  # rests may repeat
-        twice[a:b] = later[a] > 1 and b - a >= MIN_ROWS and changes
+        twice[a:b] = later[a] > 1 and b - a >= MIN_REPEATS and changes
     if twice.any():
         rows = np.flatnonzero(twice)
         what = f"{rows.size} rows equal earlier ones in every channel: they were written twice; check how the file was made"
