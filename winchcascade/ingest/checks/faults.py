@@ -329,18 +329,17 @@ def stale(log: Samples, name: str) -> Mask:
     ]
     for a, b in held:
         last = b + 1
-        stuck = _travels_on(log, name, a, last)
+        travels = stuck = _travels_on(log, name, a, last)
         if stuck is None:
             sides = _beside(log, name, motion, a, last, NEAR)
-            again = [
-                rows[repeats[rows - 1]] for rows in sides
-            ]  # a log that is held or interpolated holds still for longer
+            again = [rows[repeats[rows - 1]] for rows in sides]  # in a log that is held, one sample repeats after another
             chance = (last - a - 1) * _chance(repeats, *sides, *again)
             unlikely = motion[(a + last) // 2] not in usual and chance < CERTAIN
             stuck = unlikely and _are_noisy(x, sides, log.level(name).step) and not shown(log, name, a, last)
-        idle = name not in MOTIONS and abs(x[a]) <= IDLE_SHARE * max(
-            map(abs, log.level(name)[:2])
-        )  # a stage may give nothing
+        if name in MOTIONS:  # a machine may be at rest
+            idle = not travels and x[a] == 0.0
+        else:  # a stage may give nothing
+            idle = abs(x[a]) <= IDLE_SHARE * max(map(abs, log.level(name)[:2]))
         bad[a + 1 : last] = stuck and not idle and low <= x[a] <= high  # beyond that it was clipped
     return bad
 
