@@ -127,7 +127,7 @@ def spikes(log: Samples, name: str) -> Mask:
         if (
             last - begin <= SHORT
             and alone
-            and (wild or _cannot_be(log, name, begin, last) or not _is_shown(log, name, begin, last))
+            and (wild or _cannot_be(log, name, begin, last) or not _is_shown(log, name, begin, last, at_each_end=False))
         ):
             bad[begin:last] = True
     return bad
@@ -291,13 +291,16 @@ def _cannot_be(log: Samples, name: str, first: int, last: int) -> bool:
     return abs(moved - without) < 0.5 * abs(moved - with_it)
 
 
-def _is_shown(log: Samples, name: str, first: int, last: int) -> bool:
-    """Whether another channel, or of the velocity the displacement, shows that the machine did it."""
+def _is_shown(log: Samples, name: str, first: int, last: int, *, at_each_end: bool = True) -> bool:
+    """Whether another channel, or of the velocity the displacement, shows that the machine did it.
+
+    A few samples beside an edge are a transient, which another channel shows at the edge alone.
+    """
     if name == "velocity" and "displacement" in log.channels and first > 0 and last < log.t.size:
         with_it, without, moved = _travels(log, first - 1, last)
         if abs(moved - with_it) < abs(moved - without):
             return True
-    return shown(log, name, first, last)
+    return shown(log, name, first, last, at_each_end=at_each_end)
 
 
 def _travels(log: Samples, before: int, after: int) -> tuple[float, float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -31,8 +31,8 @@ BY_SPEED = 5.0
 fifth of the speed opens the clutch. [1]"""
 
 
-def shown(log: Samples, name: str, first: int, last: int) -> bool:
-    """Whether another channel changes as sharply as nowhere nearby at the ends of a stretch [first, last).
+def shown(log: Samples, name: str, first: int, last: int, *, at_each_end: bool = True) -> bool:
+    """Whether another channel changes as sharply as nowhere nearby at each end of a stretch [first, last), or at one of them.
 
     A channel that holds a code there, or is lost like this one, is no witness. An end of the log is no edge.
     """
@@ -42,13 +42,16 @@ def shown(log: Samples, name: str, first: int, last: int) -> bool:
         return False
     share = float(np.max(np.abs(inside - median(beside)))) / (log.level(name).span or np.inf)
     return any(
-        _changes(log, other, first, last, max(OF_RANGE, 0.05 * share)) and not is_lost(log, other, name, first, last)
+        _changes(log, other, first, last, max(OF_RANGE, 0.05 * share), all if at_each_end else any)
+        and not is_lost(log, other, name, first, last)
         for other in log.channels
         if other != name
     )
 
 
-def _changes(log: Samples, name: str, first: int, last: int, share: float) -> bool:
+def _changes(
+    log: Samples, name: str, first: int, last: int, share: float, at_ends: Callable[[Iterable[bool]], bool]
+) -> bool:
     """Whether a channel or its slope changes by a share of its range at the ends of a stretch, and much more than nearby."""
     y, n, level = log.channels[name], log.t.size, log.level(name)
     begin, end = max(first - 2, 0), min(last + 2, n)
@@ -63,7 +66,7 @@ def _changes(log: Samples, name: str, first: int, last: int, share: float) -> bo
         minimum = (
             max(share * level.span, OF_NOISE * level.noise, APART * quantile(usual, 0.75)) if usual.size else np.inf
         )
-        if all(np.max(_finite(np.abs(np.diff(part, order))), initial=0.0) > minimum for part in edges):
+        if at_ends(bool(np.max(_finite(np.abs(np.diff(part, order))), initial=0.0) > minimum) for part in edges):
             return True
     return False
 
