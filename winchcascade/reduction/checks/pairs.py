@@ -128,7 +128,7 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     size, of_y = np.sqrt(product.diagonal()), float(y @ y)
     if not size.all() or of_y == 0.0:
         return None
-    product /= np.outer(size, size)
+    product /= size * size[:, None]
     if np.linalg.det(product) < 1e-9:
         return None
     inverse = np.linalg.inv(product)
@@ -137,7 +137,7 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     left = float(residual @ residual)
     following = float(residual[1:] @ residual[:-1]) / max(left, 1e-30)
     fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
-    error = np.sqrt(np.diag(inverse) * left * fewer / y.size)
+    error = np.sqrt(inverse.diagonal() * left * fewer / y.size)
     return Fitted(weight / size, error / size, left / of_y)
 
 
