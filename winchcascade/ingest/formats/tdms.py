@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -129,13 +130,25 @@ def _opened(path: Path) -> Iterator[Any]:
     # A stream, not a path: beside a path the parser would trust an index file that may be an old one.
     with (
         damage_reported(path, "TDMS file", "copy it again or export it as CSV"),
-        path.open("rb") as stream,
+        _BoundedStream(path) as stream,
         np.errstate(all="ignore"),
     ):
         _CountedReader(stream, path.name).read_metadata()
         stream.seek(0)
         with TdmsFile.open(stream) as tdms:
             yield tdms
+
+
+class _BoundedStream(io.BufferedReader):
+    """A file of which a read takes no more memory than the file is long, whatever length a damaged text claims."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self.length = path.stat().st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read so many bytes, or all."""
+        return super().read(self.length if size is None else min(size, self.length))
 
 
 class _CountedReader(TdmsReader):  # type: ignore[misc]
