@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Literal
 
 import msgspec
@@ -50,6 +51,7 @@ class ErrorSource(msgspec.Struct, frozen=True):
         return "normal" if self.limit is None else "rectangular"
 
 
+@lru_cache(maxsize=64)
 def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     """Zero and gain errors that the rig file allows a sensor, in SI units; empty without any.
 

@@ -241,8 +241,7 @@ class _CampaignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def _run(raw: Table, place: str, path: Path, campaign: _CampaignFile) -> CampaignRun:
     """Convert one [[run]] table."""
-    fields = [field.encode_name for field in msgspec.structs.fields(CampaignRun)]
-    check_keys(raw, (*fields, "measured"), f"{place}:", CampaignError)
+    check_keys(raw, (*CampaignRun.__struct_encode_fields__, "measured"), f"{place}:", CampaignError)
     stated = {key: value for key, value in raw.items() if key not in ("measured", "origin")}
     stated["origin"] = _origin(convert(raw, _Stated, f"{place}:", CampaignError), campaign)
     for key in ("file", "simulated"):

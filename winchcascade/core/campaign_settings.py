@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from os.path import realpath
 from pathlib import Path
 
 import msgspec
@@ -76,8 +77,8 @@ def settings_beside(
 
 def _listed_in_parts(campaign: Campaign, entry: CampaignRun) -> Finding | None:
     """What a campaign lists of a log besides an entry, None for nothing."""
-    others = [run for run in campaign.runs if run is not entry and run.sheet == entry.sheet]
-    others = [run for run in others if run.file.resolve() == entry.file.resolve()]
+    others, file = [run for run in campaign.runs if run is not entry and run.sheet == entry.sheet], realpath(entry.file)
+    others = [run for run in others if realpath(run.file) == file]
     if not others:
         return None
     message = (

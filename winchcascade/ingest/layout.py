@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from itertools import pairwise, zip_longest
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import count, islice, pairwise, zip_longest
 
 import msgspec
 
@@ -55,24 +55,27 @@ class Layout(msgspec.Struct, frozen=True):
     labview: bool = False
 
 
-def find_data(rows: Sequence[Row]) -> tuple[int, list[list[str]]] | None:
+def find_data(rows: Iterable[Row]) -> tuple[int, list[list[str]]] | None:
     """Find the first row of data, which most of the next five rows resemble.
 
     Returns
     -------
     its index and the cells of each column in the first rows of data, as far as rows have it; None without such a row
     """
-    data: list[bool] = []
-    for k, row in enumerate(rows[:-1]):
-        data += [_is_data(row) for row in rows[len(data) : k + 6]]
-        if not data[k] or channels_named(row) > 1:
+    unread, read, data = iter(rows), list[Row](), list[bool]()
+    for k in count():
+        read += islice(unread, k + SAMPLE_ROWS - len(read))
+        if k + 1 >= len(read):
+            break
+        data += [_is_data(row) for row in read[len(data) : k + 6]]
+        if not data[k] or channels_named(read[k]) > 1:
             continue
-        after = [j for j in range(k + 1, len(data)) if any(rows[j])]
-        width = usual_width([rows[j] for j in after if data[j]])
-        alike = sum(data[j] and abs(len(rows[j]) - width) <= 1 for j in after) if len(row) >= width - 1 else 0
-        named = any(channels_named(rows[j]) > 1 for j in after if not data[j])
+        after = [j for j in range(k + 1, len(data)) if any(read[j])]
+        width = usual_width([read[j] for j in after if data[j]])
+        alike = sum(data[j] and abs(len(read[j]) - width) <= 1 for j in after) if len(read[k]) >= width - 1 else 0
+        named = any(channels_named(read[j]) > 1 for j in after if not data[j])
         if alike >= max(1, len(after) - 2) and not named:
-            return k, columns_of([row for row in rows[k : k + SAMPLE_ROWS] if _is_data(row)])
+            return k, columns_of([row for row in read[k : k + SAMPLE_ROWS] if _is_data(row)])
     return None
 
 

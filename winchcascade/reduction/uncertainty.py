@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import combinations
 from typing import Any, Literal, NamedTuple
 
@@ -24,7 +24,7 @@ from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
 from winchcascade.core.arguments import SEED_NUMBER, check_arguments
 from winchcascade.core.cascade import Cascade, Power, Stream
 from winchcascade.core.errors import check_type
-from winchcascade.core.integrate import integrals_of
+from winchcascade.core.integrate import integrals_of, quantiles_in_place
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.reduction.efficiency import NET_METRICS, NOTHING, Metrics
@@ -122,7 +122,7 @@ class Uncertainty(msgspec.Struct, frozen=True):
     interval_95_sensors: Mapping[str, Interval]
 
 
-class Energy(msgspec.Struct, frozen=True):
+class Energy(msgspec.Struct, frozen=True, dict=True):
     """One energy in k spans for any errors of the channels that the terms of its power are made of.
 
     Parameters
@@ -139,7 +139,7 @@ class Energy(msgspec.Struct, frozen=True):
     t: Signal
     bridged: Signal
 
-    @property
+    @cached_property
     def joules(self) -> Signal:
         """Energies as reduced, (k,). [J]"""
         return np.asarray(self.without({NOWHERE: np.zeros((1, 1))})[0])
@@ -180,6 +180,7 @@ class Energy(msgspec.Struct, frozen=True):
         )
 
 
+@cache
 def _subsets(channels: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The subsets of the channels of a term, from none to all of them."""
     return [some for size in range(len(channels) + 1) for some in combinations(channels, size)]
@@ -435,15 +436,10 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     """
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
     check_arguments("uncertainty", ("seed", seed, SEED_NUMBER))
-    from scipy.special import ndtri, stdtrit
-
     model = error_model(reduction)
     known, names = budget(reduction, model), model.cascade.all_metrics
-    of_repeats, *below = _lattice(seed, 1 + len(model.sources))
-    values = [
-        s.u * ndtri(x) if s.limit is None else s.limit * (2.0 * x - 1.0)
-        for s, x in zip(model.sources, below, strict=True)
-    ]
+    of_sources = zip(model.sources, *(of[1:] for of in _lattice(seed, 1 + len(model.sources))), strict=True)
+    values = [s.u * normal if s.limit is None else s.limit * (2.0 * below - 1.0) for s, below, normal in of_sources]
     errors = model.errors(np.array(values).reshape(-1, DRAWS))
     complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
     drawn, whole, alone = {}, {}, {}
@@ -451,21 +447,34 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     for metric in known.mean:
         rows, scatter = _cycles_with(reduction, metric, complete), known.repeatability[metric] or 0.0
         x = model.ratio(metric, rows).mean().without(errors)[:, 0]
-        repeats = scatter * stdtrit(rows.size - 1, of_repeats) if scatter else 0.0
         drawn[metric] = math.hypot(float(np.std(x)), scatter)
         agree = abs(drawn[metric] - known.mean.value(metric)) <= LINEAR_WITHIN * drawn[metric]
         method[metric] = "gum" if agree else "monte_carlo"
-        alone[metric], whole[metric] = (Interval(*np.quantile(of, (0.025, 0.975)).tolist()) for of in (x, x + repeats))
+        repeated = x + scatter * _student(seed, rows.size - 1) if scatter else x.copy()
+        alone[metric], whole[metric] = (Interval(*quantiles_in_place(of, (0.025, 0.975))) for of in (x, repeated))
     stated = {m: known.mean[m] if way == "gum" else drawn[m] for m, way in method.items()}
     return Uncertainty(known, seed, DRAWS, Metrics(drawn, names), Metrics(stated, names), method, whole, alone)
 
 
-def _lattice(seed: int, errors: int) -> Signal:
-    """Share of its distribution that lies below each draw of each error, (errors, draws), evenly between 0 and 1."""
+@lru_cache(maxsize=4)
+def _lattice(seed: int, errors: int) -> tuple[Signal, Signal]:
+    """Share of its distribution that lies below each draw of each error, (errors, draws), evenly between 0 and 1; the standard
+    normal values of these shares. They are kept for the next log of a campaign, which has the same sensors.
+    """
+    from scipy.special import ndtri
+
     shifts, draw = np.random.default_rng(seed).integers(DRAWS, size=(errors, 1)), np.arange(DRAWS)
     steps = np.array([pow(MULTIPLIER, k, DRAWS) for k in range(errors)])[:, None]
-    found: Signal = ((draw * steps + shifts) % DRAWS + 0.5) / DRAWS
-    return found
+    below = ((draw * steps + shifts) % DRAWS + 0.5) / DRAWS
+    return below, ndtri(below)
+
+
+@lru_cache(maxsize=4)
+def _student(seed: int, freedom: int) -> Signal:
+    """Values of Student's distribution at the first error of the lattice, (draws,), kept for logs of as many cycles."""
+    from scipy.special import stdtrit
+
+    return np.asarray(stdtrit(freedom, _lattice(seed, 1)[0][0]))
 
 
 def shares(part: Metrics, whole: Metrics) -> Metrics:

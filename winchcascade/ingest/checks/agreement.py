@@ -230,9 +230,7 @@ def _smoothing(log: Samples) -> float | None:
     scatter = float(np.sum((off - terms @ found) ** 2)) / (off.size - found.size)
     u = math.sqrt(scatter * float(np.linalg.inv(normal)[-1, -1]))
     half_variance = float(found[-1])
-    return (
-        math.sqrt(2.0 * half_variance) if half_variance > max(0.5 * SMOOTHING_MIN**2, 2.0 * CERTAIN_U * u) else None
-    )
+    return math.sqrt(2.0 * half_variance) if half_variance > max(0.5 * SMOOTHING_MIN**2, 2.0 * CERTAIN_U * u) else None
 
 
 def compare_powers(log: Samples) -> None:

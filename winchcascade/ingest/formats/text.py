@@ -149,10 +149,11 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
             return measurement
     found: list[tuple[float, str, int, list[list[str]]]] = []
     head = lines[:PREAMBLE_ROWS_MAX]
+    text = "\n".join(head)
     for delimiter in ",;\t| ":
         # Blanks also stand inside of stamps and names.
-        if any(delimiter in line for line in head) and not (found and delimiter == " "):
-            data = find_data([split_row(line, delimiter) for line in head])
+        if delimiter in text and not (found and delimiter == " "):
+            data = find_data(split_row(line, delimiter) for line in head)
             if data is not None:
                 values = sum(bool(cell) and is_value(cell) for column in data[1] for cell in column)
                 score = values / len(data[1][0]) - data[0] / 4000  # less for one that begins late

@@ -19,7 +19,7 @@ CHECKS: tuple[Check, ...] = (
 """Checks of any log with cycles."""
 
 CHECKS_OF_MOTION: tuple[Check, ...] = (
-    pairs.late, pairs.smoothed, pairs.stepped, at_rest.zeros, at_rest.open_clutch, at_rest.computed_current,
+    pairs.in_step, at_rest.zeros, at_rest.open_clutch, at_rest.computed_current,
     at_rest.force_at_rest, at_rest.force_drift, sampling.coarse_sampling, sampling.slow_channel, cycles.uneven_strokes,
     changed_efficiencies,
 )  # fmt: skip

@@ -63,6 +63,10 @@ class Pair(NamedTuple):
     beside: tuple[Signal, ...] = ()
 
 
+Group = tuple[list[Pair], list[Span], list[Plateau | None]]
+"""One pair of channels in all checked payouts whose onset the log holds, with the spans and plateaus of these."""
+
+
 class Fitted(NamedTuple):
     """Weights of columns, their standard errors, and the sum of squares of the residual as a share of the variance of y [1]."""
 
@@ -120,20 +124,20 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     if y.size < MIN_COMPARED:
         return None
     columns, y = columns - columns.mean(axis=1, keepdims=True), y - y.mean()
-    size, of_y = np.linalg.norm(columns, axis=1), float(y @ y)
+    product = np.einsum("ij,kj->ik", columns, columns)  # not by BLAS, whose threads wait for each other
+    size, of_y = np.sqrt(product.diagonal()), float(y @ y)
     if not size.all() or of_y == 0.0:
         return None
-    scaled = columns / size[:, None]
-    product = np.einsum("ij,kj->ik", scaled, scaled)  # not by BLAS, whose threads wait for each other where others work
+    product /= size * size[:, None]
     if np.linalg.det(product) < 1e-9:
         return None
     inverse = np.linalg.inv(product)
-    weight = inverse @ np.einsum("ij,j->i", scaled, y)
-    residual = y - np.einsum("i,ij->j", weight, scaled)
+    weight = inverse @ (np.einsum("ij,j->i", columns, y) / size)
+    residual = y - np.einsum("i,ij->j", weight / size, columns)
     left = float(residual @ residual)
     following = float(residual[1:] @ residual[:-1]) / max(left, 1e-30)
     fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
-    error = np.sqrt(np.diag(inverse) * left * fewer / y.size)
+    error = np.sqrt(inverse.diagonal() * left * fewer / y.size)
     return Fitted(weight / size, error / size, left / of_y)
 
 
@@ -151,26 +155,33 @@ def at_lag(pair: Pair, applied: float) -> tuple[float, float, Fitted] | None:
     return applied - float(found.weight[1] / found.weight[0]), float(found.error[1] / found.weight[0]), found
 
 
-def groups(log: PhasedLog) -> Iterator[tuple[list[Pair], list[Span], list[Plateau | None]]]:
-    """Each pair of channels in all checked payouts whose onset the log holds, with their spans and plateaus."""
+def groups(log: PhasedLog) -> Iterator[Group]:
+    """The pairs of channels that a log has."""
     cycles = [k for k in log.phased.chosen() if not log.phased.cycles[k].begins_inside]
     spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in cycles]
     for group in zip(*(pairs_of(log, k) for k in cycles), strict=True):
         yield list(group), spans, [log.phased.plateaus[k] for k in cycles]
 
 
-def late(log: PhasedLog) -> Iterator[Fault]:
+def in_step(log: PhasedLog) -> Iterator[Fault]:
+    """Pairs of channels of which one is late, smoothed or stepped."""
+    found = list(groups(log))
+    for check in (late, smoothed, stepped):
+        yield from check(log, found)
+
+
+def late(log: PhasedLog, found: Sequence[Group]) -> Iterator[Fault]:
     """Channels that were recorded late against each other, in each payout; no channel is shifted."""
-    for group, spans, _ in groups(log):
+    for group, spans, _ in found:
         pair, limit = group[0], max(group[0].limit, 1.0 / log.phased.run.fs)
         if not any(follows_late(one, 0.5 * limit) for one in (pair, group[-1])):
             continue
-        found = [(lag, span) for one, span in zip(group, spans, strict=True) if (lag := lag_of(one, limit)) is not None]
-        if found:
-            seconds, u = max((lag for lag, _ in found), key=lambda lag: abs(lag[0]))
+        lags = [(lag, span) for one, span in zip(group, spans, strict=True) if (lag := lag_of(one, limit)) is not None]
+        if lags:
+            seconds, u = max((lag for lag, _ in lags), key=lambda lag: abs(lag[0]))
             behind, ahead = (pair.second, pair.first) if seconds > 0.0 else (pair.first, pair.second)
             values = {"late": behind, "early": ahead, "seconds": abs(seconds), "u": max(u, 0.001), "limit": limit}
-            yield Fault("late", behind if behind in CHANNELS else None, values, spans=[span for _, span in found])
+            yield Fault("late", behind if behind in CHANNELS else None, values, spans=[span for _, span in lags])
 
 
 def follows_late(pair: Pair, limit: float) -> bool:
@@ -196,42 +207,40 @@ def lag_of(pair: Pair, limit: float) -> tuple[float, float] | None:
                 break
     if found is None or abs(found[0]) > FAR_LAGS[-1]:
         return None
-    if (
-        first is not None and first[2].residual < found[2].residual
-    ):  # a filter delays as its slope does, without a shift
-        found = first
+    if first is not None and first[2].residual < found[2].residual:
+        found = first  # a filter delays as its slope does, without a shift
     unmoved = fit(np.array([pair.x, *pair.beside]), pair.y)
     explains = found[2].residual < 5.0 * UNLIKE * (1.0 if unmoved is None else unmoved.residual)
     certain = abs(found[0]) >= limit and abs(found[0]) > CERTAIN * found[1]
     return found[:2] if certain and explains else None
 
 
-def smoothed(log: PhasedLog) -> Iterator[Fault]:
+def smoothed(log: PhasedLog, found: Sequence[Group]) -> Iterator[Fault]:
     """A velocity that was smoothed before it was logged, beside the displacement: it begins too early and ends too late.
 
     A symmetric mean over w changes a signal by its second derivative times w^2 / 24.
     """
     run, widths = log.phased.run, []
     half = max(1, round(SLOPE * run.fs))
-    group, spans, _ = next(groups(log), ([], [], []))
+    group, spans, _ = found[0] if found else ([], [], [])
     for pair in group if group and group[0].first == "displacement" else ():
         if pair.t.size > 2 * half + MIN_COMPARED:
             x, inner, step = pair.x, slice(half, -half), 0.5 * (pair.t[2 * half :] - pair.t[: -2 * half])
             slope = 0.5 * (x[2 * half :] - x[: -2 * half]) / step
             bend = (x[2 * half :] - 2.0 * x[inner] + x[: -2 * half]) / step**2
-            found = fit(np.array([x[inner], slope, bend, pair.t[inner]]), pair.y[inner])
-            if found is not None and found.weight[2] > CERTAIN * found.error[2]:
-                widths.append(math.sqrt(24.0 * found.weight[2] / found.weight[0]))
+            of = fit(np.array([x[inner], slope, bend, pair.t[inner]]), pair.y[inner])
+            if of is not None and of.weight[2] > CERTAIN * of.error[2]:
+                widths.append(math.sqrt(24.0 * of.weight[2] / of.weight[0]))
     if 2 * len(widths) > len(group) and median(np.array(widths)) > max(2.0 * SLOPE, 4.0 / run.fs):
         yield Fault("smoothed", "velocity", {"width": median(np.array(widths))}, spans=spans)
 
 
-def stepped(log: PhasedLog) -> Iterator[Fault]:
+def stepped(log: PhasedLog, found: Sequence[Group]) -> Iterator[Fault]:
     """A channel that steps at a level which its partner passes smoothly: it changed its range, or has an offset under load.
 
     In open circuit friction alone makes the torque. The more certain of the steps of both channels counts.
     """
-    for group, spans, plateaus in groups(log):
+    for group, spans, plateaus in found:
         pair, settle, steps = group[0], log.phased.rig.thresholds.settle, []
         if pair.degree == 0 or log.phased.run.open_circuit:
             continue
@@ -241,8 +250,8 @@ def stepped(log: PhasedLog) -> Iterator[Fault]:
             (pair.second, pair.first, y, x, x_slope),
             (pair.first, pair.second, x, y, y_slope),
         ):
-            found = largest_step(own, other, [slope, *beside], pair.degree, log.zero_limit(channel))
-            steps.append((*found, channel, partner))
+            step = largest_step(own, other, [slope, *beside], pair.degree, log.zero_limit(channel))
+            steps.append((*step, channel, partner))
         certain, share, change, level, channel, partner = max(steps)
         if certain >= CERTAIN + 1.0:  # as one of many levels
             yield Fault(
