@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from fault_logs import CAMPAIGN, ROOT, Finding, Log, Result, Signal, base, found, noisy, result, stroke_velocity, twin
 from injected import log_uniform
-from logs import CAMPAIGN, ROOT, Finding, Log, Result, Signal, base, found, noisy, result, stroke_velocity, twin
 from verdicts import moved
 
 from winchcascade import RigError, read_run, reduce

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from fault_logs import HEADERS, Log, noisy, stroke_velocity, twin
 from injected import POWERS, Rng, Trial, either, fault, log_uniform, low_pass, numbered, payouts, spot, times, whole
-from logs import HEADERS, Log, noisy, stroke_velocity, twin
 
 TRIALS = 25
 MIDDLE = (10.0, 25.0, 50.0, 100.0)

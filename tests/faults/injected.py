@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from logs import HEADERS, NOISE, Log, Signal, base, bench, rounded
+from fault_logs import HEADERS, NOISE, Log, Signal, base, bench, rounded
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 

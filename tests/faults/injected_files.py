@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from fault_logs import CAMPAIGN, HEADERS, Log
 from injected import ELECTRICAL, POWERS, Rng, Trial, either, fault, log_uniform, payouts, spot, times
-from logs import CAMPAIGN, HEADERS, Log
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 

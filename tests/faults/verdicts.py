@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
+from fault_logs import Finding, Result, result, truth
 from injected import FAULTS, Trial, trial
-from logs import Finding, Result, result, truth
 
 BAR = 0.003
 """Largest share by which a mean energy or efficiency may differ without a finding."""

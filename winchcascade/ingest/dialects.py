@@ -135,7 +135,7 @@ _BEFORE_UNIT = re.compile(r"(?<=\S)(?:\s+in\s+|\s*[/,;:_.\s]\s*|(?<=[a-z])(?=[A-
 
 @lru_cache(_HEADERS)
 def read_header(header: Header) -> ReadHeader:
-    """Read name and unit apart: `Force [kgf]`, `Kraft / N`, `Vdc, V`, `force_kN`, `forceKn`, or a row of units below the names."""
+    """Read name and unit apart: `Force [kgf]`, `Kraft / N`, `Vdc, V`, `force_kN`, `forceKn`, or a row of units below names."""
     name = unicodedata.normalize("NFKC", header.name[:_NAME_LENGTH]).strip().lstrip("#%").strip().strip("\"'")
     bare = _BRACKETS.sub(" ", name).strip()
     if header.unit is not None and header.unit.strip():

@@ -329,7 +329,9 @@ def stale(log: Samples, name: str) -> Mask:
         travels = stuck = _travels_on(log, name, a, last)
         if stuck is None:
             sides = _beside(log, name, motion, a, last, NEAR)
-            again = [rows[repeats[rows - 1]] for rows in sides]  # in a log that is held, one sample repeats after another
+            again = [
+                rows[repeats[rows - 1]] for rows in sides
+            ]  # in a log that is held, one sample repeats after another
             chance = (last - a - 1) * _chance(repeats, *sides, *again)
             unlikely = motion[(a + last) // 2] not in usual and chance < CERTAIN
             stuck = unlikely and _are_noisy(x, sides, log.level(name).step) and not shown(log, name, a, last)
