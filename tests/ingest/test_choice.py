@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,10 @@ def workbook(path: Path, runs: dict[str, int], hidden: str = "") -> Path:
     """Runs as sheets behind one of notes, one of parameters and one of bins, which are no logs."""
     book = openpyxl.Workbook()
     book.active.title = "Notes"
-    tables = [("Notes", ["note"], [["the crane stood still", "by H."]] * 30), NUMBERED]
+    tables: list[tuple[str, Sequence[str], Sequence[Sequence[object]]]] = [
+        ("Notes", ["note"], [["the crane stood still", "by H."]] * 30),
+        NUMBERED,
+    ]
     tables.insert(1, ("Parameters", ("Name", "Value", "Speed (m/s)"), [(f"p{k}", k, 0.1 * k) for k in range(6)]))
     head = [f"{name} ({unit})" for name, unit in zip(NAMES, UNITS, strict=True)]
     tables += [(name, head, motion(seed).tolist()) for name, seed in runs.items()]

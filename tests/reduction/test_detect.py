@@ -80,7 +80,7 @@ def test_a_cycle_is_found_with_its_instants(
     assert (cycle.onset, cycle.payout_end) == pytest.approx((onset, payout_end), abs=EARLY)
     assert cycle.haul_in == (None if haul_in is None else pytest.approx(haul_in, abs=EARLY))
     end = (profile(*pieces).size - 1) * DT if cycle.haul_in is None else cycle.haul_in[0]
-    assert cycle.hold == (cycle.payout_end, pytest.approx(end))
+    assert cycle.hold == pytest.approx((cycle.payout_end, end))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -152,7 +152,7 @@ def without(v: np.ndarray, span: Piece, *, bridged: bool = False, displacement: 
     gap = np.array([(whole.t[whole.t <= span[0]][-1], whole.t[whole.t >= span[1]][0])])
     if bridged:
         velocity = np.interp(whole.t, whole.t[~lost], v[~lost])
-        return msgspec.structs.replace(whole, channels=whole.channels | {"velocity": velocity}, gaps={"velocity": gap})
+        return msgspec.structs.replace(whole, channels={**whole.channels, "velocity": velocity}, gaps={"velocity": gap})
     channels = {name: x[~lost] for name, x in whole.channels.items() if displacement or name == "velocity"}
     return Run("made", whole.t[~lost], channels, 1 / DT, v.size, gaps={CLOCK: gap})
 
@@ -185,7 +185,7 @@ def test_a_payout_of_which_a_gap_hides_all_but_jogs_is_found() -> None:
     run = run_of(profile(REST, *jog, (12.0, 0.0), *jog, REST, (1.0, -0.7), (2.0, -0.7), (1.0, 0.0), (2.0, 0.0)))
     hidden = (9.5, 13.5)
     moved = run.channels["displacement"] + np.interp(run.t, hidden, (0.0, 1.0))
-    channels = run.channels | {"displacement": moved}
+    channels = {**run.channels, "displacement": moved}
     (cycle,) = found_in(msgspec.structs.replace(run, channels=channels, gaps={CLOCK: np.array([hidden])}))
     assert cycle.onset < 6.0
     assert cycle.payout_end > 17.0
