@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
@@ -43,6 +44,9 @@ ENDING = (signal.SIGINT, signal.SIGTERM)
 
 _CURSOR = "\r\x1b[?25h"
 """Shows the cursor of a terminal again, which a bar of progress hides."""
+
+_UNTIDY = "ignore:resource_tracker"
+"""Option of Python by which the helper process of a pool removes its semaphores without a warning."""
 
 _threads = 2
 """Threads of `all_at_once`; `set_threads` changes the number."""
@@ -277,6 +281,8 @@ def end_on_signals(sentences: Mapping[signal.Signals, str]) -> None:
                 os.write(2, f"{_CURSOR if os.isatty(2) else ''}{sentence}\n".encode())
         os._exit(128 + number)
 
+    if _UNTIDY not in sys.warnoptions:
+        sys.warnoptions.append(_UNTIDY)
     for number in ENDING:
         if signal.getsignal(number) is not signal.SIG_IGN:  # whoever started this process wants it to go on
             signal.signal(number, end)
