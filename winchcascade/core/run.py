@@ -70,7 +70,6 @@ FindingKind = Literal[
     "gain_step",
     "stroke_mismatch",
     "repeated_log",
-    "open_clutch_torque",
     "window_beyond_payout",
     "phase_source",
     "unit_conflict",
