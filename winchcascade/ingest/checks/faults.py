@@ -32,6 +32,9 @@ ONE_END = 0.25
 HELD_TIME = 0.2
 """Shortest time for which a value is held that is entered or left without a jump. [s]"""
 
+OFTEN = 5
+"""Number of stretches of one value, each between two jumps, from which on that value is a code. [1]"""
+
 MIN_HELD = 6
 """Fewest equal samples of a stale value: by chance a channel that repeats one sample in fifty does so once in 3e8. [1]"""
 
@@ -152,9 +155,9 @@ def _are_spikes(log: Samples, name: str, x: Signal, before: Index, length: int) 
     if not found.any():
         return found
     rows, inside, ends = before[found, None], inside[found], ends[found]
-    around = np.concatenate((np.arange(-NEARBY, 0), np.arange(length + 1, length + NEARBY + 1)))
+    around = np.concatenate((np.arange(-NEARBY, 0), np.arange(length + 1, length + NEARBY + 1)))  # the nearest show the slope
     steps = x[_within(rows + around + 1, x.size, length)] - x[_within(rows + around, x.size, length)]
-    slope = _medians(steps)
+    slope = _medians(steps[:, NEARBY - SHORT : NEARBY + SHORT])
     noise = _medians(np.abs(steps - slope))[:, 0] / 0.954  # beside it: ringing and noise have no spikes
     level_ends = ends - slope * beside
     off = inside - slope * places - 0.5 * (level_ends[:, 1:2] + level_ends[:, 2:3])
@@ -230,9 +233,10 @@ def _held_stretches(x: Signal, at: Index, level: Level, least: int, one_end: flo
     count = np.diff(np.append(starts, x.size))
     jump = np.fmin(np.abs(into), np.abs(out))
     back = ~(into * out > 0.0) & (jump > level.long_fault)
-    flat = np.where(count > SHORT, high - low < 0.5 * jump, (high == low) & (count > 1)) & np.where(
-        np.isnan(into * out), high == low, True
-    )
+    held = high == low
+    _, which, times = np.unique(low, return_inverse=True, return_counts=True)
+    often = (times >= OFTEN)[which]  # one code again and again, of which single samples are no spikes: some lie side by side
+    flat = np.where(count > SHORT, high - low < 0.5 * jump, held & ((count > 1) | often)) & (held | ~np.isnan(into * out))
     chosen = back & flat
     found += list(zip(starts[chosen].tolist(), (starts + count)[chosen].tolist(), strict=True))
     least = max(least, MIN_HELD)
@@ -375,10 +379,12 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     usual = 1.652 * level.noise
     if not usual > ROUNDED * level.step or name == "displacement":
         return bad
-    calm = np.zeros(x.size, dtype=bool)
+    calm = np.zeros(x.size, dtype=bool)  # what holds one value is judged as stale
     for start in range(0, x.size - 2, BLOCK):
         bend = np.abs(np.diff(x[start : start + BLOCK + 2], 2))
         calm[start + 1 : start + 1 + bend.size] = bend <= max(CALM * usual, ROUNDED * level.step)
+    for a, b in _stretches(x[1:] == x[:-1], MIN_HELD):
+        calm[a : b + 1] = False
     stretches = _stretches(calm, MIN_HELD)
     motion = log.motion() if stretches else calm
     for a, b in stretches:
