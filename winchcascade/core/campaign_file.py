@@ -215,13 +215,7 @@ def check_held_out(
 def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, CampaignRun] | None:
     """The campaign in the folder of a log and its entry there, None if there is none or it does not list the log.
 
-    Parameters
-    ----------
-    sheet : of the log, as the campaign names it; needed where it lists several
-
-    Raises
-    ------
-    CampaignError : the campaign cannot be read, or lists several sheets of the log and none is given
+    CampaignError if it cannot be read, or lists several sheets of the log and none is given.
     """
     path = log.parent / CAMPAIGN_FILE
     if not path.is_file():
