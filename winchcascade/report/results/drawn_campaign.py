@@ -18,10 +18,10 @@ from winchcascade.reduction.campaign_record import (
     unlike_motion,
 )
 from winchcascade.reduction.campaign_waves import campaign_waves
+from winchcascade.reduction.run_record import read_results
 from winchcascade.report.content import Picture, Report, Section, picture
 from winchcascade.report.figures import campaign_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.records import read_results
 from winchcascade.report.results.campaign import campaign_report, loaded
 from winchcascade.report.results.model_section import Named, campaign_section
 
