@@ -2,8 +2,9 @@
 
 import gzip
 import io
+import itertools
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import h5py
@@ -22,10 +23,18 @@ _SHEET = "xl/worksheets/sheet2.xml"
 _MAIN = "xmlns='http://schemas.openxmlformats.org/spreadsheetml/2006/main'"
 
 
-def xlsx(rows: str, shared: str | None = None) -> bytes:
-    """A workbook of Excel whose second sheet has these rows."""
-    parts = unzipped(workbook()) | {_SHEET: f"<worksheet {_MAIN}><sheetData>{rows}</sheetData></worksheet>".encode()}
-    return zipped(parts | ({} if shared is None else {"xl/sharedStrings.xml": shared.encode()}))
+def xlsx(rows: Iterable[str], texts: Iterable[str] | None = None, claimed: str = "") -> bytes:
+    """A workbook of Excel whose second sheet has these rows, and which has these texts, perhaps a claim of their number."""
+    parts: dict[str, bytes | Iterable[bytes]] = dict(unzipped(workbook()))
+    parts[_SHEET] = map(str.encode, (f"<worksheet {_MAIN}><sheetData>", *rows, "</sheetData></worksheet>"))
+    if texts is not None:
+        parts["xl/sharedStrings.xml"] = map(str.encode, (f"<sst {_MAIN}{claimed}>", *texts, "</sst>"))
+    return zipped(parts)
+
+
+def many(part: str, count: int) -> Iterator[str]:
+    """A part so many times in pieces, which do not fill the memory of the process that makes a bomb."""
+    return itertools.repeat(part * 10_000, count // 10_000)
 
 
 def ods(rows: bytes) -> bytes:
@@ -44,7 +53,7 @@ def _repeated(rows: int, columns: int) -> bytes:
 
 def _stray(row: int, column: str) -> bytes:
     """A cell far from the others."""
-    return xlsx(f"<row r='1'><c r='A1'><v>1</v></c></row><row r='{row}'><c r='{column}{row}'><v>1</v></c></row>")
+    return xlsx([f"<row r='1'><c r='A1'><v>1</v></c></row><row r='{row}'><c r='{column}{row}'><v>1</v></c></row>"])
 
 
 def _many_sheets() -> bytes:
@@ -148,9 +157,9 @@ BOMBS: dict[str, Callable[[], bytes]] = {
     "xlsx, a cell in the last corner": lambda: _stray(1 << 20, "XFD"),
     "xlsx, a cell in the last row": lambda: _stray(1 << 20, "BP"),
     "xlsx, sheets that share a part": _many_sheets,
-    "xlsx, claimed texts": lambda: xlsx("", f"<sst {_MAIN} uniqueCount='4000000000'><si><t>v</t></si></sst>"),
-    "xlsx, texts": lambda: xlsx("", f"<sst {_MAIN}>{'<si><t>v</t></si>' * 20_000_000}</sst>"),
-    "xlsx, cells": lambda: xlsx(f"<row r='1'>{'<c><v>1</v></c>' * 30_000_000}</row>"),
+    "xlsx, claimed texts": lambda: xlsx([], ["<si><t>v</t></si>"], " uniqueCount='4000000000'"),
+    "xlsx, texts": lambda: xlsx([], many("<si><t>v</t></si>", 20_000_000)),
+    "xlsx, cells": lambda: xlsx(["<row r='1'>", *many("<c><v>1</v></c>", 30_000_000), "</row>"]),
     "xlsb, a cell in the last corner": _xlsb_stray,
     "xls, a claimed size": _xls_size,
     "xls, a cell in the last corner": lambda: xls.book([["v"], [1.0]], further=xls.number(65_535, 65_535, 1.0)),

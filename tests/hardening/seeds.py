@@ -4,7 +4,7 @@ import datetime as dt
 import io
 import tempfile
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -159,12 +159,15 @@ def workbook() -> bytes:
     return stream.getvalue()
 
 
-def zipped(parts: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
-    """Parts as one zipped file."""
+def zipped(parts: Mapping[str, bytes | Iterable[bytes]]) -> bytes:
+    """Parts, each whole or in pieces, as one zipped file."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", method) as book:
+    with zipfile.ZipFile(stream, "w") as book:
         for name, content in parts.items():
-            book.writestr(zipfile.ZipInfo(name, EPOCH), content, method)
+            info = zipfile.ZipInfo(name, EPOCH)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            with book.open(info, "w") as part:
+                part.writelines([content] if isinstance(content, bytes) else content)
     return stream.getvalue()
 
 

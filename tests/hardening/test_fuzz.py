@@ -1,8 +1,5 @@
 """Damaged files of every kind are read or rejected in one sentence, and faults that were found stay mended."""
 
-import resource
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +10,7 @@ import pytest
 from calls import error_sentence
 from mutate import mutated
 from nptdms import ChannelObject, TdmsWriter
+from own_process import run_alone
 from pyarrow import parquet
 from seeds import DATA, HEADERS, SEEDS, seeds
 
@@ -28,10 +26,9 @@ MEMORY = 3000
 
 @pytest.mark.slow
 def test_many_damaged_files_of_every_kind_are_read_or_rejected() -> None:
-    command = [sys.executable, fuzz.__file__, "--inputs", str(MANY), "--first", "1000000"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 1e3 * MEMORY
+    ended = run_alone(fuzz.__file__, "--inputs", str(MANY), "--first", "1000000", patience=PATIENCE)
+    assert ended.code == 0, ended.out[-2000:] + ended.err[-2000:]
+    assert ended.memory < MEMORY
 
 
 @pytest.mark.parametrize("form", SEEDS)

@@ -7,7 +7,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +18,7 @@ from bombs import BOMBS
 from calls import Called, call, error_sentence
 from daily import daily
 from loops import failures
+from own_process import run_alone
 from page_reader import PageReader
 from seeds import HEADERS, LOG, ROOT, ROWS, text
 
@@ -33,9 +33,6 @@ TABLE = "hsu2026-table2"
 MEMORY, SECONDS = 2000, 60
 """What a file of less than a megabyte may take: memory [MB] and time of the processor. [s]"""
 
-PATIENCE = 300.0
-"""A process that has not ended after this never will. [s]"""
-
 QUICK = ("xlsx, a cell in the last corner", "gzip, a million columns", "mat, a claimed length", "tdms, claimed samples")
 """Bombs of every day, that are made and rejected in a second; slow tests do the others."""
 
@@ -46,22 +43,17 @@ def test_a_small_file_that_claims_much_is_read_or_rejected_within_limits(name: s
     path = tmp_path / "bomb.dat"
     path.write_bytes(BOMBS[name]())
     assert path.stat().st_size < 10**6
-    command = [sys.executable, "-m", "winchcascade", "reduce", str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        end = threading.Timer(PATIENCE, process.kill)
-        end.start()
-        out, err = process.stdout.read(), process.stderr.read()
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        end.cancel()
-    assert process.returncode == 0 or (process.returncode == 2 and err.startswith("winchcascade: bomb.dat: ")), (
-        out + err
-    )
-    assert err.count("\n") <= 1
-    assert used.ru_utime + used.ru_stime < SECONDS
-    assert used.ru_maxrss < 1e3 * MEMORY
+    ended = run_alone("-m", "winchcascade", "reduce", str(path))
+    assert ended.code == 0 or (ended.code == 2 and ended.err.startswith("winchcascade: bomb.dat: ")), ended
+    assert ended.err.count("\n") <= 1
+    assert ended.seconds < SECONDS
+    assert ended.memory < MEMORY
+
+
+def test_the_memory_of_a_command_is_not_that_of_the_process_that_starts_it() -> None:
+    path, filled = f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})", "x = b'1' * 500_000_000"
+    started = run_alone("-c", f"{path}; {filled}; from own_process import run_alone; print(run_alone('-c', '').memory)")
+    assert float(started.out) < 100 < 500 < started.memory
 
 
 # --- files that are none, for every command that takes one

@@ -22,6 +22,7 @@ from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import FindingRecord, RunRecord, reduction_entries, run_record
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
+from winchcascade.reduction.wave_energies import LogWaves, campaign_waves
 
 ENTRY = "batch"
 """Entry of the record of a log that states how it was made."""
@@ -118,7 +119,7 @@ def campaign_record(
         logs[name] = log_summary(name, paths[name], record)
         efficiencies.append(log_efficiency(name, record))
         if record.waves is not UNSET:
-            waves.append((name, record))
+            waves.append(LogWaves(name, record.log.load, record.waves))
     between = tuple(findings_between(efficiencies))
     for name, finding in between:
         run = logs[name]
@@ -128,14 +129,8 @@ def campaign_record(
         logs.get(name) or FailedLog(name, path, one_line(faults.get(name, "not reduced")))
         for name, path in paths.items()
     )
-    if not waves:
-        return CampaignRecord(one_line(plan.title), state, runs, between)
-    from winchcascade.reduction.campaign_waves import campaign_waves, campaign_waves_record
-
     together = campaign_waves(waves)
-    return CampaignRecord(
-        one_line(plan.title), state, runs, between, UNSET if together is None else campaign_waves_record(together)
-    )
+    return CampaignRecord(one_line(plan.title), state, runs, between, UNSET if together is None else together.record)
 
 
 def with_findings_between(
