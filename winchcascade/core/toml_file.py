@@ -18,7 +18,7 @@ Table = dict[str, object]
 
 _KINDS = {
     "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
-    "object": "a table", "datetime": "a date with a time, such as 2026-05-14T09:30:00",
+    "object": "a table", "Path": "the name of a file", "datetime": "a date with a time, such as 2026-05-14T09:30:00",
 }  # fmt: skip
 """Words for the types of msgspec."""
 
