@@ -76,7 +76,7 @@ def test_a_rejection_is_one_line_of_a_length_to_be_read_whatever_it_quotes() -> 
 def test_a_signalling_nan_is_a_hole_like_any_other(tmp_path: Path) -> None:
     """Warnings are faults in these tests."""
     columns = {header: DATA[name].copy() for header, name in zip(HEADERS, DATA, strict=True)}
-    for header in HEADERS:
+    for header in HEADERS[1:]:
         columns[header].view(np.uint64)[100] = 0x7FF0_0000_0000_0001
     parquet.write_table(pa.table(columns), tmp_path / "log.parquet")
     assert {f.kind for f in read_run(tmp_path / "log.parquet").findings} >= {"not_a_number"}

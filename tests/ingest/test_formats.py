@@ -133,7 +133,6 @@ def test_tdms_channels_are_taken_at_the_fastest_clock_and_slower_ones_are_report
     np.testing.assert_allclose(table.values[1], T[:496], atol=INTERPOLATED)
     (finding,) = table.findings
     assert (finding.kind, finding.action, finding.count) == ("coarse_sampling", "interpolated by straight lines", 2)
-    assert finding.message.startswith("y, z: sampled every")
 
 
 def test_tdms_channels_without_a_common_moment_are_rejected(tmp_path: Path) -> None:
@@ -189,7 +188,7 @@ def test_tdms_second_recording_of_the_same_channels_is_reported_and_not_read(tmp
     np.testing.assert_array_equal(table.values[0], V)
     (finding,) = table.findings
     assert (finding.kind, finding.count, finding.action) == ("unknown_column", 2, "not read")
-    assert "beside 'Run 1' with channels of the same names, another recording: 'Run 2', 'Run 3'" in finding.message
+    assert "beside 'Run 1': 'Run 2' with channels of the same names" in finding.message
 
 
 @pytest.mark.parametrize(
@@ -208,7 +207,7 @@ def test_tdms_group_is_joined_only_where_its_place_in_time_is_known(
     source = open_tdms(write_tdms(tmp_path / "a.tdms", *first, wave("vdc", values, group="Other", **properties)))
     assert names(source) == ["v", "p"] + ["vdc"] * (why is None)
     assert [f.message for f in source.load([0], None).findings] == (
-        [f"1 group beside 'Crane' {why}: 'Other'"] * bool(why)
+        [f"1 group beside 'Crane': 'Other' {why}"] * bool(why)
     )
 
 

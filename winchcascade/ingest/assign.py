@@ -13,11 +13,10 @@ from winchcascade.core.quantity import Unit, find_unit, read_as
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import BUILT_IN, built_in
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Finding
-from winchcascade.ingest.dialects import (
+from winchcascade.ingest.headers import (
     DIMENSION,
     Header,
     column_names,
-    extra_words,
     letters_of,
     nameless,
     read_header,
@@ -105,8 +104,7 @@ def listed(names: Sequence[str], maximum: int = 12) -> str:
 def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None = None) -> Assignment:
     """Match the headers of a log to channels, by the rig file's [columns] first, then by the table of names.
 
-    Of several columns for one channel the one with the plainest name is read, and none where that leaves several: a finding
-    names them.
+    Of several columns for one channel none is read, and a finding names them.
 
     Parameters
     ----------
@@ -191,7 +189,7 @@ def near_columns(name: str, headers: Sequence[Header]) -> str:
 def _by_name(
     headers: Sequence[Header], free: Sequence[int], rig: Rig, taken: Mapping[str, int]
 ) -> tuple[dict[str, list[int]], list[int]]:
-    """The free columns by the channel that their names mean, the plainest names of each, and those that are no channel.
+    """The free columns by the channel that their names mean, and those that are no channel.
 
     Of several time columns it is the first that names a unit of time, as a stamp may be coarser than the time elapsed; a column
     of dates is the time where no other is.
@@ -215,12 +213,7 @@ def _by_name(
         alike["time"] = [next((k for k in alike["time"] if read_header(headers[k]).unit), alike["time"][0])]
     elif dates and "time" not in taken:
         alike["time"] = dates[:1]
-    for channel, columns in alike.items():
-        if len(columns) > 1:
-            extra = {k: extra_words(headers[k], channel) for k in columns}
-            alike[channel] = [k for k in columns if extra[k] == min(extra.values())]
-            unknown += [k for k in columns if k not in alike[channel]]
-    return alike, sorted(unknown)
+    return alike, unknown
 
 
 def _without_motion(

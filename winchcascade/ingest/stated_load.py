@@ -32,10 +32,8 @@ def stated_load(source: LogSource, table: LogTable) -> tuple[float | None, str, 
     findings = []
     written = load_column(source.headers)
     if written is not None:
-        loads = np.unique(table.values[written]).tolist()
-        if np.isnan(loads).all():  # readers of columns take inf for no number
-            texts = source.load([], written).stamps
-            loads = [] if texts is None or isinstance(texts, np.ndarray) else [_ohm(text) for text in set(texts)]
+        texts = table.texts.get(written)
+        loads = np.unique(table.values[written]).tolist() if texts is None else [*map(_ohm, set(texts))]
         if len(loads) == 1 and loads[0] is not None and is_load(loads[0]):
             return loads[0], f"column {LOAD_HEADER} of the log", []
         message = f"column {LOAD_HEADER} does not hold one load in all rows"
