@@ -23,9 +23,9 @@ from winchcascade.blind.history import in_run, run_changes
 from winchcascade.blind.injected import Hidden, draw_hidden
 from winchcascade.blind.twin import FIXED, Solved, Twin, draw_motion, draw_twin, read_log, solve_twin
 from winchcascade.blind.twin_numbers import SCATTER, Numbers
+from winchcascade.core.files import scratch_folder
 from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.run import Signal
-from winchcascade.core.scratch import scratch_folder
 from winchcascade.diagnosis.calibrate import calibrate
 from winchcascade.diagnosis.rig_text import calibrated_text
 

@@ -25,12 +25,12 @@ from winchcascade.blind.injected import INJECTED
 from winchcascade.blind.twin import TETHER_NOISE, TETHER_WIDTH, smooth_noise
 from winchcascade.blind.twin_numbers import LOAD_SCATTER, LOADS, SENSORS
 from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.files import scratch_folder
 from winchcascade.core.jobs import Workers
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
-from winchcascade.core.scratch import scratch_folder
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.nuisances import SECTIONS, shifted
 from winchcascade.diagnosis.suspects import freedom, with_values

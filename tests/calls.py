@@ -14,7 +14,7 @@ from typing import NamedTuple
 from unittest import mock
 
 from winchcascade.cli.entry import main
-from winchcascade.core.signals import ENDING
+from winchcascade.core.jobs import ENDING
 
 PATIENCE = 60
 """A command on a small file that has not ended after this never will. [s]"""

@@ -13,9 +13,8 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX
 BEGIN = """
 import os, signal, sys, weakref
 from pathlib import Path
-from winchcascade.core.files import put_in_place
-from winchcascade.core.scratch import scratch_file, scratch_folder
-from winchcascade.core.signals import end_on_signals, signals_held
+from winchcascade.core.files import scratch_file, scratch_folder
+from winchcascade.core.jobs import end_on_signals
 end_on_signals({signal.SIGINT: "one sentence."})
 here = Path(sys.argv[1])
 def wait():
@@ -50,19 +49,6 @@ def test_a_process_ends_even_within_the_callback_of_a_weak_reference(tmp_path: P
         "print('ready', flush=True)\ndel thing\nprint('still here', flush=True)"
     )
     assert ended(tmp_path, script, signal.SIGCONT) == (130, "", "one sentence.\n")
-
-
-def test_a_set_of_files_is_put_in_place_before_the_process_ends(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        (tmp_path / f"{name}.new").write_text("new")
-    script = (
-        "class Slow(type(here)):\n    def unlink(self, missing_ok=False):\n        os.kill(os.getpid(), signal.SIGTERM)\n"
-        "print('ready', flush=True)\n"
-        "put_in_place({here / 'a.new': here / 'a', here / 'b.new': here / 'b'}, without=[Slow(here / 'c')])\n"
-        "print('still here', flush=True)"
-    )
-    assert ended(tmp_path, script, signal.SIGCONT) == (143, "", "")
-    assert sorted(os.listdir(tmp_path)) == ["a", "b"]
 
 
 def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:

@@ -1,12 +1,9 @@
 """Jobs on processes: every job has one outcome, whatever the others do."""
 
-import inspect
 import os
 import signal
-import struct
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +17,7 @@ from winchcascade.core.jobs import Outcome, linear_algebra_on_one_thread, run_he
 
 
 class Task(NamedTuple):
-    """What a job is to do: `good`, `fault`, `error`, `missing`, `kill`, `once`, `wait` or `half`."""
+    """What a job is to do: `good`, `fault`, `error`, `missing`, `kill`, `once` or `wait`."""
 
     does: str
     value: int = 0
@@ -49,15 +46,6 @@ def work(task: Task) -> int:
             while not (task.folder / "go").exists():
                 pass
             os._exit(3)
-        case "half":
-            frame = inspect.currentframe()
-            while frame is not None and "result_queue" not in frame.f_locals:
-                frame = frame.f_back
-            assert frame is not None
-            frame.f_locals["result_queue"]._writer._send(struct.pack("!i", 1000))  # and never the thousand bytes
-            os.kill(os.getppid(), signal.SIGINT)
-            while True:
-                time.sleep(1.0)
     return 2 * task.value
 
 
@@ -131,26 +119,6 @@ def wait_for_the_end_of(process: int) -> None:
             os.kill(process, 0)
         except ProcessLookupError:
             return
-
-
-@pytest.mark.skipif(os.name == "nt", reason="interrupts as POSIX does")
-def test_an_interrupt_ends_a_pool_that_waits_for_the_rest_of_a_result() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
-        list(run_here(work, [Task("half"), Task("good", 1)], workers=2))
-    assert signal.getsignal(signal.SIGINT) is before
-
-
-@pytest.mark.skipif(os.name == "nt", reason="interrupts as POSIX does")
-def test_interrupts_that_are_ignored_stay_ignored() -> None:
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        found = run_here(work, [Task("good", k) for k in range(4)], workers=2)
-        next(found)
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-        assert len(list(found)) == 3
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def test_linear_algebra_has_one_thread_within_a_diagnosis_and_as_many_as_before_after_it() -> None:

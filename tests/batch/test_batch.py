@@ -23,8 +23,8 @@ from winchcascade.batch.dataset import TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Batch, Products, run_batch
 from winchcascade.core.errors import OutputError
-from winchcascade.core.jobs import Workers
-from winchcascade.core.scratch import scratch_file
+from winchcascade.core.files import scratch_file
+from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.records import reduction_json
@@ -43,7 +43,7 @@ PATIENCE = 10.0
 ALONE = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does")
 
 
-class Seen:
+class Seen(Nobody):
     """What a batch reported of itself."""
 
     def __init__(self) -> None:
@@ -53,8 +53,6 @@ class Seen:
 
     def begin(self, kept: int, todo: int) -> None:
         self.kept, self.todo = kept, todo
-
-    def waiting(self, folder: Path) -> None: ...
 
     def done(self, name: str, fault: str | None) -> None:
         self.names.append(name)

@@ -14,21 +14,17 @@ from winchcascade.blind.score import score
 from winchcascade.blind.trial import DiagnosisMethod, deal, diagnose
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError, OutputError
-from winchcascade.core.jobs import Workers
+from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 CASES, SEED = 2, 20260
 
 
-class Interrupt:
+class Interrupt(Nobody):
     """A watch that interrupts a call once so many are done."""
 
     def __init__(self, after: int) -> None:
         self.left = after
-
-    def begin(self, kept: int, todo: int) -> None: ...
-
-    def waiting(self, folder: Path) -> None: ...
 
     def done(self, name: str, fault: str | None) -> None:  # noqa: ARG002
         self.left -= 1

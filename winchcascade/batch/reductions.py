@@ -22,6 +22,7 @@ from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import FindingRecord, RunRecord
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
+from winchcascade.reduction.wave_energies import LogWaves, campaign_waves
 from winchcascade.report.records import reduction_record
 
 ENTRY = "batch"
@@ -120,7 +121,7 @@ def campaign_record(
         logs[name] = log_summary(name, paths[name], record)
         efficiencies.append(log_efficiency(name, record))
         if record.waves is not UNSET:
-            waves.append((name, record))
+            waves.append(LogWaves(name, record.log.load, record.waves))
     between = tuple(findings_between(efficiencies))
     for name, finding in between:
         run = logs[name]
@@ -130,14 +131,8 @@ def campaign_record(
         logs.get(name) or FailedLog(name, path, one_line(faults.get(name, "not reduced")))
         for name, path in paths.items()
     )
-    if not waves:
-        return CampaignRecord(one_line(plan.title), state, runs, between)
-    from winchcascade.reduction.campaign_waves import campaign_waves, campaign_waves_record
-
     together = campaign_waves(waves)
-    return CampaignRecord(
-        one_line(plan.title), state, runs, between, UNSET if together is None else campaign_waves_record(together)
-    )
+    return CampaignRecord(one_line(plan.title), state, runs, between, UNSET if together is None else together.record)
 
 
 def with_findings_between(

@@ -15,10 +15,9 @@ from winchcascade.batch.plan import Plan, Work, result_key
 from winchcascade.batch.reductions import ENTRY, Made, campaign_record, reduce_log, with_findings_between
 from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import check_replaceable, put_in_place, write_set
+from winchcascade.core.files import check_replaceable, clear, put_in_place, scratch_folder, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.results_folder import CAMPAIGN_FILES, CAMPAIGN_PAGE, CAMPAIGN_RECORD, CAMPAIGN_WORKBOOK, INDEX
-from winchcascade.core.scratch import clear, scratch_folder
 from winchcascade.core.store import (
     Output,
     digest_of,

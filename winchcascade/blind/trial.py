@@ -29,14 +29,8 @@ from winchcascade.blind.cases import (
 from winchcascade.blind.twin_numbers import LOADS
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, OutputError
-from winchcascade.core.files import check_replaceable, write_content
-from winchcascade.core.jobs import (
-    Nobody,
-    Watch,
-    Workers,
-)
-from winchcascade.core.scratch import clear, clear_once, scratch_folder
-from winchcascade.core.signals import signals_held
+from winchcascade.core.files import check_replaceable, clear, scratch_folder, write_content
+from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.store import (
     Kept,
     State,
@@ -176,7 +170,7 @@ def _clear(out: Path) -> None:
     """Remove the scratch files of interrupted calls from the folder of a trial."""
     for place in (out, inside(out, DIAGNOSES), inside(out, PREDICTIONS)):
         clear(place)
-    clear_once(Path(gettempdir()))
+    clear(Path(gettempdir()))
 
 
 def _deal_case(case: Case, folder: str | None) -> dict[str, bytes]:
@@ -210,10 +204,9 @@ def _write_folder(folder: Path, files: Mapping[str, bytes], *, known: Iterable[s
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
         part.chmod(0o755)
-        with signals_held():
-            if folder.is_dir():
-                shutil.rmtree(folder)
-            os.replace(part, folder)
+        if folder.is_dir():
+            shutil.rmtree(folder)
+        os.replace(part, folder)
 
 
 class _Order(msgspec.Struct, frozen=True):

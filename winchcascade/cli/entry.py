@@ -35,7 +35,7 @@ def main() -> None:
     try:
         import signal
 
-        from winchcascade.core.signals import end_on_signals
+        from winchcascade.core.jobs import end_on_signals
 
         ends = {signal.SIGINT: f"winchcascade: interrupted; {_KEPT}", signal.SIGTERM: f"winchcascade: ended; {_KEPT}"}
         end_on_signals(ends)

@@ -99,6 +99,6 @@ def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap
     from winchcascade.reduction.loss_points import loss_points
     from winchcascade.report.loss_map_file import write_loss_map
 
-    found = make_loss_map(loss_points(reduction), reduction.rig)
+    found = make_loss_map(loss_points(reduction))
     write_loss_map(found, path, reduction.run.name, force=force)
     return found

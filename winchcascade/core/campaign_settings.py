@@ -81,19 +81,6 @@ def _listed_in_parts(campaign: Campaign, entry: CampaignRun) -> Finding | None:
     others = [run for run in others if realpath(run.file) == file]
     if not others:
         return None
-    message = (
-        f"{campaign.path.name} lists this log {len(others) + 1} times: {_part(entry)} here, and elsewhere "
-        f"{' and '.join(map(_part, others))}"
-    )
+    message = f"{campaign.path.name} lists this log {len(others) + 1} times, with other cycles, load or window each"
     action = f"the first entry is reduced; `winchcascade batch {campaign.path}` reduces each"
     return Finding("listed_in_parts", message, action, count=len(others))
-
-
-def _part(run: CampaignRun) -> str:
-    """The cycles of an entry, with its load and its window where they are stated."""
-    cycles = "all cycles" if run.cycles is None else f"cycles {run.cycles[0]} to {run.cycles[1]}"
-    cycles = ", ".join(f"{begin:g} to {end:g} s" for begin, end in run.ranges) or cycles
-    load = "" if run.load is None else f"load {run.load:g} ohm"
-    window = "" if run.window is None else f"window {run.window:g} s"
-    stated = ", ".join(text for text in (load, window) if text)
-    return f"{cycles} ({stated})" if stated else cycles

@@ -4,27 +4,22 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Annotated
 
 import msgspec
+from msgspec import Meta
 
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Power, Stage, Term
 from winchcascade.core.channels import Channel
 from winchcascade.core.errors import RigError
-
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
-"""A name of a stage: without underscores, as it is a part of names such as `energy_hyd_j` and `eta_mech_hyd`."""
+from winchcascade.core.toml_file import Table, check_keys, convert
 
 _RESERVED = ("payout", "returned", "net", "trans", "pto")
 """Names that metrics of whole cycles and of the paper have."""
 
-_FACTORS = (
-    {"force", "velocity"},
-    {"torque", "rotation"},
-    {"voltage", "current"},
-    {"pressure", "flow"},
-)
-"""Dimensions of two channels whose product is a power."""
+_PRODUCTS = ({"force", "velocity"}, {"torque", "rotation"}, {"voltage", "current"}, {"pressure", "flow"})
+"""Dimensions of two channels whose product is a power; a constant may stand for one of them."""
 
 _FACTOR = r"\s*([A-Za-z]\w*|\d+(\.\d*)?([eE][+-]?\d+)?)\s*"
 
@@ -32,27 +27,25 @@ _TERM = re.compile(rf"\s*(?P<sign>[+-]?)(?P<factors>{_FACTOR}(\*{_FACTOR})*)")
 """One term of a power: its sign, and its factors, which are names of channels and numbers."""
 
 
-class CascadeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class _Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Table [cascade]: stages in the direction in which power flows."""
 
-    stages: tuple[str, ...]
+    stages: Annotated[tuple[str, ...], Meta(min_length=1)]
 
 
-class StageTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class _Stage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Table [stage.NAME]: power as `read_power` reads it, and the place where it flows."""
 
     power: str
     where: str = ""
 
 
-def read_cascade(
-    table: CascadeTable | None, own: Mapping[str, StageTable], known: Mapping[str, Channel], rig: str
-) -> Cascade:
-    """Read the cascade of a rig file.
+def read_cascade(table: object, own: Mapping[str, Table], known: Mapping[str, Channel], rig: str) -> Cascade:
+    """Read the cascade of a rig file: that of the paper where it states neither stages nor an order.
 
     Parameters
     ----------
-    table, own : tables [cascade] and [stage.NAME]
+    table, own : table [cascade], None without one, and tables [stage.NAME]
     known : channels by name
     rig : path of the file, for messages
 
@@ -60,24 +53,20 @@ def read_cascade(
     ------
     RigError : an unknown stage or channel, a stage that is listed twice, a product that is no power
     """
-    stages = BUILT_IN | {name: _stage(name, stage, known, f"{rig}: [stage.{name}]") for name, stage in own.items()}
-    if table is None:
-        return PAPER if not own else Cascade(tuple(stages[stage.name] for stage in PAPER.stages), configured=True)
-    names = table.stages
-    unknown = [f"{name!r} is no stage" for name in names if name not in stages]
-    if unknown or not names:
-        raise RigError(
-            f"{rig}: [cascade] stages: {unknown[0] if unknown else 'the list is empty'}; expected names among "
-            f'{", ".join(stages)}. Define another one as [stage.NAME] with power = "...".'
-        )
-    if len(set(names)) < len(names):
-        raise RigError(f"{rig}: [cascade] stages: {', '.join(names)}; expected each stage once.")
-    return Cascade(tuple(stages[name] for name in names), configured=True)
+    if table is None and not own:
+        return PAPER
+    stages = BUILT_IN | {name: _read_stage(name, stage, known, f"{rig}: [stage.{name}]") for name, stage in own.items()}
+    order = PAPER.names if table is None else convert(table, _Order, f"{rig}: [cascade]", RigError).stages
+    check_keys(order, stages, f"{rig}: [cascade] stages:", RigError)
+    if len(set(order)) < len(order):
+        raise RigError(f"{rig}: [cascade] stages: {', '.join(order)}; expected each stage once.")
+    return Cascade(tuple(stages[name] for name in order), configured=True)
 
 
-def _stage(name: str, table: StageTable, known: Mapping[str, Channel], place: str) -> Stage:
-    """The stage of a table [stage.NAME]."""
-    if _NAME.fullmatch(name) is None or name in _RESERVED:
+def _read_stage(name: str, raw: Table, known: Mapping[str, Channel], place: str) -> Stage:
+    """The stage of a table [stage.NAME]; its name is a part of names such as `energy_hyd_j` and `eta_mech_hyd`."""
+    table: _Stage = convert(raw, _Stage, place, RigError)
+    if re.fullmatch(r"[A-Za-z][A-Za-z0-9]*", name) is None or name in _RESERVED:
         raise RigError(
             f"{place}: expected a name of letters and digits that is none of {', '.join(_RESERVED)}, such as hyd."
         )
@@ -124,27 +113,15 @@ def _term(negative: bool, text: str, known: Mapping[str, Channel], place: str) -
     factors = [factor.strip() for factor in text.split("*")]
     channels = tuple(factor for factor in factors if not factor[0].isdigit())
     constant = math.prod(float(factor) for factor in factors if factor[0].isdigit())
-    for channel in channels:
-        if channel not in known:
-            raise RigError(
-                f"{place} needs a channel {channel!r}, which is unknown; expected one of {', '.join(known)}. Define your own "
-                'as [channels.NAME] with unit = "...".'
-            )
+    check_keys(channels, known, f"{place}: channel", RigError)
     by_radius = set(channels) == {"torque", "velocity"} and len(channels) == 2
     dimensions = [known[channel].dimension for channel in channels]
-    if (
-        not (by_radius or _is_power(dimensions, with_constant=len(factors) > len(channels)))
-        or not 0.0 < constant < math.inf
-    ):
+    is_power = by_radius or dimensions == ["power"] or (len(channels) == 2 and set(dimensions) in _PRODUCTS)
+    if len(factors) > len(channels) and len(channels) < 2:
+        is_power = not channels or dimensions[0] in {"power"}.union(*_PRODUCTS)
+    if not is_power or not 0.0 < constant < math.inf:
         raise RigError(
             f"{place}: {text.strip()!r} is no power; expected a channel in W, force * velocity, torque * speed, a voltage "
             "times a current, or a pressure times a flow, one of which may be a constant in SI units."
         )
     return Term(channels, -constant if negative else constant, by_radius)
-
-
-def _is_power(dimensions: Sequence[str], *, with_constant: bool) -> bool:
-    """Whether channels of these dimensions give a power, also with a constant in place of all or of one of two."""
-    if with_constant and len(dimensions) < 2:
-        return not dimensions or dimensions[0] in {"power"}.union(*_FACTORS)
-    return list(dimensions) == ["power"] or (len(dimensions) == 2 and set(dimensions) in _FACTORS)

@@ -1,21 +1,99 @@
-"""Output files: written whole or not at all, and never over a file that this tool did not make.
+"""Output files: written whole or not at all, never over a file that this tool did not make, and without scratch that stays.
 
-Each kind of file has its mark at one place; nothing else counts as a mark.
+Each kind of file has its mark at one place; nothing else counts as a mark. Scratch is removed by the process that makes it, or
+else by a later call once it is old.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+import shutil
+import tempfile
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from functools import cache, partial
 from pathlib import Path
 
 import msgspec
 
 from winchcascade.core.errors import OutputError
-from winchcascade.core.scratch import scratch_file
-from winchcascade.core.signals import signals_held
+
+_SCRATCH = re.compile(r"\.winchcascade-[0-9a-f]{32}\.part")
+"""Name of scratch. No other file is ever removed as scratch."""
+
+STALE = 3600.0
+"""Age from which scratch counts as left behind by a killed process: nothing is written for so long. [s]"""
+
+_live: set[str] = set()
+"""Paths that this process removes at its end."""
+
+
+def scratch_file(folder: Path) -> AbstractContextManager[Path]:
+    """An empty file in a folder, removed at the end unless it was renamed."""
+    return _scratch(folder, partial(Path.touch, exist_ok=False))
+
+
+def scratch_folder(folder: Path | None = None) -> AbstractContextManager[Path]:
+    """A folder within another one, by default within that of the system; removed at the end unless it was renamed."""
+    return _scratch(folder or Path(tempfile.gettempdir()), partial(Path.mkdir, mode=0o700))
+
+
+@contextmanager
+def _scratch(folder: Path, make: Callable[[Path], object]) -> Iterator[Path]:
+    _clear_once(folder.absolute())
+    path = folder / f".winchcascade-{uuid.uuid4().hex}.part"
+    with removed_at_end(path):
+        make(path)
+        yield path
+
+
+@contextmanager
+def removed_at_end(path: Path) -> Iterator[None]:
+    """Remove a file or folder at the end of the context, also where a signal ends the process."""
+    _live.add(str(path))
+    try:
+        yield
+    finally:
+        _remove(str(path))
+        _live.discard(str(path))
+
+
+def clear(folder: Path) -> None:
+    """Remove what killed processes left in a folder; the scratch of processes at work and all other files stay."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if is_scratch(entry.name) and time.time() - entry.stat(follow_symlinks=False).st_mtime > STALE:
+                _remove(entry.path)
+
+
+_clear_once = cache(clear)
+
+
+def is_scratch(name: str) -> bool:
+    """Whether a file name is that of scratch.
+
+    >>> is_scratch(f".winchcascade-{32 * '0'}.part"), is_scratch(".backup.part")
+    (True, False)
+    """
+    return _SCRATCH.fullmatch(name) is not None
+
+
+def clear_own() -> None:
+    """Remove the scratch that this process uses now; for a process that ends by a signal."""
+    for path in tuple(_live):
+        _remove(path)
+
+
+def _remove(path: str) -> None:
+    with suppress(OSError):  # another call was faster, or it was renamed
+        if os.path.isdir(path) and not os.path.islink(path):
+            shutil.rmtree(path)
+        else:
+            os.unlink(path)
+
 
 LOOK = 1 << 16
 """Bytes at either end of a file among which its mark is sought."""
@@ -62,20 +140,7 @@ def is_marked(path: Path) -> bool:
         return re.search(_WORKBOOK, tail) is not None
     if head.startswith(b"%PDF-"):
         return re.search(_PDF, tail) is not None
-    if head.startswith(b"PAR1"):
-        return _is_own_parquet(path)
-    return head.lstrip().startswith(b"{") and _is_own_json(path)
-
-
-def _is_own_parquet(path: Path) -> bool:
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    try:
-        about = parquet.read_metadata(path).metadata or {}
-    except pa.ArrowException:  # damaged
-        return False
-    return re.fullmatch(_SCHEMA, about.get(b"schema", b"")) is not None
+    return head.startswith((b"PAR1", b"{")) and re.fullmatch(_SCHEMA, _schema_of(path, head)) is not None
 
 
 class _Marked(msgspec.Struct):
@@ -84,13 +149,20 @@ class _Marked(msgspec.Struct):
     schema: str
 
 
-def _is_own_json(path: Path) -> bool:
-    """Whether a JSON object has a schema of this tool as a later entry, as the record of a trial has."""
+def _schema_of(path: Path, head: bytes) -> bytes:
+    """Schema that a Parquet or JSON file states, empty for none and for a damaged file."""
+    if head.startswith(b"{"):
+        try:
+            return msgspec.json.decode(path.read_bytes(), type=_Marked).schema.encode("utf-8", "replace")
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            return b""
+    import pyarrow as pa
+    from pyarrow import parquet
+
     try:
-        schema = msgspec.json.decode(path.read_bytes(), type=_Marked).schema
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return False
-    return re.fullmatch(_SCHEMA, schema.encode("utf-8", "replace")) is not None
+        return bytes((parquet.read_metadata(path).metadata or {}).get(b"schema", b""))
+    except pa.ArrowException:
+        return b""
 
 
 def write_whole(path: Path, write: Callable[[Path], object], *, force: bool = False) -> None:
@@ -116,8 +188,8 @@ def write_whole(path: Path, write: Callable[[Path], object], *, force: bool = Fa
 
 
 def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -> None:
-    """Write several files of one folder: all are whole before the first is put in place, in their order, and a signal that
-    ends the process waits for the last. Files that are there are replaced, also links, but never what a link leads to.
+    """Write several files of one folder: all are whole before the first is put in place, in their order. Files that are
+    there are replaced, also links, but never what a link leads to.
 
     Parameters
     ----------
@@ -140,17 +212,13 @@ def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -
 
 
 def put_in_place(parts: Mapping[Path, Path], *, without: Iterable[Path] = ()) -> None:
-    """Rename whole files into their places, and remove outdated ones before the last: its presence means that all are complete.
-
-    A signal that ends the process waits for that.
-    """
+    """Rename whole files into their places, and remove outdated ones before the last, which states the digests of all."""
     *first, last = parts.items()
-    with signals_held():
-        for part, path in first:
-            os.replace(part, path)
-        for path in without:
-            path.unlink(missing_ok=True)
-        os.replace(*last)
+    for part, path in first:
+        os.replace(part, path)
+    for path in without:
+        path.unlink(missing_ok=True)
+    os.replace(*last)
 
 
 def _not_written(path: object, fault: OSError) -> OutputError:

@@ -1,4 +1,4 @@
-"""Run many small jobs: on threads, on processes of this machine or on an existing Dask scheduler.
+"""Run many small jobs: on threads, on processes of this machine or on an existing Dask scheduler; and the end of a process.
 
 A job that fails is a value: its outcome carries the fault as a sentence, and the others go on. Threads help because numpy,
 scipy and the compiled steps release the interpreter while they work.
@@ -9,20 +9,21 @@ from __future__ import annotations
 import os
 import re
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from types import FrameType
+from typing import Generic, Protocol, TypeVar
 
 import msgspec
 
 from winchcascade.core.errors import OptionError, OutputError, WinchcascadeError, first_line
-from winchcascade.core.scratch import clear_own
-from winchcascade.core.signals import end_on_signals, interrupts_blocked, signals_held
+from winchcascade.core.files import clear_own
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -35,11 +36,17 @@ LONG = 1_000_000
 MAX_WORKERS = 61
 """Windows cannot wait for more processes than this."""
 
-PATIENCE = 0.2
-"""An interrupt is noticed after at most this time. [s]"""
-
 CONNECT = 10.0
 """A scheduler that has not answered after this time counts as unreachable. [s]"""
+
+ENDING = (signal.SIGINT, signal.SIGTERM)
+"""An interrupt from the keyboard, and the usual request of a system that a process ends."""
+
+_CURSOR = "\r\x1b[?25h"
+"""Shows the cursor of a terminal again, which a bar of progress hides."""
+
+_UNTIDY = "ignore:resource_tracker"
+"""Option of Python by which the helper process of a pool removes its semaphores without a warning."""
 
 _threads = 2
 """Threads of `all_at_once`; `set_threads` changes the number."""
@@ -59,10 +66,8 @@ def one_thread_each() -> None:
 
 @contextmanager
 def linear_algebra_on_one_thread() -> Iterator[None]:
-    """Keep linear algebra on one thread while the context or the decorated function lasts, also where it is imported already.
-
-    Its matrices are small and the threads of `all_at_once` use the processors: more threads make each solve slower, by a
-    factor of a hundred where other programs run.
+    """Do so while the context or the decorated function lasts, also where linear algebra is imported already: the threads of
+    `all_at_once` use the processors, and where other programs run, more threads make a solve a hundred times slower.
     """
     from threadpoolctl import threadpool_limits
 
@@ -143,9 +148,7 @@ class Nobody:
 
 def processes() -> int:
     """Processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Workers(msgspec.Struct, frozen=True):
@@ -169,8 +172,8 @@ class Workers(msgspec.Struct, frozen=True):
 def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) -> Iterator[Outcome[Done]]:
     """Run jobs on processes of this machine, in this one if a single worker is wanted; outcomes come in any order.
 
-    Processes are spawned, never forked, so it works alike on every system. Where one dies (without memory, for example), the
-    jobs that were given to its pool are tried once more, each alone.
+    Processes are spawned, never forked, so it works alike on every system. Where one dies (without memory, for example), what
+    is not done yet is tried once more, each job in a process of its own.
 
     Parameters
     ----------
@@ -184,32 +187,21 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
     if workers <= 1:
         yield from (_tried(work, place, job) for place, job in enumerate(jobs))
         return
-    waiting = list(reversed(range(len(jobs))))
-    while waiting:
-        running: dict[Future[Outcome[Done]], int] = {}
-        lost: list[int] = []
-        with _pool(workers) as (pool, ending):
-            try:
-                while waiting or running:
-                    while waiting and len(running) < 2 * workers:
-                        with interrupts_blocked():
-                            running[pool.submit(_tried, work, waiting[-1], jobs[waiting[-1]])] = waiting[-1]
-                        waiting.pop()  # only now: a pool that is broken takes no more
-                    for future in wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done:
-                        yield future.result()
-                        del running[future]
-                    if ending():
-                        raise KeyboardInterrupt
-            except BrokenProcessPool:
-                whole = [future for future in running if future.done() and future.exception() is None]
-                yield from (future.result() for future in whole)
-                lost = [place for future, place in running.items() if future not in whole]
-        yield from (_alone(work, place, jobs[place]) for place in lost)
+    left = dict(enumerate(jobs))
+    with _pool(workers) as pool, suppress(BrokenProcessPool):
+        with _interrupts_blocked():
+            running = [pool.submit(_tried, work, place, job) for place, job in enumerate(jobs)]
+        for future in as_completed(running):
+            outcome = future.result()
+            del left[outcome.place]
+            yield outcome
+    with ThreadPoolExecutor(workers) as threads:
+        yield from threads.map(lambda place: _alone(work, place, left[place]), left)
 
 
 def _alone(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
     """Outcome of a job in a process of its own; OptionError where no process starts, as of a script without a guard."""
-    with _pool(1) as (pool, _):
+    with _pool(1) as pool:
         try:
             pool.submit(os.getpid).result()
         except BrokenProcessPool:
@@ -236,30 +228,26 @@ def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[tuple[ProcessPoolExecutor, Callable[[], bool]]]:
-    """A pool of spawned processes that end with this one, and what answers whether a signal came that ends it.
-
-    The signal waits for the end of the pool: an exception that is raised within a lock of the pool breaks it. Where the
-    context ends by an exception, so do the processes, at once: what they have in hand is not wanted.
-    """
-    with signals_held() as ending:
-        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
-        try:
-            yield pool, ending
-        except BaseException:
-            _abandon(pool)
-            raise
-        finally:
-            pool.shutdown(cancel_futures=True)
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """A pool of spawned processes that end with this one; what has not begun when the context ends does not begin."""
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
-def _abandon(pool: ProcessPoolExecutor) -> None:
-    """End the processes of a pool; as it would wait for the rest of a half-sent result, the sending end is closed, too."""
-    for process in list((pool._processes or {}).values()):
-        process.terminate()
-    results: Any = pool._result_queue
-    if results is not None:
-        results._writer.close()
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Keep interrupts from processes that are started now, for as long as they run: the one that starts them handles it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _quietly() -> None:
@@ -276,6 +264,28 @@ def _end_with_parent() -> None:
         parent.join()
         clear_own()
         os._exit(1)
+
+
+def end_on_signals(sentences: Mapping[signal.Signals, str]) -> None:
+    """End this process at a signal, without its scratch, with the sentence given for it, if any, on standard error.
+
+    The process ends past Python: an exception that is raised at any place may be dropped, wrapped or printed by whatever runs
+    there, such as an import, a callback or the collection of garbage.
+    """
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        clear_own()
+        sentence = sentences.get(signal.Signals(number))
+        if sentence is not None:
+            with suppress(OSError):
+                os.write(2, f"{_CURSOR if os.isatty(2) else ''}{sentence}\n".encode())
+        os._exit(128 + number)
+
+    if _UNTIDY not in sys.warnoptions:
+        sys.warnoptions.append(_UNTIDY)
+    for number in ENDING:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # whoever started this process wants it to go on
+            signal.signal(number, end)
 
 
 def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], scheduler: str) -> Iterator[Outcome[Done]]:

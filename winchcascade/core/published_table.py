@@ -59,10 +59,8 @@ class Span(msgspec.Struct, frozen=True):
         return Span(self.low / other.high, self.high / max(other.low, 1e-300))
 
 
-Printed = Annotated[float, Meta(ge=0.0, le=1e15, description="a number from 0 to 1e15, without quotes or unit")]
-_Decimals = Annotated[
-    int, Meta(ge=-9, le=12, description="how many are printed, such as 3, or -1 for values rounded to tens")
-]
+Printed = Annotated[float, Meta(ge=0.0, le=1e15)]
+_Decimals = Annotated[int, Meta(ge=-9, le=12)]
 
 
 class PrintedColumn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
-from winchcascade.core.arguments import LOAD, check_arguments
+from winchcascade.core.arguments import LOAD, RATE, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
 from winchcascade.core.public_names import public
 from winchcascade.core.rig_file import Rig
@@ -211,12 +211,13 @@ class Run(msgspec.Struct, frozen=True):
     repairs: Repairs = "on"
 
     def __post_init__(self) -> None:
-        """Check a run that was not read by this program. Raises OptionError as `checked_fields`."""
-        from winchcascade.core.checked_run import SealedChannels, checked_fields
+        """Check a run that was not read by this program. Raises OptionError as `checked_arrays`."""
+        from winchcascade.core.checked_run import SealedChannels, checked_arrays
 
         check_arguments("Run", ("load", self.load, LOAD))
         if not isinstance(self.channels, SealedChannels):
-            for name, value in checked_fields(msgspec.structs.asdict(self)).items():
+            check_arguments("Run", ("fs", self.fs, RATE))
+            for name, value in checked_arrays(self.name, self.t, self.channels, self.labels).items():
                 msgspec.structs.force_setattr(self, name, value)
 
     def __repr__(self) -> str:

@@ -6,13 +6,13 @@ import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 from typing import Literal
 
 import msgspec
 
 from winchcascade.core.errors import OutputError
-from winchcascade.core.scratch import is_scratch, removed_at_end
+from winchcascade.core.files import is_scratch, removed_at_end
 
 LOCK = ".winchcascade.lock"
 """File that a call locks while it works in a folder."""
@@ -139,39 +139,21 @@ def inside(folder: Path, name: str) -> Path:
 
     Raises
     ------
-    OutputError : the name leads elsewhere, or a link is on the way
+    OutputError : the name or a link leads elsewhere
     """
-    parts = PurePosixPath(name).parts
-    if not parts or ".." in parts or PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor or "\\" in name:
+    path = folder / name
+    if not name or not path.resolve().is_relative_to(folder.resolve()):
         raise OutputError(
-            f"{folder}: its files name {name!r}, which is not within this folder. They were changed by hand; make them again."
+            f"{folder}: {name!r} leads out of this folder, in which alone results are read and written. Remove the link, or "
+            "make the results again."
         )
-    path = folder
-    for part in parts:
-        path = path / part
-        if path.is_symlink() or (hasattr(os.path, "isjunction") and os.path.isjunction(path)):
-            raise OutputError(
-                f"{path}: is a link; results are read and written within {folder} alone. Remove the link or give another "
-                "folder."
-            )
     return path
 
 
 def files_within(folder: Path) -> dict[str, Path]:
-    """Files of a folder and of those in it, by their name there.
-
-    Raises
-    ------
-    OutputError : there is a link
-    """
-    found = {}
-    for place, folders, names in os.walk(folder):
-        for name in (*folders, *names):
-            path = Path(place) / name
-            inside(folder, path.relative_to(folder).as_posix())
-            if name in names:
-                found[path.relative_to(folder).as_posix()] = path
-    return dict(sorted(found.items()))
+    """Files of a folder and of those in it, by their name there. Raises as `inside`."""
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
+    return {name: path for name in names if not (path := inside(folder, name)).is_dir()}
 
 
 def digest_of(content: bytes) -> str:
@@ -222,19 +204,14 @@ def digest_in(content: bytes) -> State:
 
 
 def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:
-    """Read how an earlier call made a record; "other" if it does not state that, "altered" if it was changed since.
-
-    A record of version 0.1.0 has no digest, and is made again.
-    """
+    """Read how an earlier call made a record; "other" if it does not state that, "altered" if it was changed since."""
     try:
         content = record.read_bytes()
     except OSError:
         return "other"
     state = digest_in(content)
-    if state != "kept":
-        return state
     try:
-        return msgspec.convert(msgspec.json.decode(content).get(entry, {}), Kept)
+        return msgspec.convert(msgspec.json.decode(content).get(entry, {}), Kept) if state == "kept" else state
     except msgspec.ValidationError:
         return "altered"
 
@@ -248,8 +225,4 @@ def state_of(folder: Path, output: Output) -> Present:
         name: digest for name, digest in found.files.items() if not altered(folder, {output.prefix + name: digest})
     }
     lost = [output.prefix + name for name in output.files if name in found.files and name not in intact]
-    return Present(
-        kept=set(output.files) <= set(intact),
-        files=intact,
-        altered=tuple(name for name in lost if (folder / name).exists()),
-    )
+    return Present(set(output.files) <= set(intact), intact, tuple(name for name in lost if (folder / name).exists()))

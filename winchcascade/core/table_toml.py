@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from itertools import combinations
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
 from typing import Annotated, Any
@@ -64,8 +65,8 @@ def table_place(path: str) -> str:
     return f"built-in table {Path(path).stem}" if Path(path).parent == _FOLDER else path
 
 
-Text = Annotated[str, Meta(pattern=r"\S", description='a text, such as "Table 2"')]
-_Percent = Annotated[float, Meta(ge=0.0, le=100.0, description="percent of the mean, from 0 to 100")]
+Text = Annotated[str, Meta(pattern=r"\S")]
+_Percent = Annotated[float, Meta(ge=0.0, le=100.0)]
 
 
 class _TableFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -74,18 +75,27 @@ class _TableFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     title: Text
     source: Text
     columns: Annotated[dict[str, Table], Meta(min_length=1)]
-    row: Annotated[list[Table], Meta(description="a [[row]] table with load_ohm and its cells for each load")]
+    row: Annotated[list[Table], Meta(min_length=1)]
     cycles: Annotated[int, Meta(ge=1, lt=10**9)] | None = None
     claim: list[Table] = []
     deviation_energy_percent: _Percent | None = None
     deviation_eta_percent: _Percent | None = None
 
 
-class _Row(msgspec.Struct, frozen=True):
-    """Key of a row: its load, or that it holds the sums of the energies."""
+class _Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A row as written: the cells of a load, or the sums of the energies."""
 
     load_ohm: Load | None = None
     total: bool = False
+    energy_line: Printed | None = None
+    energy_mech: Printed | None = None
+    energy_gen: Printed | None = None
+    power_line: Printed | None = None
+    power_mech: Printed | None = None
+    power_gen: Printed | None = None
+    eta_trans: Printed | None = None
+    eta_gen: Printed | None = None
+    eta_pto: Printed | None = None
 
 
 class _Quotation(msgspec.Struct, frozen=True):
@@ -104,22 +114,27 @@ def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable
         column: _column(stated, DIMENSIONS.get(column, "resistance"), f"{where}: [columns] {column}")
         for column, stated in file.columns.items()
     }
-    lines = _lines_of(text, "row", len(file.row))
+    lines, of_claims = _lines_of(text, "row", len(file.row)), _lines_of(text, "claim", len(file.claim))
     rows = [_row(row, columns, f"{where}: row {k + 1}", lines[k]) for k, row in enumerate(file.row)]
-    _check_rows(rows, where)
-    of_claims = _lines_of(text, "claim", len(file.claim))
+    of_loads = [row for row in rows if not math.isnan(row.load)]
+    for one, other in combinations(of_loads, 2):
+        if same_load(one.load, other.load):
+            raise TableError(f"{where}: {load_text(one.load)} has two rows; expected one.")
+    if not of_loads or len(of_loads) < len(rows) - 1:
+        raise TableError(
+            f"{where}: expected one [[row]] with load_ohm and its cells for each load, and one of sums at most."
+        )
+    claims = [_claim(claim, f"{where}: claim {k + 1}", of_claims[k].get("")) for k, claim in enumerate(file.claim)]
     return PublishedTable(
         name=name,
         title=file.title,
         source=file.source,
         columns=columns,
-        rows=tuple(row for row in rows if not math.isnan(row.load)),
+        rows=tuple(of_loads),
         cycles=file.cycles,
         deviations={d: _deviation(raw[f"{d}_percent"]) for d in DEVIATIONS if f"{d}_percent" in raw},
         total=next((row for row in rows if math.isnan(row.load)), None),
-        claims=tuple(
-            _claim(claim, f"{where}: claim {k + 1}", of_claims[k].get("")) for k, claim in enumerate(file.claim)
-        ),
+        claims=tuple(claims),
         path=where,
     )
 
@@ -146,9 +161,6 @@ def _deviation(printed: object) -> tuple[float, PrintedColumn]:
 _NUMBER = ("unit", "decimals")
 """Entries of a printed number, of a column or of a claim."""
 
-_USUAL = {"energy": "J or kJ", "power": "W or kW", "number": "1 or %", "resistance": "ohm"}
-"""Usual units of each dimension, for a message."""
-
 
 def _column(raw: Mapping[str, object], dimension: str, place: str) -> PrintedColumn:
     """Unit and decimals of the numbers of a column, or of the number of a claim."""
@@ -158,41 +170,21 @@ def _column(raw: Mapping[str, object], dimension: str, place: str) -> PrintedCol
     factor = ENERGY_UNITS.get(column.unit) if dimension == "energy" else unit.factor if unit else None
     other = (unit is not None and unit.dimension != dimension) or (dimension == "resistance" and factor != 1.0)
     if factor is None or other:
-        raise TableError(
-            f"{place}: the unit {column.unit!r} is none of {dimension}; expected one such as {_USUAL[dimension]}."
-        )
+        raise TableError(f"{place}: the unit {column.unit!r} is none of {dimension.replace('number', 'a number')}.")
     return PrintedColumn(column.unit, column.decimals, factor)
 
 
 def _row(raw: Table, columns: Mapping[str, PrintedColumn], place: str, lines: Mapping[str, int]) -> TableRow:
     """The cells of a load; a row of sums has NaN in place of the load."""
-    check_keys(raw, ("load_ohm", "total", *DIMENSIONS), place, TableError)
-    key: _Row = convert(raw, _Row, place, TableError)
-    cells = {}
-    for metric in (metric for metric in DIMENSIONS if metric in raw):
-        if metric not in columns:
-            raise TableError(f"{place}: {metric} has no entry under [columns]; add its unit and decimals there.")
-        cells[metric] = convert(raw[metric], Printed, f"{place} {metric}", TableError)
-        _check_rounded(cells[metric], columns[metric], f"{place} {metric}")
-    if not cells:
-        raise TableError(f"{place}: no cells; expected some of {', '.join(DIMENSIONS)}.")
-    if key.total == (key.load_ohm is not None) or (
-        key.total and {DIMENSIONS[metric] for metric in cells} != {"energy"}
-    ):
+    row: _Row = convert(raw, _Row, place, TableError)
+    cells = {metric: value for metric in DIMENSIONS if (value := getattr(row, metric)) is not None}
+    check_keys(cells, columns, f"{place} has no unit and decimals under [columns]:", TableError)
+    for metric, value in cells.items():
+        _check_rounded(value, columns[metric], f"{place} {metric}")
+    sums = {DIMENSIONS[metric] for metric in cells} == {"energy"} if row.total else True
+    if not cells or not sums or row.total == (row.load_ohm is not None):
         raise TableError(f"{place}: expected load_ohm with its cells, or total = true with sums of energies alone.")
-    return TableRow(math.nan if key.load_ohm is None else key.load_ohm, cells, lines)
-
-
-def _check_rows(rows: Sequence[TableRow], where: str) -> None:
-    """Reject a table without rows, and two rows of one load or of sums."""
-    loads: list[float] = []
-    for k, load in enumerate((row.load for row in rows), 1):
-        if any(same_load(load, other) or (math.isnan(load) and math.isnan(other)) for other in loads):
-            what = "a second row of sums" if math.isnan(load) else f"{load_text(load)} has a row already"
-            raise TableError(f"{where}: row {k}: {what}; expected one row for each load, and one of sums at most.")
-        loads.append(load)
-    if all(map(math.isnan, loads)):
-        raise TableError(f"{where}: no rows; expected a [[row]] table with load_ohm and its cells for each load.")
+    return TableRow(math.nan if row.load_ohm is None else row.load_ohm, cells, lines)
 
 
 def _check_rounded(value: float, column: PrintedColumn, place: str) -> None:
@@ -200,8 +192,7 @@ def _check_rounded(value: float, column: PrintedColumn, place: str) -> None:
     decimals = column.decimals
     if abs(value - round(value, decimals)) > 1e-9 * max(10.0**-decimals, value * 1e-3):
         raise TableError(
-            f"{place} is {value:.15g}, but {decimals} decimals are said to be printed; expected a value "
-            f"rounded to {10.0**-decimals:g}, so correct the cell or the decimals."
+            f"{place} is {value:.15g}, but {decimals} decimals are said to be printed; correct the cell or the decimals."
         )
 
 

@@ -12,9 +12,10 @@ from msgspec.structs import replace
 from winchcascade.core.quantity import si_unit
 from winchcascade.core.run import Finding
 from winchcascade.reduction.bins import STORES, Bin
+from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.phase_summary import BothWays
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, Uncertainty, budgeted, shares
+from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, Uncertainty, shares
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -272,7 +273,9 @@ Share = BudgetRow | None
 def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | None:
     """Which error contributes which share of the variance of each mean; None where no accuracy is known."""
     known, rig = found.budget, reduction.rig
-    metrics = [m for m in budgeted(known.mean) if known.mean[m]]
+    metrics = [m for m in known.mean if m.startswith("eta")]
+    metrics += [m for m in known.mean if m.startswith("energy") and m not in NET_METRICS]
+    metrics = [m for m in metrics if known.mean[m]]
 
     def share(m: str, row: Share) -> float | None:
         part = shares(known.repeatability if row is None else row.of, known.mean)[m]
