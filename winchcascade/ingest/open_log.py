@@ -12,7 +12,7 @@ from pkgutil import resolve_name
 from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.scratch import scratch_folder
+from winchcascade.core.files import scratch_folder
 from winchcascade.ingest.source import LogSource, reject_sheet
 
 _READERS = {
