@@ -245,11 +245,9 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> _Loaded:
         clocks = [(k, loaded) for k in columns if is_clock(loaded := source.load(wanted, k))]
         if len(clocks) == 1:
             found, table = assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
-    time = None if found.time is None else found.time.index
     if table is None:
-        table = source.load(wanted, time)
-    labels = None if label is None else phase_labels(table, label, rig.phases, where)
-    return _Loaded(source, found, table, labels)
+        table = source.load(wanted, None if found.time is None else found.time.index)
+    return _Loaded(source, found, table, None if label is None else phase_labels(table, label, rig.phases, where))
 
 
 def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bool) -> Run:

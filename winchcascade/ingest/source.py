@@ -184,8 +184,7 @@ def _numbers(column: pa.Array) -> Signal:
     """Convert a piece of a column to numbers; NaN for nulls and for what is none."""
     kind = column.type
     if pa.types.is_float64(kind):  # without the import of pandas, which each of the other ways takes
-        known: Signal = np.from_dlpack(column.fill_null(np.nan) if column.null_count else column)
-        return known
+        return np.asarray(np.from_dlpack(column.fill_null(np.nan) if column.null_count else column), dtype=np.float64)
     if pa.types.is_dictionary(kind):
         column = column.dictionary_decode()
     elif pa.types.is_decimal(kind):
