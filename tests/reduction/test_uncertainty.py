@@ -28,8 +28,8 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS, Metrics
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.run_record import reduction_json
 from winchcascade.reduction.uncertainty import DRAWS, Budget, budget, uncertainty
-from winchcascade.report.records import reduction_json
 
 Signal = NDArray[np.float64]
 Uncertain = Any

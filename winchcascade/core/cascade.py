@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from functools import cache, cached_property, reduce
+from functools import cache, reduce
 from itertools import pairwise
 from operator import add, mul
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -36,11 +36,8 @@ class Term(msgspec.Struct, frozen=True):
     @property
     def text(self) -> str:
         """The term as a rig file writes it, without its sign."""
-        factors = (
-            self.channels
-            if abs(self.constant) == 1.0 and self.channels
-            else (f"{abs(self.constant):g}", *self.channels)
-        )
+        constant = () if abs(self.constant) == 1.0 and self.channels else (f"{abs(self.constant):g}",)
+        factors = (*constant, *self.channels)
         return " * ".join(factors) + (" / r_drum" if self.by_radius else "")
 
     def scale(self, r_drum: float | None) -> float:
@@ -117,21 +114,16 @@ class Stage(msgspec.Struct, frozen=True):
         return None if stream is None else stream(slice(None))
 
 
-def _built_in(name: str, where: str, *terms: Term) -> Stage:
-    """A stage whose power may be made of any of some terms."""
-    return Stage(name, tuple(Power((term,)) for term in terms), where)
-
-
 _SHAFT = Term(("power_mech",)), Term(("torque", "velocity"), by_radius=True), Term(("torque", "speed"))
 
 BUILT_IN: dict[str, Stage] = {
-    stage.name: stage
-    for stage in (
-        _built_in("line", "the line (force times speed)", Term(("force", "velocity"))),
-        _built_in("mech", "the shaft", *_SHAFT),
-        _built_in("gen", "the DC link (Vdc times Idc)", Term(("vdc", "idc"))),
-        _built_in("hyd", "the hydraulic circuit (pressure times flow)", Term(("pressure", "flow"))),
-        _built_in("ac", "the AC terminals", Term(("power_ac",))),
+    name: Stage(name, tuple(Power((term,)) for term in terms), where)
+    for name, where, *terms in (
+        ("line", "the line (force times speed)", Term(("force", "velocity"))),
+        ("mech", "the shaft", *_SHAFT),
+        ("gen", "the DC link (Vdc times Idc)", Term(("vdc", "idc"))),
+        ("hyd", "the hydraulic circuit (pressure times flow)", Term(("pressure", "flow"))),
+        ("ac", "the AC terminals", Term(("power_ac",))),
     )
 }
 """Stages that a rig file need not define."""
@@ -151,98 +143,80 @@ _OF_THE_LINE = {
 """Energies of a whole cycle: the stage whose power is integrated, and the span over which."""
 
 
-class Cascade(msgspec.Struct, frozen=True, dict=True):
-    """Stages of a rig in the direction in which power flows; `configured` if a rig file states them."""
+class Cascade(msgspec.Struct, frozen=True):
+    """Stages of a rig in the direction in which power flows; `configured` if a rig file states them. All else follows.
+
+    Parameters
+    ----------
+    names : of the stages
+    channels : that the powers may be made of, and the line velocity
+    parts : each energy of a cycle with the stage whose power is integrated, and the span over which. A whole cycle has net
+        energies where line and DC link belong to the cascade
+    pairs : each efficiency with the stages that it leads from and to; neighbours first, then the whole cascade
+    neighbours : efficiencies from each stage to the next
+    overall : efficiency from the first stage to the last; that of a single stage to itself is never evaluated
+    ratios : each efficiency of a window with the energies that come out and go in
+    net_ratios, all_ratios : the same of whole cycles, and of both
+    energies : of a window
+    metrics : of a window: energies [J], mean powers [W] and efficiencies [1]
+    net_metrics : of a whole cycle, which do not depend on the window: line energy of the payout, line energy returned in
+        haul-in, net line energy from onset to next onset, energy at the DC link over the same span [J], and the ratio of the
+        last two [1]
+    all_metrics : of windows and of whole cycles
+    """
 
     stages: tuple[Stage, ...]
     configured: bool = False
+    names: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
+    parts: dict[str, tuple[str, str]] = {}
+    pairs: dict[str, tuple[str, str]] = {}
+    neighbours: tuple[str, ...] = ()
+    overall: str = ""
+    ratios: dict[str, tuple[str, str]] = {}
+    net_ratios: dict[str, tuple[str, str]] = {}
+    all_ratios: dict[str, tuple[str, str]] = {}
+    energies: tuple[str, ...] = ()
+    metrics: tuple[str, ...] = ()
+    net_metrics: tuple[str, ...] = ()
+    all_metrics: tuple[str, ...] = ()
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the stages."""
-        return tuple(stage.name for stage in self.stages)
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Channels that the powers may be made of, and the line velocity."""
+    def __post_init__(self) -> None:
+        """Derive what follows from the stages; efficiencies of the paper have its names, others are made of both stages."""
+        names = tuple(stage.name for stage in self.stages)
         factors = (name for stage in self.stages for power in stage.powers for name in power.channels)
-        return tuple(dict.fromkeys(("velocity", *factors)))
-
-    @cached_property
-    def parts(self) -> dict[str, tuple[str, str]]:
-        """Each energy of a cycle: the stage whose power is integrated, and the span over which. A whole cycle has net energies
-        where line and DC link belong to the cascade.
-        """
-        return {name: (name, "window") for name in self.names} | (
-            _OF_THE_LINE if {"line", "gen"} <= {*self.names} else {}
-        )
-
-    @cached_property
-    def pairs(self) -> dict[str, tuple[str, str]]:
-        """Each efficiency: the stage that it leads from and the one that it leads to; neighbours first, then the whole cascade.
-
-        Those of the paper have its names, others are made of both stages.
-        """
-        names = self.names
-        pairs = [*pairwise(names), *([(names[0], names[-1])] if len(names) > 2 else [])]
-        return {_PAPER_NAMES.get(pair) or f"eta_{pair[0]}_{pair[1]}": pair for pair in pairs}
-
-    @cached_property
-    def ratios(self) -> dict[str, tuple[str, str]]:
-        """Each efficiency of a window: the energy that comes out and the one that goes in."""
-        return {eta: (f"energy_{out}", f"energy_{into}") for eta, (into, out) in self.pairs.items()}
-
-    @property
-    def neighbours(self) -> tuple[str, ...]:
-        """Efficiencies from each stage to the next."""
-        return tuple(self.pairs)[: len(self.stages) - 1]
-
-    @property
-    def overall(self) -> str:
-        """Efficiency from the first stage to the last; that of a single stage to itself is never evaluated."""
-        return (*self.pairs, f"eta_{self.names[0]}_{self.names[0]}")[max(len(self.pairs) - 1, 0)]
-
-    @cached_property
-    def net_ratios(self) -> dict[str, tuple[str, str]]:
-        """Efficiency of whole cycles."""
-        return {"eta_net": ("energy_gen_cycle", "energy_net")} if "net" in self.parts else {}
-
-    @cached_property
-    def all_ratios(self) -> dict[str, tuple[str, str]]:
-        """Efficiencies of windows and of whole cycles."""
-        return self.ratios | self.net_ratios
-
-    @cached_property
-    def energies(self) -> tuple[str, ...]:
-        """Names of the energies of a window."""
-        return tuple(f"energy_{name}" for name in self.names)
-
-    @cached_property
-    def metrics(self) -> tuple[str, ...]:
-        """Metrics of a window: energies [J], mean powers [W] and efficiencies [1]."""
-        return (*self.energies, *(f"power_{name}" for name in self.names), *self.pairs)
-
-    @cached_property
-    def net_metrics(self) -> tuple[str, ...]:
-        """Metrics of a whole cycle, which do not depend on the window: line energy of the payout, line energy returned in
-        haul-in, net line energy from onset to next onset, energy at the DC link over the same span [J], and the ratio of the
-        last two [1]."""
-        return (*(f"energy_{name}" for name in self.parts if name in _OF_THE_LINE), *self.net_ratios)
-
-    @cached_property
-    def all_metrics(self) -> tuple[str, ...]:
-        """Metrics of windows and of whole cycles."""
-        return self.metrics + self.net_metrics
+        net = {"line", "gen"} <= {*names}
+        pairs = {
+            _PAPER_NAMES.get((into, out)) or f"eta_{into}_{out}": (into, out)
+            for into, out in (*pairwise(names), *([(names[0], names[-1])] if len(names) > 2 else []))
+        }
+        ratios = {eta: (f"energy_{out}", f"energy_{into}") for eta, (into, out) in pairs.items()}
+        net_ratios = {"eta_net": ("energy_gen_cycle", "energy_net")} if net else {}
+        energies = tuple(f"energy_{name}" for name in names)
+        metrics = (*energies, *(f"power_{name}" for name in names), *pairs)
+        net_metrics = (*(f"energy_{name}" for name in _OF_THE_LINE), "eta_net") if net else ()
+        derived = {
+            "names": names,
+            "channels": tuple(dict.fromkeys(("velocity", *factors))),
+            "parts": {name: (name, "window") for name in names} | (_OF_THE_LINE if net else {}),
+            "pairs": pairs,
+            "neighbours": tuple(pairs)[: len(names) - 1],
+            "overall": list(pairs)[-1] if pairs else f"eta_{names[0]}_{names[0]}",
+            "ratios": ratios,
+            "net_ratios": net_ratios,
+            "all_ratios": ratios | net_ratios,
+            "energies": energies,
+            "metrics": metrics,
+            "net_metrics": net_metrics,
+            "all_metrics": metrics + net_metrics,
+        }
+        for name, value in derived.items():
+            msgspec.structs.force_setattr(self, name, value)
 
     def as_read(self, turned: Collection[str]) -> Cascade:
         """The cascade for channels of which some have another sign than in the log."""
-        return replace(
-            self, stages=tuple(replace(s, powers=tuple(p.as_read(turned) for p in s.powers)) for s in self.stages)
-        )
-
-    def between(self, efficiency: str) -> tuple[str, str]:
-        """Stages that an efficiency leads from and to."""
-        return self.pairs[efficiency]
+        stages = (replace(stage, powers=tuple(one.as_read(turned) for one in stage.powers)) for stage in self.stages)
+        return replace(self, stages=tuple(stages))
 
     def undelivered(self, efficiency: str) -> bool:
         """Whether an efficiency is not evaluated in an open circuit, as its stage delivers nothing there."""

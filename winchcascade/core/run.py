@@ -19,7 +19,6 @@ LOAD_HEADER = "Load (ohm)"
 SIMULATED_HEADERS = ("Generator speed (rpm)", "Stator current (A rms)", "Air-gap torque (N.m)")
 """Columns that all together mark a log as simulated: a rig may measure one of them, as the speed of its generator."""
 
-
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
@@ -42,50 +41,16 @@ else:
 
 
 FindingKind = Literal[
-    "rig_assumed",
-    "missing_channel",
-    "derived_channel",
-    "dropped_samples",
-    "not_a_number",
-    "repeated_stamp",
-    "backward_stamp",
-    "repeated_rows",
-    "clock_jitter",
-    "out_of_range",
-    "stuck",
-    "spike",
-    "truncated",
-    "unit_assumed",
-    "sign_flipped",
-    "slack_line",
-    "incomplete_cycle",
-    "unknown_column",
-    "ambiguous_column",
-    "load_mismatch",
-    "coarse_sampling",
-    "coarse_resolution",
-    "clock_mismatch",
-    "channel_lag",
-    "zero_offset",
-    "gain_step",
-    "stroke_mismatch",
-    "repeated_log",
-    "open_clutch_torque",
-    "window_beyond_payout",
-    "phase_source",
-    "unit_conflict",
-    "speed_mismatch",
-    "efficiency_change",
-    "efficiency_above_one",
-    "origin_conflict",
-    "dead_channel",
-    "sign_mismatch",
-    "listed_in_parts",
-]
+    "rig_assumed", "missing_channel", "derived_channel", "dropped_samples", "not_a_number", "repeated_stamp", "backward_stamp",
+    "repeated_rows", "clock_jitter", "out_of_range", "stuck", "spike", "truncated", "unit_assumed", "sign_flipped",
+    "slack_line", "incomplete_cycle", "unknown_column", "ambiguous_column", "load_mismatch", "coarse_sampling",
+    "coarse_resolution", "clock_mismatch", "channel_lag", "zero_offset", "gain_step", "stroke_mismatch", "repeated_log",
+    "open_clutch_torque", "window_beyond_payout", "phase_source", "unit_conflict", "speed_mismatch", "efficiency_change",
+    "efficiency_above_one", "origin_conflict", "dead_channel", "sign_mismatch", "listed_in_parts",
+]  # fmt: skip
 
 CLOCK = "clock"
 """Key in `Run.gaps` of the gaps that concern every channel: rows that were never logged or could not be kept."""
-
 
 Repairs = Literal["on", "off"]
 """Whether faults of a log are repaired; `off` keeps what was logged and lists what would be repaired."""

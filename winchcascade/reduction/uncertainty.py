@@ -15,6 +15,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from itertools import combinations
+from statistics import NormalDist
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -27,7 +28,7 @@ from winchcascade.core.cascade import Power, Stream
 from winchcascade.core.errors import check_type
 from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig, Sensor
-from winchcascade.core.run import Run, Signal
+from winchcascade.core.run import Index, Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
@@ -54,6 +55,12 @@ SEED = 20260
 DRAWS, MULTIPLIER = 8191, 3483
 """Number of draws of all errors, and the multiplier of their lattice: of 400 one with the smallest errors of the intervals of
 150 sums of 2 to 12 errors. The ends of an interval are then known to 1 % of its width."""
+
+SHARES = (np.arange(DRAWS) + 0.5) / DRAWS
+"""Shares of its distribution that lie below the draws of an error, in rising order. [1]"""
+
+ANGLES = 1 << 15
+"""Number of angles at which Student's distribution is tabulated."""
 
 Terms = tuple[tuple[tuple[str, ...], int], ...]
 """Channels of each term of a power, and the power of the stated drum radius that the term is proportional to."""
@@ -388,7 +395,8 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     drawn = _drawn_means(reduction, model, {m: weights[m] for m in known.mean}, known, seed)
     scatter = [known.repeatability[m] or 0.0 for m in known.mean]
     counts = [sum(c.metrics[m] is not None for c in reduction.complete) for m in known.mean]
-    students = [s * _student(seed, n - 1) if s else np.zeros(DRAWS) for s, n in zip(scatter, counts, strict=True)]
+    first = _lattice(seed, 1)[0]
+    students = [s * _student(n - 1)[first] if s else np.zeros(DRAWS) for s, n in zip(scatter, counts, strict=True)]
     spread = dict(zip(known.mean, np.hypot(drawn.std(axis=1), scatter).tolist(), strict=True))
     method: dict[str, Method] = {}
     for metric, u in spread.items():
@@ -406,15 +414,16 @@ def _drawn_means(reduction: Reduction, model: ErrorModel, weights: Weights, know
     That of an efficiency is exact to the first order of the errors, and beyond where the cycles are alike.
     """
     gaps = next((row.of for row in known.rows if row.source is None), Metrics())
-    below, normal = _lattice(seed, 1 + len(model.sources) + bool(gaps))
+    places = _lattice(seed, 1 + len(model.sources) + bool(gaps))
     errors = [
-        s.u * normal[k] if s.limit is None else s.limit * (2.0 * below[k] - 1.0) for k, s in enumerate(model.sources, 1)
+        s.u * _normal()[place] if s.limit is None else s.limit * (2.0 * SHARES[place] - 1.0)
+        for s, place in zip(model.sources, places[1:], strict=False)
     ]
     scales = model.factors(np.reshape(errors, (-1, DRAWS)))
     complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
     drawn = np.empty((len(weights), DRAWS))
     for row, (metric, of) in zip(drawn, weights.items(), strict=True):
-        row[:] = gaps.get(metric, 0.0) * normal[-1] if gaps else 0.0
+        row[:] = gaps.value(metric) * _normal()[places[-1]] if gaps else 0.0
         sums: list[Signal] = []
         for name, weight in of.items():
             energy, counted = model.energies[name], complete & np.isfinite(weight)
@@ -435,24 +444,29 @@ def _intervals(draws: Signal) -> list[Interval]:
 
 
 @lru_cache(maxsize=4)
-def _lattice(seed: int, errors: int) -> tuple[Signal, Signal]:
-    """Share of its distribution that lies below each draw of each error, (errors, draws), evenly between 0 and 1; the standard
-    normal values of these shares. They are kept for the next log of a campaign, which has the same sensors.
-    """
-    from scipy.special import ndtri
-
+def _lattice(seed: int, errors: int) -> Index:
+    """Place of each draw of each error in `SHARES`, (errors, draws), kept for the next log of a campaign."""
     shifts, draw = np.random.default_rng(seed).integers(DRAWS, size=(errors, 1)), np.arange(DRAWS)
     steps = np.array([pow(MULTIPLIER, k, DRAWS) for k in range(errors)])[:, None]
-    below = ((draw * steps + shifts) % DRAWS + 0.5) / DRAWS
-    return below, ndtri(below)
+    return np.asarray((draw * steps + shifts) % DRAWS)
 
 
-@lru_cache(maxsize=4)
-def _student(seed: int, freedom: int) -> Signal:
-    """Values of Student's distribution at the first error of the lattice, (draws,), kept for logs of as many cycles."""
-    from scipy.special import stdtrit
+@cache
+def _normal() -> Signal:
+    """Values of a standard normal variable below which `SHARES` of it lie, (draws,); scipy takes longer to import."""
+    return np.array([*map(NormalDist().inv_cdf, SHARES.tolist())])
 
-    return np.asarray(stdtrit(freedom, _lattice(seed, 1)[0][0]))
+
+@lru_cache(maxsize=8)
+def _student(freedom: int) -> Signal:
+    """Values of Student's variable below which `SHARES` of it lie, (draws,), to 1e-4.
+
+    It is sqrt(freedom) times the tangent of an angle of the density cos(angle)^(freedom - 1).
+    """
+    angle = np.linspace(-math.pi / 2.0, math.pi / 2.0, ANGLES)
+    density = np.cos(angle) ** (freedom - 1)
+    below = np.cumsum(density) - 0.5 * (density + density[0])
+    return np.asarray(math.sqrt(freedom) * np.tan(np.interp(SHARES, below / below[-1], angle)))
 
 
 def shares(part: Metrics, whole: Metrics) -> Metrics:

@@ -152,7 +152,7 @@ def wave_energies(reduction: Reduction) -> WaveEnergies:
         unknown=ErrorModel(record, model.sources).lacking,
         each=tuple(dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)),
     )
-    return _with_ratios(found, {name: rig.cascade.between(name) for name in etas})
+    return _with_ratios(found, {name: rig.cascade.pairs[name] for name in etas})
 
 
 def _record(reduction: Reduction, model: ErrorModel) -> tuple[dict[str, Energy], float]:
