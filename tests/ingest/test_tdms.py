@@ -69,7 +69,7 @@ def test_channels_that_start_apart_agree_on_the_time_of_a_straight_line(tmp_path
 
 def test_start_times_are_aligned_and_the_cut_is_reported(tmp_path: Path) -> None:
     start = np.datetime64("2026-03-01T10:00:00", "us")
-    late = {"wf_start_time": start + np.timedelta64(2_020_000, "us")}
+    late: dict[str, Any] = {"wf_start_time": start + np.timedelta64(2_020_000, "us")}
     path = write(
         tmp_path, wave("x", T, wf_start_time=start), wave("y", T, wf_start_time=start), wave("z", T + 2.02, **late)
     )
