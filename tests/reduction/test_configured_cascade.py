@@ -15,10 +15,10 @@ from winchcascade.core.rig_toml import parse_rig, read_rig
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.run_record import reduction_json
 from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.content import Table
 from winchcascade.report.frames import write_parquet
-from winchcascade.report.records import reduction_json
 from winchcascade.report.render.publish import publish
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.drawn_reduction import drawn_report

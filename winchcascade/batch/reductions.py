@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 from msgspec import UNSET
-from msgspec.structs import asdict, replace
+from msgspec.structs import replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import Plan, Work, result_key
@@ -20,10 +20,9 @@ from winchcascade.ingest.read import read_by
 from winchcascade.reduction.campaign_record import CampaignRecord, CampaignReduction, FailedLog, log_summary
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.run_record import FindingRecord, RunRecord
+from winchcascade.reduction.run_record import FindingRecord, RunRecord, reduction_entries, run_record
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.reduction.wave_energies import LogWaves, campaign_waves
-from winchcascade.report.records import reduction_record
 
 ENTRY = "batch"
 """Entry of the record of a log that states how it was made."""
@@ -55,8 +54,7 @@ def reduce_log(work: Work, *, reports: Sequence[str] = (), command: str = "") ->
     reduction = reduce(run)
     require_payouts(reduction)
     found = uncertainty(reduction)
-    whole = asdict(reduction_record(reduction, found))
-    record = {name: part for name, part in whole.items() if part is not UNSET}
+    record = reduction_entries(reduction, found)
     files: dict[str, bytes] = {}
     if reports:
         with _DRAWING:
@@ -96,7 +94,7 @@ def reduce_campaign(plan: Plan, workers: Workers) -> CampaignReduction:
         if outcome.value is None:
             faults[name] = outcome.fault or ""
         else:
-            found[name] = msgspec.json.decode(outcome.value.record, type=RunRecord)
+            found[name] = run_record(outcome.value.record, name)
     found = {work.name: found[work.name] for work in plan.work if work.name in found}
     summary = campaign_record(plan, found.items(), faults)
     cascades = tuple(work.settings.rig.cascade for work in plan.work)

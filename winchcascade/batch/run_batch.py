@@ -31,7 +31,7 @@ from winchcascade.core.store import (
 )
 from winchcascade.core.version import __version__
 from winchcascade.reduction.campaign_record import CampaignRecord, campaign_json, read_campaign
-from winchcascade.report.records import read_results
+from winchcascade.reduction.run_record import read_results
 
 ENDINGS = ("html", "pdf", "json")
 """Files of one log; a JSON means that the others are there."""

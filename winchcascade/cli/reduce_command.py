@@ -39,8 +39,8 @@ def reduce_command(
     """
     from winchcascade.ingest.read import read_by
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
+    from winchcascade.reduction.run_record import reduction_json
     from winchcascade.reduction.uncertainty import uncertainty
-    from winchcascade.report.records import reduction_json
 
     log = _one_log(logs)
     check_load(load_ohm)

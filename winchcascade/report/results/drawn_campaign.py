@@ -17,12 +17,11 @@ from winchcascade.reduction.campaign_record import (
     runs_by_load,
     unlike_motion,
 )
-from winchcascade.reduction.run_record import RunRecord
+from winchcascade.reduction.run_record import RunRecord, read_results
 from winchcascade.reduction.wave_energies import CampaignWaves, LogWaves, campaign_waves
 from winchcascade.report.content import Picture, Report, Section, picture
 from winchcascade.report.figures import campaign_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.records import read_results
 from winchcascade.report.results.campaign import campaign_report, loaded
 from winchcascade.report.results.model_section import Named, campaign_section
 

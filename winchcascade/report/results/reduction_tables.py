@@ -209,8 +209,8 @@ def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[Cycle
 
 def bins_table(reduction: Reduction) -> Table[Bin] | None:
     """Mean powers in bins of generator speed, and what is stored while the speed changes; None where it is unknown."""
-    stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
-    stores = [store for store in STORES if any(b.stored.get(store) is not None for b in reduction.bins)]
+    stages = [s for s in reduction.rig.cascade.names if any(b.mean.get(s) is not None for b in reduction.bins)]
+    stores = [store for store in STORES if any(b.mean.get(store) is not None for b in reduction.bins)]
     columns: list[Column[Bin]] = [
         Column("generator speed", lambda b: Span(b.rpm_low, b.rpm_high), "rpm", 0),
         Column("samples", lambda b: b.count, decimals=0),
@@ -229,11 +229,11 @@ def bins_table(reduction: Reduction) -> Table[Bin] | None:
 
 
 def _binned(stage: str, of: Bin) -> Measured:
-    return Measured(of.power.get(stage), of.standard_error.get(stage), both=True)
+    return Measured(of.mean.get(stage), of.standard_error.get(stage), both=True)
 
 
 def _stored(store: str, of: Bin) -> float | None:
-    return of.stored.get(store)
+    return of.mean.get(store)
 
 
 # --------------------------------------------------------------------------------------------------------- uncertainty
