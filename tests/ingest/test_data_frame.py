@@ -11,7 +11,7 @@ import pytest
 from winchcascade import read_run, reduce
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.run import Run
-from winchcascade.report.records import reduction_json
+from winchcascade.reduction.run_record import reduction_json
 
 NAMED = {
     "Displacement (m)": "displacement",

@@ -14,8 +14,8 @@ from winchcascade.reduction.efficiency import FIELDS, NET_METRICS, Metrics
 from winchcascade.reduction.energies import NetSpan, net_metrics
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.run_record import reduction_json
 from winchcascade.reduction.uncertainty import budget, uncertainty
-from winchcascade.report.records import reduction_json
 
 R36 = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 LOG = read_run(R36, load=36.0)

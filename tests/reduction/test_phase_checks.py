@@ -17,7 +17,7 @@ from synthetic import Scenario, make_log, write_csv
 from winchcascade import Reduction, Run, read_run, reduce
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import built_in, parse_rig
+from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Finding
 from winchcascade.reduction.checks.sampling import update_interval
 from winchcascade.reduction.uncertainty import SAMPLING, uncertainty

@@ -11,7 +11,7 @@ import msgspec
 from winchcascade.core.campaign_file import Origin, origin_from
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage, field_of
 from winchcascade.core.errors import WinchcascadeError
-from winchcascade.reduction.run_record import CycleRecord, Numbers, Part, RunRecord, UncertaintyRecord
+from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord, UncertaintyRecord
 from winchcascade.reduction.uncertainty import SAMPLING
 
 
@@ -129,9 +129,9 @@ def _cascade(record: RunRecord) -> Cascade:
     return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in record.stages.order), configured=True)
 
 
-def _of(record: RunRecord, part: Part, metrics: Mapping[str, str]) -> Numbers:
+def _of(record: RunRecord, part: str, metrics: Mapping[str, str]) -> Numbers:
     """Numbers of the metrics of a part of the record, those of configured stages among them."""
-    values = record.numbers(part)
+    values = getattr(record, part)
     return {m: values.get(name) for m, name in metrics.items()}
 
 

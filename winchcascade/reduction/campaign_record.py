@@ -129,10 +129,10 @@ def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
         findings=tuple(sorted({finding.kind for finding in record.quality})),
         finding_count=len(record.quality),
         removed_share=sum(finding.removed_share for finding in record.quality),
-        mean=record.numbers("mean"),
-        standard_uncertainty=record.numbers("standard_uncertainty"),
-        interval_95=record.intervals,
-        max_deviation_percent=record.numbers("max_deviation_percent"),
+        mean=record.mean,
+        standard_uncertainty=record.standard_uncertainty,
+        interval_95=record.interval_95,
+        max_deviation_percent=record.max_deviation_percent,
         stages=UNSET if record.stages is UNSET else record.stages.order,
     )
 

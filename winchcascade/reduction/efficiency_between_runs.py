@@ -145,8 +145,6 @@ def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
 
 def _distance(rows: _Rows, left: Sequence[int], out: Sequence[int]) -> _Distance:
     """Compare some logs, of those that are left, with what all others predict; chance alone where these give no law."""
-    from scipy.special import fdtrc
-
     by, of = [k for k in left if k not in out], list(out)
     inverse = np.linalg.pinv(rows.terms[by], rcond=PHYSICAL_MIN)  # terms that go together, as at one speed, count once
     weights = rows.terms[of] @ inverse
@@ -159,8 +157,11 @@ def _distance(rows: _Rows, left: Sequence[int], out: Sequence[int]) -> _Distance
     freedom = PRIOR + len(by) - rows.terms.shape[1]
     f = beyond @ np.linalg.solve(variance, beyond) / len(of) / ((PRIOR + rest @ rest) / freedom)
     far = known and bool(np.all(np.abs(beyond) / (rows.y[of] ** 2 * rows.sd[of]) >= ETA_DISTANCE_MIN))
-    square = float(off @ np.linalg.solve(variance, off)) if known else 0.0
-    chance = float(fdtrc(len(of), freedom, f)) if far else 1.0
+    square, chance = float(off @ np.linalg.solve(variance, off)) if known else 0.0, 1.0
+    if far:
+        from scipy.special import fdtrc
+
+        chance = float(fdtrc(len(of), freedom, f))
     return _Distance(off * rows.sd[of], allowed * rows.sd[of], chance, square)
 
 

@@ -183,8 +183,9 @@ def energy_noise(log: PhasedLog, stage: str) -> float:
 
     In the sum of the power over n samples the noise averages out by the square root of n.
     """
-    count, shares, power = max(1, int(INDEPENDENT * log.run.fs + 1e-6)), [0.0], log.powers.get(stage)
-    for cycle in log.complete if power else ():
+    count, shares = max(1, int(INDEPENDENT * log.run.fs + 1e-6)), [0.0]
+    power = log.powers[stage]
+    for cycle in log.complete:
         watts = power.stream(log.run.channels, log.rig.r_drum)(log.phased.rows(cycle.window.onset, cycle.window.cutoff))
         means = watts[: watts.size // count * count].reshape(-1, count).mean(axis=1)
         shares.append(white_noise(means) * math.sqrt(means.size) / max(abs(float(means.sum())), NOTHING))

@@ -229,7 +229,7 @@ def _smoothing(log: Samples) -> float | None:
     found = np.linalg.solve(normal, terms.T @ off)
     scatter = float(np.sum((off - terms @ found) ** 2)) / (off.size - found.size)
     u = math.sqrt(scatter * float(np.linalg.inv(normal)[-1, -1]))
-    half_variance = float(found[-1])
+    half_variance = float(found[-1]) - usual**2 / 12.0  # trapezoids between samples smooth by as much
     return math.sqrt(2.0 * half_variance) if half_variance > max(0.5 * SMOOTHING_MIN**2, 2.0 * CERTAIN_U * u) else None
 
 

@@ -32,6 +32,9 @@ ONE_END = 0.25
 HELD_TIME = 0.2
 """Shortest time for which a value is held that is entered or left without a jump. [s]"""
 
+OFTEN = 5
+"""Number of stretches of one value, each between two jumps, from which on that value is a code. [1]"""
+
 MIN_HELD = 6
 """Fewest equal samples of a stale value: by chance a channel that repeats one sample in fifty does so once in 3e8. [1]"""
 
@@ -110,13 +113,16 @@ def spikes(log: Samples, name: str) -> Mask:
     x, place = _known(log.channels[name])
     level = log.level(name)
     at = _jumps(x, level.fault)
-    if not at.size:
+    if not at.size or x.size < 3:
         return bad
     jumps = np.zeros(x.size + 1, dtype=bool)
     jumps[at + 1] = jumps[0] = jumps[-1] = True  # into each sample; a spike may be the first or the last of a log
     found = []
     for length in range(1, SHORT + 1):
         before = np.flatnonzero(jumps[: x.size + 1 - length] & jumps[length : x.size + 1]) - 1
+        if length == 1:  # one that repeats its neighbour on a ramp jumps at one end only
+            ends = at[(at > 0) & (at < x.size - 2)]
+            before = np.unique(np.concatenate((before, ends[x[ends] == x[ends - 1]] - 1)))
         found += [(k + 1, k + 1 + length) for k in before[_are_spikes(log, name, x, before, length)].tolist()]
     usual = _usual_jump(x, at, found)
     for first, after in found:
@@ -152,16 +158,20 @@ def _are_spikes(log: Samples, name: str, x: Signal, before: Index, length: int) 
     if not found.any():
         return found
     rows, inside, ends = before[found, None], inside[found], ends[found]
-    around = np.concatenate((np.arange(-NEARBY, 0), np.arange(length + 1, length + NEARBY + 1)))
+    around = np.concatenate(
+        (np.arange(-NEARBY, 0), np.arange(length + 1, length + NEARBY + 1))
+    )  # the nearest show the slope
     steps = x[_within(rows + around + 1, x.size, length)] - x[_within(rows + around, x.size, length)]
-    slope = _medians(steps)
-    noise = _medians(np.abs(steps - slope))[:, 0] / 0.954  # beside it: ringing and noise have no spikes
+    slope = _medians(steps[:, NEARBY - SHORT : NEARBY + SHORT])
+    bends = np.concatenate((np.diff(steps[:, :NEARBY]), np.diff(steps[:, NEARBY:])), axis=1)
+    noise = _medians(np.abs(bends))[:, 0] / 1.652  # beside it: ringing and noise have no spikes
     level_ends = ends - slope * beside
     off = inside - slope * places - 0.5 * (level_ends[:, 1:2] + level_ends[:, 2:3])
     size = np.min(np.abs(off), axis=1)
     alike = (np.ptp(np.sign(off), axis=1) == 0) & (np.ptp(off, axis=1) <= AGREE * size)
     agree = np.ptp(level_ends, axis=1) < AGREE * size
-    found[found] = (size > least) & agree & ((alike & (size > OF_NOISE * noise)) | far[found])
+    again = inside[:, 0] == ends[:, 1]  # a loss that is filled with the sample before; many of them pass for noise
+    found[found] = (size > least) & agree & ((alike & (again | (size > OF_NOISE * noise))) | far[found])
     return found
 
 
@@ -230,8 +240,13 @@ def _held_stretches(x: Signal, at: Index, level: Level, least: int, one_end: flo
     count = np.diff(np.append(starts, x.size))
     jump = np.fmin(np.abs(into), np.abs(out))
     back = ~(into * out > 0.0) & (jump > level.long_fault)
-    flat = np.where(count > SHORT, high - low < 0.5 * jump, (high == low) & (count > 1)) & np.where(
-        np.isnan(into * out), high == low, True
+    held = high == low
+    _, which, times = np.unique(low, return_inverse=True, return_counts=True)
+    often = (times >= OFTEN)[
+        which
+    ]  # one code again and again, of which single samples are no spikes: some lie side by side
+    flat = np.where(count > SHORT, high - low < 0.5 * jump, held & ((count > 1) | often)) & (
+        held | ~np.isnan(into * out)
     )
     chosen = back & flat
     found += list(zip(starts[chosen].tolist(), (starts + count)[chosen].tolist(), strict=True))
@@ -375,10 +390,12 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     usual = 1.652 * level.noise
     if not usual > ROUNDED * level.step or name == "displacement":
         return bad
-    calm = np.zeros(x.size, dtype=bool)
+    calm = np.zeros(x.size, dtype=bool)  # what holds one value is judged as stale
     for start in range(0, x.size - 2, BLOCK):
         bend = np.abs(np.diff(x[start : start + BLOCK + 2], 2))
         calm[start + 1 : start + 1 + bend.size] = bend <= max(CALM * usual, ROUNDED * level.step)
+    for a, b in _stretches(x[1:] == x[:-1], MIN_HELD):
+        calm[a : b + 1] = False
     stretches = _stretches(calm, MIN_HELD)
     motion = log.motion() if stretches else calm
     for a, b in stretches:

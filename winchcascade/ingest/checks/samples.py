@@ -87,7 +87,7 @@ def level_of(x: Signal) -> Level:
     steps = np.diff(begin)
     # Medians of white noise are 0.954 and 1.652 standard deviations; a ramp shows in the one, a ringing in the other.
     noise = min(_usual(steps) / 0.954, _usual(np.diff(steps)) / 1.652)
-    low, high = quantiles_in_place(spread.copy(), [0.005, 0.995])
+    low, high = quantiles_in_place(np.unique(spread), [0.005, 0.995])  # each value once: a log may rest for hours
     step = smallest_step(begin)
     large = np.flatnonzero(np.abs(steps) > Level(low, high, noise, step).fault)
     if large.size:
@@ -95,7 +95,7 @@ def level_of(x: Signal) -> Level:
         codes = values[count >= max(3.0, 0.05 * large.size)]
         others = spread[~np.isin(spread, codes)]
         if others.size > 0.05 * spread.size:
-            low, high = quantiles_in_place(others, [0.005, 0.995])
+            low, high = quantiles_in_place(np.unique(others), [0.005, 0.995])
     return Level(low, high, noise, step)
 
 

@@ -51,25 +51,23 @@ def odd_ratios(log: PhasedLog) -> Iterator[Fault]:
     for name, (out, into) in cascade.ratios.items():
         if log.run.open_circuit and cascade.undelivered(name):
             continue
-        stage = next(s for s in cascade.stages if s.name == cascade.between(name)[0])
+        stage = next(s for s in cascade.stages if s.name == cascade.pairs[name][0])
         power = stage.power(log.run.channels, log.rig.r_drum) or stage.powers[0]
-        sums = [sum(c.metrics[energy] or 0.0 for c in log.complete) for energy in (out, into)]
+        got, put = (sum(c.metrics[energy] or 0.0 for c in log.complete) for energy in (out, into))
         each = [(f"cycle {c.cycle}", c.metrics[out] or 0.0, c.metrics[into] or 0.0) for c in log.results]
-        known = [
-            row for row in ([("all waves together", *sums)] if waves else each) if row[1] and abs(row[2]) > NOTHING
-        ]
+        known = [of for of in ([("all waves together", got, put)] if waves else each) if of[1] and abs(of[2]) > NOTHING]
         across = name == cascade.overall and len(cascade.stages) > 2
         for fault, odd in (
-            ("above_one", [row for row in known if row[1] > row[2] > 0.0]),
-            ("below_zero", [row for row in known if row[1] < 0.0 < row[2]]),
-            ("against", [row for row in known if row[2] < 0.0 and not across]),
+            ("above_one", [of for of in known if of[1] > of[2] > 0.0]),
+            ("below_zero", [of for of in known if of[1] < 0.0 < of[2]]),
+            ("against", [of for of in known if of[2] < 0.0 and not across]),
         ):
             if odd:
-                place, got, put = max(odd, key=lambda row: abs(row[1] / row[2]))
-                values = {"name": name, "place": place, "value": got / put, "put": put, "stage": stage.name}
+                place, joules, given = max(odd, key=lambda of: abs(of[1] / of[2]))
+                values = {"name": name, "place": place, "value": joules / given, "put": given, "stage": stage.name}
                 yield Fault(fault, None, (), {**values, "channels": " and ".join(power.channels)}, len(odd))
-        if 0.0 < (ratio(*sums) or 0.0) < IMPLAUSIBLE:
-            yield Fault("too_small", None, (), {"name": name, "value": sums[0] / sums[1]})
+        if 0.0 < (ratio(got, put) or 0.0) < IMPLAUSIBLE:
+            yield Fault("too_small", None, (), {"name": name, "value": got / put})
     net = [(value, f"cycle {c.cycle}") for c in log.results if (value := c.metrics["eta_net"] or 0.0) > 1.0]
     if net and not waves:
         yield Fault("above_one", None, (), {"name": "eta_net", "value": max(net)[0], "place": max(net)[1]}, len(net))

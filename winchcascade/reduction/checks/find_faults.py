@@ -63,7 +63,7 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
         "{channel} steps by {change} ({share:+.1%} of its largest value) where it passes {level}, while {partner} does not",
         KEPT + "; check both for a meter that changes its range, and for an offset that appears under load",
     ),
-    "zero": ("zero_offset", "{channel} reads {zero} {where}; the standard uncertainty of its zero is {limit}", CHECK_ZERO),
+    "zero": ("zero_offset", "{channel} reads {zero} {where}; its zero has a standard uncertainty of {limit} (0: not stated)", CHECK_ZERO),
     "force_at_rest": (
         "zero_offset", "force reads {force:.0f} N at rest, where gas and friction of the screw allow {low:.0f} to {high:.0f} N",
         CHECK_ZERO + ", and whether the line was slack",
@@ -141,9 +141,9 @@ def _finding(log: PhasedLog, fault: Fault) -> Finding:
     kind, message, action = FAULTS[fault.name]
     count = len(fault.spans) or 1
     values: dict[str, object] = {"channel": fault.channel, "count": count, **fault.values}
+    channel = log.rig.known_channels.get(fault.channel or "")
     for name, value in fault.values.items():
-        if name in READ and fault.channel in log.rig.known_channels and isinstance(value, float):
-            channel = log.rig.known_channels[fault.channel]
+        if name in READ and channel is not None and isinstance(value, float):
             values[name] = f"{text_of(channel, value, 3)} {channel.unit}"
     start, end = (min(a for a, _ in fault.spans), max(b for _, b in fault.spans)) if fault.spans else (None, None)
     places = count if fault.places is None else fault.places

@@ -21,8 +21,8 @@ from winchcascade.reduction.campaign_record import (
     unlike_motion,
     window_rules,
 )
-from winchcascade.reduction.campaign_waves import CampaignWaves
 from winchcascade.reduction.run_record import FindingRecord
+from winchcascade.reduction.wave_energies import CampaignWaves
 from winchcascade.report.content import Column, Note, Picture, Report, Section, Tile, section, shown, table
 from winchcascade.report.glossary import metric
 from winchcascade.report.results.campaign_tables import (
