@@ -63,7 +63,11 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
         "{channel} steps by {change} ({share:+.1%} of its largest value) where it passes {level}, while {partner} does not",
         KEPT + "; check both for a meter that changes its range, and for an offset that appears under load",
     ),
-    "zero": ("zero_offset", "{channel} reads {zero} {where}; its zero has a standard uncertainty of {limit} (0: not stated)", CHECK_ZERO),
+    "zero": (
+        "zero_offset",
+        "{channel} reads {zero} {where}; its zero has a standard uncertainty of {limit} (0: not stated)",
+        CHECK_ZERO,
+    ),
     "force_at_rest": (
         "zero_offset", "force reads {force:.0f} N at rest, where gas and friction of the screw allow {low:.0f} to {high:.0f} N",
         CHECK_ZERO + ", and whether the line was slack",
