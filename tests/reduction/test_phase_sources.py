@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from winchcascade import read_run, reduce
@@ -166,19 +165,6 @@ def test_a_column_of_labels_gives_payout_hold_and_haul_in(number: bool, tmp_path
     assert first.haul_in == pytest.approx((24.0, 32.0))
     assert (second.onset, second.payout_end, second.haul_in) == pytest.approx((32.0, 38.0, None))
     assert found.cycles[0].metrics.energy_line == pytest.approx(7000.0 / 3.0, rel=1e-5)
-
-
-@pytest.mark.parametrize("form", ["parquet", "xlsx"])
-def test_labels_are_read_from_other_formats(form: str, tmp_path: Path) -> None:
-    frame = pd.DataFrame({"t (s)": T, "Velocity (m/s)": T, "Force (N)": T, "phase": pd.Categorical(LABELS)})
-    log = tmp_path / f"log.{form}"
-    frame.to_parquet(log) if form == "parquet" else frame.to_excel(log, index=False, engine="xlsxwriter")
-    rig = rig_of('[phases]\nfrom = "column"\ncolumn = "phase"\npayout = ["ro"]\nhaul_in = ["ri-1"]\n')
-    found = reduce(read_run(log, rig=rig))
-    assert [(c.phases.onset, c.phases.payout_end) for c in found.cycles] == [
-        pytest.approx((10.0, 20.0)),
-        pytest.approx((32.0, 38.0)),
-    ]
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from winchcascade.reduction.phased_run import PhasedRun
 from winchcascade.reduction.reduction_result import CycleResult
 
 REPORTED = 0.005
-"""Smallest error of an energy that is reported, by its sampling, a resolution or a step of a channel. [1]"""
+"""Smallest error of an energy that is reported, by updates, a resolution or a step of a channel. [1]"""
 
 MIN_COMPARED = 20
 """Smallest number of samples that shows how two channels depend on each other. [1]"""

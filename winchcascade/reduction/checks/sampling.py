@@ -19,6 +19,7 @@ from winchcascade.core.integrate import integrals, median, quantile, white_noise
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog
 from winchcascade.reduction.efficiency import NOTHING
+from winchcascade.reduction.efficiency_changes import REPEATABILITY
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.phased_run import PhasedRun, find_phases, find_windows
 
@@ -99,7 +100,7 @@ def coarse_sampling(log: PhasedLog) -> Iterator[Fault]:
         error = max(
             error, 1.0 if lost else abs(3.0 * mean[0] + 8.0 * mean[1]) / (3.0**2 + 8.0**2)
         )  # least squares of both
-    if error >= REPORTED:
+    if error >= REPEATABILITY:  # smaller ones hide in it
         spans = [(cycle.window.onset, cycle.window.cutoff) for cycle in log.complete]
         yield Fault("coarse_sampling", None, spans, {"rate": log.run.fs, "error": error})
 
