@@ -62,7 +62,11 @@ def is_value(cell: str) -> bool:
 def decimal_sign(rows: Sequence[Sequence[str]]) -> str:
     """Find the decimal sign: a comma if more numbers hold a comma than a point."""
     commas = sum("," in cell and looks_like_a_number(cell) for row in rows for cell in row)
-    return "," if commas > sum("." in cell and looks_like_a_number(cell) for row in rows for cell in row if commas) else "."
+    return (
+        ","
+        if commas > sum("." in cell and looks_like_a_number(cell) for row in rows for cell in row if commas)
+        else "."
+    )
 
 
 def number(cell: str, decimal: str) -> float:

@@ -192,7 +192,9 @@ def _find_table(lines: Sequence[str], where: str) -> tuple[str, int, list[list[s
             data = find_data(cut, min(len(lines), PREAMBLE_ROWS_MAX + SAMPLE_ROWS))
             found += [] if data is None else [(delimiter, *data)]
     if len(found) > 1:  # the one with most values in a row, less for one that begins late
-        values = [sum(bool(cell) and is_value(cell) for column in c for cell in column) / len(c[0]) for _, _, c in found]
+        values = [
+            sum(bool(cell) and is_value(cell) for column in c for cell in column) / len(c[0]) for _, _, c in found
+        ]
         return found[max(range(len(found)), key=lambda k: values[k] - found[k][1] / (10 * PREAMBLE_ROWS_MAX))]
     if found:
         return found[0]
