@@ -167,9 +167,9 @@ def load_campaign(path: Path) -> Campaign:
             f"{path}: started of run {with_offset[True]} has an offset from UTC, and that of run {with_offset[False]} has "
             "none; expected one in every run, or in none. Add it, such as +02:00, or leave it out."
         )
-    logs = [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed]
-    withheld = [k for k, run in enumerate(listed) if run.withheld]
-    check_held_out([run.file.name for run in listed], logs, [run.cycles for run in listed], withheld, str(path))
+    if withheld := [k for k, run in enumerate(listed) if run.withheld]:
+        logs = [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed]
+        check_held_out([run.file.name for run in listed], logs, [run.cycles for run in listed], withheld, str(path))
     rig = file.rig
     return Campaign(path, file.title, str(path.parent / rig) if rig and isfile(path.parent / rig) else rig, listed)
 
@@ -215,13 +215,7 @@ def check_held_out(
 def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, CampaignRun] | None:
     """The campaign in the folder of a log and its entry there, None if there is none or it does not list the log.
 
-    Parameters
-    ----------
-    sheet : of the log, as the campaign names it; needed where it lists several
-
-    Raises
-    ------
-    CampaignError : the campaign cannot be read, or lists several sheets of the log and none is given
+    CampaignError if it cannot be read, or lists several sheets of the log and none is given.
     """
     path = log.parent / CAMPAIGN_FILE
     if not path.is_file():

@@ -57,15 +57,7 @@ def settings_beside(
 ) -> LogSettings:
     """Settings of a log by the campaign.toml in its folder, if that lists it; those of the rig alone without one.
 
-    Parameters
-    ----------
-    rig : in place of that of the campaign
-    read : of the rig that a campaign names
-
-    Raises
-    ------
-    CampaignError : the campaign.toml cannot be used, or lists several sheets of the log and none is given
-    RigError : the rig that it names cannot be used
+    A given rig counts before that of the campaign, which `read` reads. Raises CampaignError as `campaign_beside`, and RigError.
     """
     beside = campaign_beside(log, sheet)
     if beside is None:

@@ -41,17 +41,9 @@ class _Stage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_cascade(table: object, own: Mapping[str, Table], known: Mapping[str, Channel], rig: str) -> Cascade:
-    """Read the cascade of a rig file: that of the paper where it states neither stages nor an order.
+    """Read table [cascade], None without one, and tables [stage.NAME] of a rig file; the cascade of the paper without any.
 
-    Parameters
-    ----------
-    table, own : table [cascade], None without one, and tables [stage.NAME]
-    known : channels by name
-    rig : path of the file, for messages
-
-    Raises
-    ------
-    RigError : an unknown stage or channel, a stage that is listed twice, a product that is no power
+    RigError for an unknown stage or channel, a stage that is listed twice, and a product that is no power.
     """
     if table is None and not own:
         return PAPER
@@ -77,17 +69,8 @@ def _read_stage(name: str, raw: Table, known: Mapping[str, Channel], place: str)
 def read_power(text: str, known: Mapping[str, Channel], place: str) -> Power:
     """Read a power: terms joined by + and -, each a product of channels and constants.
 
-    Parameters
-    ----------
-    known : channels by name
-    place : of the text in the rig file, for messages
+    RigError, with the place of the text, for another text, an unknown channel, or a term that is no power.
 
-    Raises
-    ------
-    RigError : another text, an unknown channel, or a term that is no power
-
-    Examples
-    --------
     >>> from winchcascade.core.channels import CHANNELS
     >>> read_power("vdc * idc - 60 * idc", CHANNELS, "rig.toml").terms[1]
     Term(channels=('idc',), constant=-60.0, by_radius=False)

@@ -26,10 +26,12 @@ DIMENSIONS = {
 ENERGY_UNITS = {"J": 1.0, "kJ": 1e3, "MJ": 1e6, "Wh": 3600.0, "kWh": 3.6e6}
 """Units of an energy by their factor to joules; log files have none, so the common table of units does not hold them."""
 
-Stage = Literal["energy_line", "energy_mech", "energy_gen", "power_line", "power_mech", "power_gen"]
-Metric = Stage | Literal["eta_trans", "eta_gen", "eta_pto"]
 Deviation = Literal["deviation_energy", "deviation_eta"]
 DEVIATIONS: tuple[Deviation, ...] = ("deviation_energy", "deviation_eta")
+
+Text = Annotated[str, Meta(pattern=r"\S")]
+Printed = Annotated[float, Meta(ge=0.0, le=1e15)]
+_Decimals = Annotated[int, Meta(ge=-9, le=12)]
 
 
 class TableError(WinchcascadeError):
@@ -57,10 +59,6 @@ class Span(msgspec.Struct, frozen=True):
         Span(low=0.2, high=0.5)
         """
         return Span(self.low / other.high, self.high / max(other.low, 1e-300))
-
-
-Printed = Annotated[float, Meta(ge=0.0, le=1e15)]
-_Decimals = Annotated[int, Meta(ge=-9, le=12)]
 
 
 class PrintedColumn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -107,74 +105,81 @@ class TableRow(msgspec.Struct, frozen=True):
     lines: Mapping[str, int] = msgspec.field(default_factory=dict)
 
 
-class ValueClaim(msgspec.Struct, frozen=True, rename={"load": "load_ohm"}):
-    """The text gives a metric at a load; `column` holds unit and decimals of that number."""
-
-    metric: Metric
-    load: Load
-    value: Printed
-    column: PrintedColumn
+STATEMENTS = {
+    "part": ("of", "value", "load"), "value": ("metrics", "load"), "at_most": ("metrics",), "at_least": ("metrics",),
+    "loads": ("metrics",), "first": ("metrics", "last"),
+}  # fmt: skip
+"""What a claim may state, by a field that it then has, and the other fields that it needs; a share has a value, too."""
 
 
-class ShareClaim(msgspec.Struct, frozen=True, rename={"load": "load_ohm"}):
-    """The text gives the share of the energy or power of the stage `of` that arrives at the stage `part`."""
-
-    part: Stage
-    of: Stage
-    load: Load
-    value: Printed
-    column: PrintedColumn
-
-    def __post_init__(self) -> None:
-        """Reject a part that does not lie behind the whole: ValueError."""
-        order = list(DIMENSIONS)
-        alike = DIMENSIONS.get(self.part) == DIMENSIONS.get(self.of)
-        if not alike or order.index(self.part) <= order.index(self.of):
-            raise ValueError(f"part is {self.part} and of is {self.of}; expected energies or powers, part behind of.")
-
-
-class BoundClaim(msgspec.Struct, frozen=True, rename={"load": "load_ohm"}):
-    """The text bounds a metric at one load or at all loads (None), or bounds the deviation of the cycles."""
-
-    metric: Metric | Deviation
-    side: Literal["at_most", "at_least"]
-    load: Load | None
-    value: Printed
-    column: PrintedColumn
-
-
-class LargestClaim(msgspec.Struct, frozen=True, rename={"metrics": "metric", "loads": "largest_at_ohm"}):
-    """The text states at which loads metrics are largest: at each of these, more than at any other."""
-
-    metrics: Annotated[tuple[Metric, ...], Meta(min_length=1)]
-    loads: Annotated[tuple[Load, ...], Meta(min_length=1)]
-
-
-class RisesClaim(
-    msgspec.Struct, frozen=True, rename={"metrics": "metric", "first": "rises_from_ohm", "last": "to_ohm"}
+class Claim(
+    msgspec.Struct,
+    frozen=True,
+    forbid_unknown_fields=True,
+    rename={
+        "metrics": "metric",
+        "load": "load_ohm",
+        "loads": "largest_at_ohm",
+        "first": "rises_from_ohm",
+        "last": "to_ohm",
+    },
 ):
-    """The text states that metrics rise from one load to another, from row to row between them."""
+    """A claim of the text: its words, the place in the source, its line in the file of the table, and what it states.
 
-    metrics: Annotated[tuple[Metric, ...], Meta(min_length=1)]
-    first: Load
-    last: Load
+    `value` is that of a metric at a load, or the share in percent of the energy or power of the stage `of` that arrives at the
+    stage `part`. `at_most` and `at_least` bound a metric at one load, or at all where that is NaN, or the deviation of the
+    cycles. At `loads` metrics are largest; from `first` to `last` they rise from row to row. `column` has unit and decimals of
+    the number.
+    """
+
+    says: Text
+    where: Text
+    metrics: tuple[str, ...] = ()
+    load: Load = math.nan
+    value: Printed | None = None
+    at_most: Printed | None = None
+    at_least: Printed | None = None
+    part: str = ""
+    of: str = ""
+    loads: tuple[Load, ...] = ()
+    first: Load = math.nan
+    last: Load = math.nan
+    column: PrintedColumn = PrintedColumn("1", 0)
+    line: int | None = None
 
     def __post_init__(self) -> None:
-        """Reject a single load: ValueError."""
-        if same_load(self.first, self.last):
+        """Reject a claim that states nothing, lacks something or names what is no metric: ValueError."""
+        missing = [name for name in STATEMENTS[self.kind] if not self._has(name)]
+        if missing:
+            raise ValueError(f"expected {' and '.join(missing)} beside {self.kind}.")
+        for name in self.metrics or (self.part, self.of):
+            if name not in DIMENSIONS and not (name in DEVIATIONS and self.kind.startswith("at_")):
+                raise ValueError(f"{name!r} is no metric here; expected one of {', '.join(DIMENSIONS)}.")
+        if self.part and (
+            DIMENSIONS[self.part] != DIMENSIONS[self.of]
+            or [*DIMENSIONS].index(self.part) <= [*DIMENSIONS].index(self.of)
+        ):
+            raise ValueError(f"part is {self.part} and of is {self.of}; expected energies or powers, part behind of.")
+        if self.first == self.last:
             raise ValueError(f"rises_from_ohm and to_ohm are both {load_text(self.first)}; expected two loads.")
 
+    def _has(self, name: str) -> bool:
+        """Whether a field is stated."""
+        value = getattr(self, name)
+        return value not in (None, "", ()) and value == value
 
-Statement = ValueClaim | ShareClaim | BoundClaim | LargestClaim | RisesClaim
+    @property
+    def kind(self) -> str:
+        """What it states, as in `STATEMENTS`; ValueError for nothing."""
+        kinds = [kind for kind in STATEMENTS if self._has(kind)]
+        if len(kinds) != 1 and kinds != ["part", "value"]:
+            raise ValueError(f"it states {' and '.join(kinds) or 'nothing'}; expected one of {', '.join(STATEMENTS)}.")
+        return kinds[0]
 
-
-class Claim(msgspec.Struct, frozen=True):
-    """A claim of the text: its words, the place in the source, what it states, and its line in the file of the table."""
-
-    says: str
-    where: str
-    statement: Statement
-    line: int | None = None
+    @property
+    def number(self) -> float:
+        """The number that it gives, in the unit of its column; 0 without one."""
+        return self.value or self.at_most or self.at_least or 0.0
 
 
 class PublishedTable(msgspec.Struct, frozen=True):

@@ -74,29 +74,21 @@ def read_rig(rig: str | Path) -> Rig:
     )
 
 
-@cache
-def assumed_rig() -> Rig:
-    """The rig of the paper, marked as taken because none was named."""
-    return replace(built_in(), assumed=True)
-
-
 def first_named(*names: str | Path | None, read: Callable[[str | Path], Rig] = read_rig) -> Rig:
     """Read the first rig that is named; that of the paper, as assumed, if none is. Raises RigError as `read`.
 
     >>> first_named(None, "kitepower").name, first_named(None).assumed
     ('kitepower', True)
     """
-    return next((read(name) for name in names if name is not None), None) or assumed_rig()
+    return next((read(name) for name in names if name is not None), None) or replace(built_in(), assumed=True)
 
 
 def given_rig(call: str, rig: Rig | None, usual: Rig | None = None) -> Rig:
     """The rig that a call of the library was given, else the usual one, of a run, else that of the paper, as assumed.
 
-    Raises
-    ------
-    OptionError : something else than a rig was given
+    OptionError if something else than a rig was given.
     """
-    found = rig if rig is not None else usual or assumed_rig()
+    found = rig if rig is not None else usual or first_named()
     check_type(f"{call}, rig", found, Rig, "load_rig(name)")
     return found
 
@@ -211,12 +203,7 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
-    """Read a number with unit, source and uncertainty in SI units; limits are those of a rectangular distribution.
-
-    Raises
-    ------
-    RigError : it cannot be used, or is not possible for what it measures
-    """
+    """Read a number with unit, source and uncertainty in SI units; limits are those of a rectangular distribution."""
     number: _Number = convert(raw, _Number, place, RigError)
     unit = find_unit(number.unit)
     if unit is None or unit.dimension != measure.dimension:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from itertools import combinations
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
@@ -18,17 +18,13 @@ from winchcascade.core.published_table import (
     DEVIATIONS,
     DIMENSIONS,
     ENERGY_UNITS,
-    BoundClaim,
     Claim,
-    LargestClaim,
     Printed,
     PrintedColumn,
     PublishedTable,
-    RisesClaim,
-    ShareClaim,
     TableError,
     TableRow,
-    ValueClaim,
+    Text,
     load_text,
     same_load,
 )
@@ -65,7 +61,6 @@ def table_place(path: str) -> str:
     return f"built-in table {Path(path).stem}" if Path(path).parent == _FOLDER else path
 
 
-Text = Annotated[str, Meta(pattern=r"\S")]
 _Percent = Annotated[float, Meta(ge=0.0, le=100.0)]
 
 
@@ -96,13 +91,6 @@ class _Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     eta_trans: Printed | None = None
     eta_gen: Printed | None = None
     eta_pto: Printed | None = None
-
-
-class _Quotation(msgspec.Struct, frozen=True):
-    """The words of a claim, and the place in the source."""
-
-    says: Text
-    where: Text
 
 
 def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable:
@@ -196,38 +184,15 @@ def _check_rounded(value: float, column: PrintedColumn, place: str) -> None:
         )
 
 
-_CLAIMS: dict[str, Any] = {
-    "part": ShareClaim,
-    "value": ValueClaim,
-    "at_most": BoundClaim,
-    "at_least": BoundClaim,
-    "largest_at_ohm": LargestClaim,
-    "rises_from_ohm": RisesClaim,
-}
-"""Kinds of claims by a key that each has; a share has a value too, so it comes first."""
-
-
 def _claim(raw: Table, place: str, line: int | None) -> Claim:
-    """Read a claim by the first key of `_CLAIMS` that it has."""
-    key = next((key for key in _CLAIMS if key in raw), None)
-    if key is None:
-        raise TableError(f"{place}: nothing claimed; expected one of {', '.join(_CLAIMS)}.")
-    kind, quoted = _CLAIMS[key], convert(raw, _Quotation, place, TableError)
-    names = [field.encode_name for field in msgspec.structs.fields(kind)]
-    stated = {name: value for name, value in raw.items() if name not in (*_NUMBER, "says", "where")}
-    if kind is BoundClaim:
-        names[names.index("value")] = key
-        stated |= {"side": key, "value": stated.pop(key), "load_ohm": raw.get("load_ohm")}
-    if kind in (LargestClaim, RisesClaim):
-        several = {name for name in ("metric", "largest_at_ohm") if name in stated}
-        stated |= {name: [stated[name]] for name in several if not isinstance(stated[name], list)}
-    has_number = "column" in names
-    known = [name for name in names if name not in ("column", "side")]
-    check_keys(raw, (*known, "says", "where", *(_NUMBER if has_number else ())), place, TableError)
-    if has_number:
-        dimension = "number" if kind is ShareClaim else DIMENSIONS.get(str(raw.get("metric")), "number")
+    """Read a claim; a metric and a load may stand alone or in a list."""
+    stated: Table = {name: value for name, value in raw.items() if name not in _NUMBER} | {"line": line}
+    for name in ("metric", "largest_at_ohm"):
+        if name in stated and not isinstance(stated[name], list):
+            stated[name] = [stated[name]]
+    if not {"value", "at_most", "at_least", *_NUMBER}.isdisjoint(raw):
+        dimension = DIMENSIONS.get(str(raw.get("metric")), "number")
         stated["column"] = _column({name: raw[name] for name in _NUMBER if name in raw}, dimension, place)
-    statement = convert(stated, kind, place, TableError)
-    if has_number:
-        _check_rounded(statement.value, statement.column, f"{place} {key}")
-    return Claim(quoted.says, quoted.where, statement, line)
+    claim: Claim = convert(stated, Claim, place, TableError)
+    _check_rounded(claim.number, claim.column, f"{place} {claim.kind}")
+    return claim

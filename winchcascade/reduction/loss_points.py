@@ -194,14 +194,13 @@ def _points(reduction: Reduction, powers: tuple[Power, Power], channels: Mapping
     columns = columns_at(torque * np.where(speed < 0.0, -1.0, 1.0), np.abs(speed)).T
     means = means_of(t, [x.__getitem__ for x in (torque, speed, *watts, *columns)], spans)
     turned = np.where(means[1] < 0.0, -1.0, 1.0)
-    spring, capacitor = rig.drivetrain.k_shaft, rig.dc_link.c_dc
-    stores = [
-        (_shaft_inertia(rig) or 0.0, speed)
-    ]  # rotor, shaft spring and DC-link capacitor, as far as they are known
-    if spring is not None and spring.value > 0.0 and "torque" in channels:
-        stores.append((1.0 / spring.value, channels["torque"]))
+    parts = rig.drivetrain.inertia_rotor, rig.drivetrain.gear_ratio, rig.drivetrain.k_shaft, rig.dc_link.c_dc
+    rotor, gear, spring, capacitor = (None if number is None else number.value for number in parts)
+    stores = [((rotor or 0.0) * (1.0 if gear is None else gear) ** 2, speed)]  # as the shaft feels the inertia
+    if spring and "torque" in channels:
+        stores.append((1.0 / spring, channels["torque"]))
     if capacitor is not None and "vdc" in channels and "gen" in stages_of_loss(rig.cascade):
-        stores.append((capacitor.value, channels["vdc"]))
+        stores.append((capacitor, channels["vdc"]))
     energy = [0.5 * size * np.diff(_at_ends(reduction, x, spans) ** 2, axis=1)[:, 0] for size, x in stores]
     stored = np.sum(energy, axis=0) / np.ptp(spans, axis=1)
     return np.column_stack((means[0] * turned, np.abs(means[1]), means[2], means[3], stored, means[4:].T))
@@ -210,12 +209,6 @@ def _points(reduction: Reduction, powers: tuple[Power, Power], channels: Mapping
 def _shaft_speed(channels: Mapping[str, Signal], rig: Rig) -> Signal:
     """Speed of the shaft with the torque sensor, (n,): as logged, else of the drum. [rad/s]"""
     return channels["speed"] if "speed" in channels else channels["velocity"] / (rig.r_drum or math.nan)
-
-
-def _shaft_inertia(rig: Rig) -> float | None:
-    """Inertia between torque sensor and machine as the shaft feels it, None where it is unknown. [kg m2]"""
-    rotor, gear = rig.drivetrain.inertia_rotor, rig.drivetrain.gear_ratio
-    return None if rotor is None else rotor.value * (1.0 if gear is None else gear.value) ** 2
 
 
 def _spans(reduction: Reduction) -> tuple[Signal, Index]:

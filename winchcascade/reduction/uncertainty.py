@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
 from winchcascade.core.arguments import SEED_NUMBER, check_arguments
-from winchcascade.core.cascade import Power, Stream
+from winchcascade.core.cascade import Stream, Term
 from winchcascade.core.errors import check_type
 from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig, Sensor
@@ -64,6 +64,10 @@ ANGLES = 1 << 15
 
 Terms = tuple[tuple[tuple[str, ...], int], ...]
 """Channels of each term of a power, and the power of the stated drum radius that the term is proportional to."""
+
+Weights = Mapping[str, Mapping[str, Signal]]
+"""Of each metric, by the energies that it is made of, the change of the metric of a cycle with that energy, (k,); NaN for a
+cycle without the metric. Of an efficiency what comes out stands first, then what goes in."""
 
 Method = Literal["gum", "monte_carlo"]
 
@@ -181,24 +185,14 @@ def _subsets(channels: tuple[str, ...]) -> list[tuple[str, ...]]:
     return [some for size in range(len(channels) + 1) for some in combinations(channels, size)]
 
 
-def integrands(run: Run, power: Power, r_drum: float | None) -> list[Stream]:
-    """What (x - zero_x)(y - zero_y) of each term multiplies out to, without the zeros: of each subset of channels the rest."""
-
-    def stream(factor: float, columns: Sequence[Signal]) -> Stream:
-        return lambda part: math.prod((column[part] for column in columns), start=np.full(run.t[part].shape, factor))
-
-    return [
-        stream(term.scale(r_drum), [run.channels[name] for name in term.channels if name not in zeros])
-        for term in power.terms
-        for zeros in _subsets(term.channels)
-    ]
-
-
 class ErrorModel(msgspec.Struct, frozen=True):
-    """The measured energies by their names in the parts of the cascade, and the m sources of uncertainty of all spans."""
+    """The measured energies by their names in the parts of the cascade, and the m sources of uncertainty of all spans; with the
+    weights of all metrics whose channels have a known accuracy.
+    """
 
     energies: Mapping[str, Energy]
     sources: tuple[ErrorSource, ...]
+    weights: Weights = {}
 
     @property
     def lacking(self) -> dict[str, tuple[str, ...]]:
@@ -245,21 +239,27 @@ def error_model(reduction: Reduction) -> ErrorModel:
         sources.append(ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling"))
         for energy in energies.values():
             energy.integrals[-1] /= share
-    return ErrorModel(energies, tuple(sources))
+    model = ErrorModel(energies, tuple(sources))
+    return msgspec.structs.replace(model, weights=_weights(reduction, model))
 
 
 def integrated(reduction: Reduction, spans: Signal) -> dict[str, tuple[Terms, Signal]]:
-    """Terms of the power of each measured stage, and its `integrands` integrated over k spans, (r - 1, k)."""
+    """Terms of the power of each measured stage; and integrals over k spans, (r - 1, k), of what (x - zero_x)(y - zero_y) of
+    each term multiplies out to, without the zeros: of each subset of its channels the rest.
+    """
     run, rig = reduction.run, reduction.rig
-    powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
-    streams = {name: integrands(run, power, rig.r_drum) for name, power in powers.items() if power is not None}
-    rows = iter(integrals_of(run.t, [stream for of in streams.values() for stream in of], spans))
-    on_drum, found = _is_on_drum(run, rig), {}
+    powers = {s.name: power for s in rig.cascade.stages if (power := s.power(run.channels, rig.r_drum)) is not None}
+
+    def stream(term: Term, zeros: Sequence[str]) -> Stream:
+        columns, scale = [run.channels[name] for name in term.channels if name not in zeros], term.scale(rig.r_drum)
+        return lambda part: math.prod((x[part] for x in columns), start=np.full(run.t[part].shape, scale))
+
+    streams = [stream(t, zeros) for power in powers.values() for t in power.terms for zeros in _subsets(t.channels)]
+    rows, on_drum, found = iter(integrals_of(run.t, streams, spans)), _is_on_drum(run, rig), {}
     for name, power in powers.items():
-        if power is not None:
-            # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega is not.
-            terms = tuple((t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms)
-            found[name] = terms, np.array([next(rows) for _ in streams[name]])
+        # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega is not.
+        terms = tuple((t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms)
+        found[name] = terms, np.array([next(rows) for t in power.terms for _ in _subsets(t.channels)])
     return found
 
 
@@ -278,11 +278,6 @@ def _of_sensors(sensors: Mapping[str, Sensor], energies: Mapping[str, Energy]) -
 
 
 # ------------------------------------------------------------------------------------------------- the budget by the GUM
-Weights = Mapping[str, Mapping[str, Signal]]
-"""Of each metric, by the energies that it is made of, the change of the metric of a cycle with that energy, (k,); NaN for a
-cycle without the metric. Of an efficiency what comes out stands first, then what goes in."""
-
-
 def _weights(reduction: Reduction, model: ErrorModel) -> Weights:
     """The weights of all metrics whose channels have a known accuracy."""
     cascade, energies, found = reduction.rig.cascade, model.energies, {}
@@ -302,14 +297,14 @@ def _weights(reduction: Reduction, model: ErrorModel) -> Weights:
     return found
 
 
-def budget(reduction: Reduction) -> Budget:
-    """Uncertainty budget of a reduction by the GUM: sensitivities times standard uncertainties, added in squares."""
-    model = error_model(reduction)
-    return _budget(reduction, model, _weights(reduction, model))
+def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
+    """Uncertainty budget of a reduction by the GUM: sensitivities times standard uncertainties, added in squares.
 
-
-def _budget(reduction: Reduction, model: ErrorModel, weights: Weights) -> Budget:
-    """The budget by the model of the errors and the weights of its energies."""
+    Parameters
+    ----------
+    model : of this reduction, if it is made already
+    """
+    model = model or error_model(reduction)
     names, sensors, energies = reduction.rig.cascade.all_metrics, reduction.rig.sensors, model.energies
     in_place = {n: s for n, s in sensors.items() if s.u_zero is not None or s.u_gain is not None}
     bare = {n: msgspec.structs.replace(s, u_zero=None, u_gain=None) for n, s in in_place.items()}
@@ -320,7 +315,7 @@ def _budget(reduction: Reduction, model: ErrorModel, weights: Weights) -> Budget
     cycles, cycles_by_limits = ([Metrics({}, names) for _ in reduction.cycles] for _ in range(2))
     given = [m for m in names if reduction.mean[m] is not None]
     parts, by_limits, undetermined = {}, {}, []
-    for metric, of in weights.items():
+    for metric, of in model.weights.items():
         counted = complete & np.isfinite(next(iter(of.values())))
         divisors = list(of)[1:] if metric in given else []
         taken = [reach @ np.abs(changes[name][:own]) >= np.abs(energies[name].joules) for name in divisors]
@@ -390,9 +385,8 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
     check_arguments("uncertainty", ("seed", seed, SEED_NUMBER))
     model = error_model(reduction)
-    weights, names = _weights(reduction, model), reduction.rig.cascade.all_metrics
-    known = _budget(reduction, model, weights)
-    drawn = _drawn_means(reduction, model, {m: weights[m] for m in known.mean}, known, seed)
+    known, names = budget(reduction, model), reduction.rig.cascade.all_metrics
+    drawn = _drawn_means(reduction, model, known, seed)
     scatter = [known.repeatability[m] or 0.0 for m in known.mean]
     counts = [sum(c.metrics[m] is not None for c in reduction.complete) for m in known.mean]
     first = _lattice(seed, 1)[0]
@@ -408,8 +402,8 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     return Uncertainty(known, seed, DRAWS, Metrics(spread, names), Metrics(stated, names), method, whole, alone)
 
 
-def _drawn_means(reduction: Reduction, model: ErrorModel, weights: Weights, known: Budget, seed: int) -> Signal:
-    """Mean over the complete cycles of each of some metrics for drawn errors of the sensors and gaps, (metrics, draws).
+def _drawn_means(reduction: Reduction, model: ErrorModel, known: Budget, seed: int) -> Signal:
+    """Mean over the complete cycles of each metric of a budget for drawn errors of the sensors and gaps, (metrics, draws).
 
     That of an efficiency is exact to the first order of the errors, and beyond where the cycles are alike.
     """
@@ -421,11 +415,11 @@ def _drawn_means(reduction: Reduction, model: ErrorModel, weights: Weights, know
     ]
     scales = model.factors(np.reshape(errors, (-1, DRAWS)))
     complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    drawn = np.empty((len(weights), DRAWS))
-    for row, (metric, of) in zip(drawn, weights.items(), strict=True):
+    drawn = np.empty((len(known.mean), DRAWS))
+    for row, metric in zip(drawn, known.mean, strict=True):
         row[:] = gaps.value(metric) * _normal()[places[-1]] if gaps else 0.0
         sums: list[Signal] = []
-        for name, weight in of.items():
+        for name, weight in model.weights[metric].items():
             energy, counted = model.energies[name], complete & np.isfinite(weight)
             share = np.where(counted, weight, 0.0) / counted.sum()
             joules = np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])

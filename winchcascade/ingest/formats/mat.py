@@ -12,16 +12,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import pyarrow as pa
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.run import Finding, Signal
-from winchcascade.ingest.dialects import Header, recognise
+from winchcascade.core.run import Signal
+from winchcascade.ingest.headers import Header, recognise
 from winchcascade.ingest.limits import require_numbers
-from winchcascade.ingest.source import Column, Columns, choose, damage_reported, reject_sheet
+from winchcascade.ingest.source import arrow_table, choose, damage_reported, reject_sheet
 
 Node: TypeAlias = "float | str | Signal | list[Node] | dict[str, Node]"
-Scope: TypeAlias = tuple[str, Mapping[str, Node]]
-"""The top level or a struct, with its place: names with points between them."""
 
 DEPTH_MAX = 4
 """Deepest nesting that is followed: an HDF5 file may hold itself."""
@@ -43,7 +42,18 @@ _EXPORTS = {
 """How MATLAB exports an object of a class so that other programs can read it."""
 
 
-class _Group(NamedTuple):
+class _Scope(NamedTuple):
+    """The top level or a struct: its place, names with points between them, and what it holds."""
+
+    place: str
+    nodes: Mapping[str, Node]
+
+    def named(self, keys: Sequence[str]) -> Iterator[Node]:
+        """Yield the nodes under one of the keys, in any case."""
+        return (node for name, node in self.nodes.items() if name.casefold() in keys)
+
+
+class _Columns(NamedTuple):
     """Columns of one length in one place: vectors, or the matrix of a name."""
 
     place: str
@@ -55,7 +65,7 @@ class _Group(NamedTuple):
         return len(next(iter(self.columns.values())))
 
 
-def read_mat(path: Path, *, table: str | None = None) -> Columns:
+def read_mat(path: Path, *, table: str | None = None) -> pa.Table:
     """Read a MATLAB file: vectors of one length, structs of them, or a matrix with a list of names.
 
     Parameters
@@ -72,44 +82,41 @@ def read_mat(path: Path, *, table: str | None = None) -> Columns:
     is_hdf5 = start.startswith((_HDF5, b"MATLAB 7.3 MAT-file")) or start.endswith(_HDF5)
     objects: dict[str, str] = {}
     with damage_reported(path, "MATLAB file", "copy or save it again"):
-        tree = (_read_73 if is_hdf5 else _read_72)(path, objects)
-        scopes = [*_scopes("", _with_signals(tree))]
+        scopes = [*_scopes("", _with_signals((_read_73 if is_hdf5 else _read_72)(path, objects)))]
         groups = [*_groups(scopes)]
     runs = _runs(groups)
     name = choose(list(runs), table, path.name, "run") if runs else None
     if name is None and table is not None:
         reject_sheet(table, path.name)
-    if name is not None:
-        others = [run for run in runs.values() if run is not runs[name]]
-        aside = {run.place for run in others} - {runs[name].place, ""}
-        groups = [
-            group for group in groups if group is runs[name] or (group not in others and group.place not in aside)
-        ]
-        scopes = [(place, scope) for place, scope in scopes if place not in aside]
-    columns = _columns(groups, None if name is None else runs[name])
+    run = None if name is None else runs.pop(name)
+    aside = {other.place for other in runs.values()} - {run.place if run else "", ""}
+    scopes = [scope for scope in scopes if scope.place not in aside]
+    others = [id(other) for other in runs.values()]
+    columns = _columns([group for group in groups if group.place not in aside and id(group) not in others], run)
     if objects and not any(recognise(Header(name)) for name in columns):
         raise LogError(_export(path.name, objects))
     if not any(isinstance(column, np.ndarray) for column in columns.values()):
         raise LogError(
-            f"{path.name}: none of the {len(tree)} variables is a vector of numbers; vectors of one length, a struct "
-            "of them or a matrix with a cell array of names was expected; save the channels so, or export them as CSV."
+            f"{path.name}: none of the {len(scopes[0].nodes)} variables is a vector of numbers; vectors of one length, a "
+            "struct of them or a matrix with a cell array of names was expected; save the channels so, or export them as CSV."
         )
-    units, properties = _units(scopes, list(columns)), _properties(scopes)
-    steps = (
+    units = _units(scopes, list(columns))
+    # Those of the top level win over those in structs.
+    stated = {n: x for s in reversed(scopes) if not s.place.casefold().endswith(UNITS) for n, x in s.nodes.items()}
+    properties = {name: value for name, value in stated.items() if isinstance(value, float | str)}
+    steps = [
         1.0 / value if key.casefold() in RATES else value
         for key, value in properties.items()
         if isinstance(value, float) and 0.0 < value < np.inf and key.casefold() in (*RATES, *STEPS)
-    )
+    ]
     listed = ", ".join(f"{name} ({kind})" for name, kind in objects.items())
-    return Columns(
-        headers=tuple(Header(key, units.get(key) or units.get(key.rpartition(".")[2])) for key in columns),
-        columns=[Column(x.tobytes()) if isinstance(x, np.ndarray) else Column(texts=x) for x in columns.values()],
-        time_step=next(steps, None),
+    return arrow_table(
+        [Header(key, units.get(key) or units.get(key.rpartition(".")[2])) for key in columns],
+        [pa.array(column) for column in columns.values()],
+        time_step=steps[0] if steps else None,
         properties=properties,
         table=name,
-        findings=(Finding("unknown_column", f"MATLAB objects: {listed[:200]}", "not read", count=len(objects)),)
-        if objects
-        else (),
+        not_read=f"MATLAB objects: {listed[:200]}" if objects else None,
     )
 
 
@@ -213,14 +220,13 @@ def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
     for name, node in tree.items():
         parts = {key.casefold(): item for key, item in node.items()} if isinstance(node, dict) else {}
         signals, time, data = parts.get("signals"), parts.get("time"), parts.get("data")
-        if isinstance(time, np.ndarray) and signals is not None:
-            listed = [s for s in (signals if isinstance(signals, list) else [signals]) if isinstance(s, dict)]
-            named = {str(s.get("label") or f"signal {k}"): s.get("values") for k, s in enumerate(listed, 1)}
-            columns: dict[str, Node] = {"time": time}
-            whole[name] = columns | {label: values for label, values in named.items() if values is not None}
+        structs = [item for item in (signals if isinstance(signals, list) else [signals]) if isinstance(item, dict)]
+        if isinstance(time, np.ndarray) and structs:
+            labelled: dict[str, Node] = {"time": time}
+            labelled |= {str(item.get("label") or name): item["values"] for item in structs if "values" in item}
+            whole[name] = labelled
         elif isinstance(time, np.ndarray) and isinstance(data, np.ndarray) and data.ndim == 1:
-            whole.setdefault("time", time)
-            whole[name] = data
+            whole |= {"time": whole.get("time", time), name: data}
         elif isinstance(node, list) and any(isinstance(item, dict) for item in node):
             whole |= {f"{name}({k})": item for k, item in enumerate(node, 1) if isinstance(item, dict)}
         else:
@@ -228,119 +234,91 @@ def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
     return whole
 
 
-def _scopes(place: str, scope: Mapping[str, Node]) -> Iterator[Scope]:
+def _scopes(place: str, nodes: Mapping[str, Node]) -> Iterator[_Scope]:
     """Yield the top level, its structs and the structs in those."""
-    yield place, scope
-    for name, node in scope.items():
+    yield _Scope(place, nodes)
+    for name, node in nodes.items():
         if isinstance(node, dict) and place.count(".") < 1:
             yield from _scopes(f"{place}.{name}".strip("."), node)
 
 
-def _named(scope: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
-    """Yield the nodes under one of the keys, in any case."""
-    return (node for name, node in scope.items() if name.casefold() in keys)
-
-
 def _texts(node: Node) -> list[str]:
     """Take a list of texts; nothing for any other node."""
-    if not isinstance(node, list) or not all(isinstance(item, str) for item in node):
-        return []
-    return [str(item).strip() for item in node]
+    texts = [item.strip() for item in node if isinstance(item, str)] if isinstance(node, list) else []
+    return texts if isinstance(node, list) and len(texts) == len(node) else []
 
 
-def _groups(scopes: Sequence[Scope]) -> Iterator[_Group]:
+def _groups(scopes: Sequence[_Scope]) -> Iterator[_Columns]:
     """Yield matrices with a list of names, and vectors and lists of texts by their length, a copy once.
 
     The columns of a matrix are those of the names; its rows where only these fit.
     """
     seen: list[dict[str, Signal | list[str]]] = []
-    for place, scope in scopes:
-        names = next(filter(None, map(_texts, _named(scope, NAMES))), [])
-        lengths: dict[int, dict[str, Signal | list[str]]] = {}
-        matrices = []
-        for name, node in scope.items():
+    for place, nodes in scopes:
+        names = next(filter(None, map(_texts, _Scope(place, nodes).named(NAMES))), [])
+        found: dict[str | int, dict[str, Signal | list[str]]] = {}  # matrices by name, vectors by length
+        for name, node in nodes.items():
             if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
                 rows = node.T if node.shape[1] == len(names) else node
-                matrices.append(
-                    _Group(place, name, {k: np.ascontiguousarray(x) for k, x in zip(names, rows, strict=True)})
-                )
+                found[name] = dict(zip(names, map(np.ascontiguousarray, rows), strict=True))
             elif isinstance(node, np.ndarray) and node.ndim == 1:
-                lengths.setdefault(len(node), {})[name] = node
+                found.setdefault(len(node), {})[name] = node
             elif name.casefold() not in (*NAMES, *UNITS) and (texts := _texts(node)):
-                lengths.setdefault(len(texts), {})[name] = texts
-        for group in (*matrices, *(_Group(place, "", columns) for columns in lengths.values())):
-            columns = group.columns
+                found.setdefault(len(texts), {})[name] = texts
+        for key, columns in found.items():
             # An HDF5 file may hold itself.
             if not any(
                 c.keys() == columns.keys() and all(map(np.array_equal, c.values(), columns.values())) for c in seen
             ):
                 seen.append(columns)
-                yield group
+                yield _Columns(place, key if isinstance(key, str) else "", columns)
 
 
-def _runs(groups: Sequence[_Group]) -> dict[str, _Group]:
+def _runs(groups: Sequence[_Columns]) -> dict[str, _Columns]:
     """Find the runs of a file that holds several, in each of which the same motion is found; nothing where there is but one."""
-
-    def moved(group: _Group, motion: str) -> list[str]:
-        return [name for name in group.columns if recognise(Header(name)) == motion]
-
-    found = max(([g for g in groups if moved(g, motion)] for motion in ("velocity", "displacement")), key=len)
-    if len(found) < 2:
-        return {}
+    motions = [{recognise(Header(name)): name for name in reversed(group.columns)} for group in groups]
+    by_motion = (
+        [(g, named[motion]) for g, named in zip(groups, motions, strict=True) if motion in named]
+        for motion in ("velocity", "displacement")
+    )
+    found = max(by_motion, key=len)
+    labels = [f"{group.place}.{group.matrix}".strip(".") or column for group, column in found]
     labels = [
-        f"{g.place}.{g.matrix}".strip(".")
-        or next(n for n in g.columns if recognise(Header(n)) in ("velocity", "displacement"))
-        for g in found
+        label if labels.count(label) == 1 else f"{label} ({group.rows} rows)"
+        for label, (group, _) in zip(labels, found, strict=True)
     ]
-    times = Counter(labels)
-    return {
-        label if times[label] == 1 else f"{label} ({group.rows} rows)": group
-        for label, group in zip(labels, found, strict=True)
-    }
+    return dict(zip(labels, (group for group, _ in found), strict=True)) if len(found) > 1 else {}
 
 
-def _columns(groups: Sequence[_Group], run: _Group | None) -> dict[str, Signal | list[str]]:
+def _columns(groups: Sequence[_Columns], run: _Columns | None) -> dict[str, Signal | list[str]]:
     """Take the columns of a run or else of the first matrix, or the vectors that have the length most vectors have.
 
     Names that several structs have get the place before them.
     """
-    matrix = run if run is not None and run.matrix else next((group for group in groups if group.matrix), None)
-    if matrix is not None and (run is None or run is matrix):
+    matrix = next((group for group in groups if group.matrix and (run is None or run is group)), None)
+    if matrix is not None:
         return matrix.columns
     vectors = [group for group in groups if not group.matrix]
     counts: Counter[int] = Counter()
     for group in vectors:
         counts[group.rows] += sum(isinstance(column, np.ndarray) for column in group.columns.values())
     rows = run.rows if run is not None else max(counts, key=lambda n: (counts[n], n), default=0)
-    kept = [
-        (group.place, name, column) for group in vectors if group.rows == rows for name, column in group.columns.items()
-    ]
+    kept = [(g.place, name, column) for g in vectors if g.rows == rows for name, column in g.columns.items()]
     times = Counter(name for _, name, _ in kept)
     return {f"{place}.{name}" if place and times[name] > 1 else name: column for place, name, column in kept}
 
 
-def _units(scopes: Sequence[Scope], columns: Sequence[str]) -> dict[str, str]:
+def _units(scopes: Sequence[_Scope], columns: Sequence[str]) -> dict[str, str]:
     """Find the units: a struct with the columns' names, or a list parallel to the names or to the columns."""
     units: dict[str, str] = {}
-    for _, scope in scopes:
-        names = next(filter(None, map(_texts, _named(scope, NAMES))), list(columns))
-        for node in _named(scope, UNITS):
+    for scope in scopes:
+        names = next(filter(None, map(_texts, scope.named(NAMES))), list(columns))
+        for node in scope.named(UNITS):
             if isinstance(node, dict):
                 units |= {name: unit for name, unit in node.items() if isinstance(unit, str)}
             elif len(_texts(node)) == len(names):
                 units |= dict(zip(names, _texts(node), strict=True))
     return {name: unit for name, unit in units.items() if unit}
-
-
-def _properties(scopes: Sequence[Scope]) -> dict[str, str | float]:
-    """Take the numbers and texts that stand alone; those of the top level win over those in structs."""
-    return {
-        name: node
-        for place, scope in reversed(scopes)
-        if place.rpartition(".")[2].casefold() not in UNITS
-        for name, node in scope.items()
-        if isinstance(node, float | str)
-    }
 
 
 def _export(where: str, objects: Mapping[str, str]) -> str:
