@@ -18,9 +18,9 @@ from winchcascade.core.campaign_file import (
     origin_from,
 )
 from winchcascade.core.errors import CampaignError
+from winchcascade.core.published_table import load_table
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import SIMULATED_HEADERS
-from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.run_record import reduction_record

@@ -5,12 +5,14 @@ import pytest
 from loops import rejections
 
 from winchcascade.core.published_table import (
+    BUILT_IN,
     DIMENSIONS,
     PublishedTable,
     Span,
     TableError,
+    load_table,
+    parse_table,
 )
-from winchcascade.core.table_toml import BUILT_IN, load_table, parse_table
 from winchcascade.reduction.efficiency import METRICS
 
 HEAD = """

@@ -196,7 +196,7 @@ def test_a_result_without_a_digest_in_a_folder_with_digests_is_rejected(out: Pat
 def test_a_summary_that_names_a_result_elsewhere_is_rejected(tmp_path: Path, name: str) -> None:
     record = {"schema": "winchcascade/campaign/1", "runs": [{"name": "a", "fault": None, "result": name}]}
     (tmp_path / "campaign.json").write_text(json.dumps(record))
-    with pytest.raises(OutputError, match="which is not within this folder"):
+    with pytest.raises(OutputError, match="leads out of this folder"):
         load_results(tmp_path)
 
 

@@ -16,8 +16,9 @@ from winchcascade.core.published_table import (
     PublishedTable,
     Span,
     TableRow,
+    load_table,
+    parse_table,
 )
-from winchcascade.core.table_toml import load_table, parse_table
 from winchcascade.reduction.efficiency import METRICS, RATIOS
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.audit import audit_by_load as audit

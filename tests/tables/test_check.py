@@ -9,8 +9,7 @@ import pytest
 
 from winchcascade import read_run, reduce, uncertainty
 from winchcascade.core.errors import OptionError
-from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow
-from winchcascade.core.table_toml import load_table
+from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow, load_table
 from winchcascade.reduction.efficiency import FIELDS, METRICS
 from winchcascade.reduction.run_record import reduction_json, run_record
 from winchcascade.tables.check import Check, CheckError, Factors, Measured, check, measured_from_record

@@ -14,8 +14,7 @@ from winchcascade.batch.campaign_findings import findings_between, log_efficienc
 from winchcascade.batch.plan import Plan, Work, result_key
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.results_folder import CAMPAIGN_PAGE, INDEX
-from winchcascade.core.store import digest_of, with_digest
+from winchcascade.core.store import CAMPAIGN_PAGE, INDEX, digest_of, with_digest
 from winchcascade.ingest.read import read_by
 from winchcascade.reduction.campaign_record import CampaignRecord, CampaignReduction, FailedLog, log_summary
 from winchcascade.reduction.reduce import reduce, require_payouts

@@ -17,8 +17,12 @@ from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, clear, put_in_place, scratch_folder, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
-from winchcascade.core.results_folder import CAMPAIGN_FILES, CAMPAIGN_PAGE, CAMPAIGN_RECORD, CAMPAIGN_WORKBOOK, INDEX
 from winchcascade.core.store import (
+    CAMPAIGN_FILES,
+    CAMPAIGN_PAGE,
+    CAMPAIGN_RECORD,
+    CAMPAIGN_WORKBOOK,
+    INDEX,
     Output,
     digest_of,
     fingerprint,

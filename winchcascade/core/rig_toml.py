@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Meta
 from msgspec.structs import replace
 
-from winchcascade.core.cascade_toml import read_cascade
+from winchcascade.core.cascade import read_cascade
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError, check_type
 from winchcascade.core.quantity import Calibrated, Quantity, Unit, find_unit, read_as

@@ -386,55 +386,42 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     check_arguments("uncertainty", ("seed", seed, SEED_NUMBER))
     model = error_model(reduction)
     known, names = budget(reduction, model), reduction.rig.cascade.all_metrics
-    drawn = _drawn_means(reduction, model, known, seed)
-    scatter = [known.repeatability[m] or 0.0 for m in known.mean]
-    counts = [sum(c.metrics[m] is not None for c in reduction.complete) for m in known.mean]
-    first = _lattice(seed, 1)[0]
-    students = [s * _student(n - 1)[first] if s else np.zeros(DRAWS) for s, n in zip(scatter, counts, strict=True)]
-    spread = dict(zip(known.mean, np.hypot(drawn.std(axis=1), scatter).tolist(), strict=True))
-    method: dict[str, Method] = {}
-    for metric, u in spread.items():
-        method[metric] = "gum" if abs(u - known.mean.value(metric)) <= LINEAR_WITHIN * u else "monte_carlo"
-    stated = {m: known.mean[m] if way == "gum" else spread[m] for m, way in method.items()}
-    alone, whole = (
-        dict(zip(spread, _intervals(x), strict=True)) for x in (drawn, drawn + np.reshape(students, drawn.shape))
-    )
-    return Uncertainty(known, seed, DRAWS, Metrics(spread, names), Metrics(stated, names), method, whole, alone)
-
-
-def _drawn_means(reduction: Reduction, model: ErrorModel, known: Budget, seed: int) -> Signal:
-    """Mean over the complete cycles of each metric of a budget for drawn errors of the sensors and gaps, (metrics, draws).
-
-    That of an efficiency is exact to the first order of the errors, and beyond where the cycles are alike.
-    """
     gaps = next((row.of for row in known.rows if row.source is None), Metrics())
-    places = _lattice(seed, 1 + len(model.sources) + bool(gaps))
+    repeats, *places, of_gaps = _lattice(seed, 2 + len(model.sources))
     errors = [
         s.u * _normal()[place] if s.limit is None else s.limit * (2.0 * SHARES[place] - 1.0)
-        for s, place in zip(model.sources, places[1:], strict=False)
+        for s, place in zip(model.sources, places, strict=True)
     ]
     scales = model.factors(np.reshape(errors, (-1, DRAWS)))
-    complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    drawn = np.empty((len(known.mean), DRAWS))
-    for row, metric in zip(drawn, known.mean, strict=True):
-        row[:] = gaps.value(metric) * _normal()[places[-1]] if gaps else 0.0
-        sums: list[Signal] = []
+    drawn, stated, whole, alone = {}, {}, {}, {}
+    method: dict[str, Method] = {}
+    for metric, u in known.mean.items():
+        counted = [c.complete and c.metrics[metric] is not None for c in reduction.cycles]
+        x: list[
+            Signal
+        ] = []  # means over the cycles of what comes out, and relative of what goes in: exact to the first order of the errors
         for name, weight in model.weights[metric].items():
-            energy, counted = model.energies[name], complete & np.isfinite(weight)
-            share = np.where(counted, weight, 0.0) / counted.sum()
-            joules = np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])
-            sums.append(joules / (share @ energy.joules) if sums else joules)
-        row += sums[0] / sums[1] if len(sums) > 1 else sums[0]
-    return drawn
+            energy, share = model.energies[name], np.where(counted, weight, 0.0) / sum(counted)
+            x.append(
+                np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])
+                / (share @ energy.joules if x else 1.0)
+            )
+        mean = (x[0] / x[1] if len(x) > 1 else x[0]) + (gaps.value(metric) * _normal()[of_gaps] if gaps else 0.0)
+        scatter = known.repeatability[metric] or 0.0
+        drawn[metric] = math.hypot(float(mean.std()), scatter)
+        agree = abs(drawn[metric] - (u or 0.0)) <= LINEAR_WITHIN * drawn[metric]
+        method[metric], stated[metric] = ("gum", u) if agree else ("monte_carlo", drawn[metric])
+        alone[metric] = _interval(mean)
+        whole[metric] = _interval(mean + scatter * _student(sum(counted) - 1)[repeats]) if scatter else alone[metric]
+    return Uncertainty(known, seed, DRAWS, Metrics(drawn, names), Metrics(stated, names), method, whole, alone)
 
 
-def _intervals(draws: Signal) -> list[Interval]:
-    """Intervals that hold 95 % of the draws of each row, between two draws by linear interpolation."""
-    ordered, place = np.sort(draws, axis=1), 0.025 * (DRAWS - 1)
+def _interval(draws: Signal) -> Interval:
+    """Interval that holds 95 % of the draws, between two draws by linear interpolation."""
+    ordered, place = np.sort(draws), 0.025 * (DRAWS - 1)
     k, share = int(place), place % 1.0
-    low = ordered[:, k] + share * (ordered[:, k + 1] - ordered[:, k])
-    high = ordered[:, -1 - k] + share * (ordered[:, -2 - k] - ordered[:, -1 - k])
-    return [Interval(*ends) for ends in zip(low.tolist(), high.tolist(), strict=True)]
+    low, high = (x[k] + share * (x[k + 1] - x[k]) for x in (ordered, ordered[::-1]))
+    return Interval(float(low), float(high))
 
 
 @lru_cache(maxsize=4)
