@@ -133,7 +133,8 @@ def make_one(folder: Path, choose: str) -> None:
 def inside(folder: Path, name: str) -> Path:
     """Place of a file or folder within a folder of results, by its name there; OutputError if it or a link leads elsewhere."""
     path = folder / name
-    if not name or not path.resolve().is_relative_to(folder.resolve()):
+    real = Path(os.path.realpath(path))  # unlike Path.resolve, it raises nothing for a link to itself
+    if not name or not real.is_relative_to(os.path.realpath(folder)):
         raise OutputError(
             f"{folder}: {name!r} leads out of this folder, in which alone results are read and written. Remove the link, or "
             "make the results again."
