@@ -182,7 +182,7 @@ def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:
 
 
 def means_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
-    """Time means of signals over windows, (m, k), in their units; NaN for a window without length."""
+    """Time means of several signals over the same windows, (m, k), in their units; NaN for a window without length."""
     length = windows[:, 1] - windows[:, 0]
     return integrals_of(t, streams, windows) / np.where(length > 0, length, np.nan)
 
