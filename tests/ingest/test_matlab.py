@@ -81,13 +81,16 @@ def test_a_broken_tag_is_rejected_and_the_process_lives(tmp_path: Path, tag: byt
         read_run(path)
 
 
-def test_v73_is_read_once_where_it_holds_itself_and_needs_h5py(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_v73_may_hold_itself_and_needs_h5py(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(seeds("mat73")[0])
     with h5py.File(path, "r+") as file:
-        file["log/again"] = file["log"]
         file.create_dataset("nothing", data=np.array([0, 0], np.uint64)).attrs["MATLAB_empty"] = np.uint8(1)
     assert headers(path)["Velocity"] == "m/s"
+    with h5py.File(path, "r+") as file:
+        file["log/again"] = file["log"]
+    with pytest.raises(LogError, match=r"'log', 'log\.again'"):
+        open_mat(path)
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(LogError, match=r"pip install winchcascade\[mat73\]"):
         open_mat(path)

@@ -13,7 +13,7 @@ from winchcascade import baseline, load_rig, read_run, reduce, simulate
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade
 from winchcascade.core.errors import LogError, OptionError, RigError
-from winchcascade.core.integrate import means
+from winchcascade.core.integrate import means_of
 from winchcascade.core.rig_file import Drivetrain, Rig, Sensor
 from winchcascade.core.run import Run
 from winchcascade.reduction.loss_map import convex_hull, fit_surface, make_loss_map
@@ -182,7 +182,7 @@ def test_the_loss_of_the_whole_campaign_is_that_of_the_model() -> None:
         parts.append(loss_points(reduction))
         stores = ("shaft_loss", "mesh", "damper", "windage", "friction", "copper", "diodes")
         spans, v = _spans(reduction)[0], reduction.run.channels["velocity"]
-        spans = spans[np.abs(means(reduction.run.t, v.__getitem__, spans)) / 0.13 >= TURNING]
+        spans = spans[np.abs(means_of(reduction.run.t, [v.__getitem__], spans)[0]) / 0.13 >= TURNING]
         watts = sum(done.energy[name] for name in stores)
         lost += float(np.diff(np.interp(spans, done.run.t, watts), axis=1).sum())
     found = make_loss_map(joined(parts))

@@ -181,13 +181,8 @@ def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:
     return np.cumsum(0.5 * steps, axis=1)
 
 
-def means(t: Signal, stream: Stream, windows: Signal) -> Signal:
-    """Time mean of a signal over each window, (k,) in the unit of the signal; NaN for a window without length."""
-    return np.asarray(means_of(t, [stream], windows)[0])
-
-
 def means_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
-    """Time means of several signals over the same windows, (m, k): as `means`."""
+    """Time means of several signals over the same windows, (m, k), in their units; NaN for a window without length."""
     length = windows[:, 1] - windows[:, 0]
     return integrals_of(t, streams, windows) / np.where(length > 0, length, np.nan)
 

@@ -133,7 +133,8 @@ def make_one(folder: Path, choose: str) -> None:
 def inside(folder: Path, name: str) -> Path:
     """Place of a file or folder within a folder of results, by its name there; OutputError if it or a link leads elsewhere."""
     path = folder / name
-    if not name or not path.resolve().is_relative_to(folder.resolve()):
+    real = Path(os.path.realpath(path))  # unlike Path.resolve, it raises nothing for a link to itself
+    if not name or not real.is_relative_to(os.path.realpath(folder)):
         raise OutputError(
             f"{folder}: {name!r} leads out of this folder, in which alone results are read and written. Remove the link, or "
             "make the results again."
@@ -191,7 +192,8 @@ def digest_in(content: bytes) -> State:
     if not isinstance(about, dict) or "sha256" not in about:
         return "other"
     digest = about.pop("sha256")
-    return "kept" if digest_of(msgspec.json.encode(record)) == digest else "altered"
+    earlier = content.replace(str(digest).encode(), b"0" * 64)  # a digest of the bytes, with zeros in its place
+    return "kept" if digest in (digest_of(msgspec.json.encode(record)), digest_of(earlier)) else "altered"
 
 
 def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:

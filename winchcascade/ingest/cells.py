@@ -61,9 +61,12 @@ def is_value(cell: str) -> bool:
 
 def decimal_sign(rows: Sequence[Sequence[str]]) -> str:
     """Find the decimal sign: a comma if more numbers hold a comma than a point."""
-    cells = [cell for row in rows for cell in row if "," in cell or "." in cell]
-    commas, points = (sum(sign in cell and looks_like_a_number(cell) for cell in cells) for sign in ",.")
-    return "," if commas > points else "."
+    commas = sum("," in cell and looks_like_a_number(cell) for row in rows for cell in row)
+    return (
+        ","
+        if commas > sum("." in cell and looks_like_a_number(cell) for row in rows for cell in row if commas)
+        else "."
+    )
 
 
 def number(cell: str, decimal: str) -> float:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from itertools import combinations
 from statistics import NormalDist
@@ -155,7 +155,7 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
         return {name for channels, _ in self.terms for name in channels}
 
 
-def factors(terms: Terms, sources: Iterable[ErrorSource], errors: NDArray[Any]) -> NDArray[Any]:
+def factors(terms: Terms, sources: Sequence[ErrorSource], errors: NDArray[Any]) -> NDArray[Any]:
     """What the integrals of an energy are multiplied by to get it as channels without these errors would have given it.
 
     Parameters
@@ -200,14 +200,16 @@ class ErrorModel(msgspec.Struct, frozen=True):
         stated = {source.channel for source in self.sources}.union(TAKEN_AS_EXACT)
         return {name: tuple(sorted(energy.channels - stated)) for name, energy in self.energies.items()}
 
-    def factors(self, errors: NDArray[Any]) -> dict[Terms, NDArray[Any]]:
-        """The `factors` of all energies, by their terms, for errors of the sources, (m, n)."""
-        return {terms: factors(terms, self.sources, errors) for terms in {e.terms for e in self.energies.values()}}
+    @property
+    def terms(self) -> set[Terms]:
+        """Terms of all energies, of which those of one stage have the same."""
+        return {energy.terms for energy in self.energies.values()}
 
     def changes(self) -> dict[str, Signal]:
-        """Change of each energy with one standard uncertainty of each source, (m, k). [J]"""
-        steps = self.factors(1j * IMAGINARY_STEP * np.diag([source.u for source in self.sources]))
-        return {n: steps[e.terms].imag.T @ e.integrals / IMAGINARY_STEP for n, e in self.energies.items()}
+        """Change of each energy with one standard uncertainty of each source, (m, k), by complex steps. [J]"""
+        steps = 1j * IMAGINARY_STEP * np.diag([source.u for source in self.sources])
+        slopes = {terms: factors(terms, self.sources, steps).imag / IMAGINARY_STEP for terms in self.terms}
+        return {name: slopes[energy.terms].T @ energy.integrals for name, energy in self.energies.items()}
 
 
 def error_model(reduction: Reduction) -> ErrorModel:
@@ -386,55 +388,46 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     check_arguments("uncertainty", ("seed", seed, SEED_NUMBER))
     model = error_model(reduction)
     known, names = budget(reduction, model), reduction.rig.cascade.all_metrics
-    drawn = _drawn_means(reduction, model, known, seed)
-    scatter = [known.repeatability[m] or 0.0 for m in known.mean]
-    counts = [sum(c.metrics[m] is not None for c in reduction.complete) for m in known.mean]
-    first = _lattice(seed, 1)[0]
-    students = [s * _student(n - 1)[first] if s else np.zeros(DRAWS) for s, n in zip(scatter, counts, strict=True)]
-    spread = dict(zip(known.mean, np.hypot(drawn.std(axis=1), scatter).tolist(), strict=True))
+    gaps = next((row.of for row in known.rows if row.source is None), Metrics())
+    places = _lattice(seed, 2 + len(model.sources))
+    scales = {terms: _drawn_factors(seed, model.sources, terms) for terms in model.terms}
+    drawn, stated, whole, alone = {}, {}, {}, {}
     method: dict[str, Method] = {}
-    for metric, u in spread.items():
-        method[metric] = "gum" if abs(u - known.mean.value(metric)) <= LINEAR_WITHIN * u else "monte_carlo"
-    stated = {m: known.mean[m] if way == "gum" else spread[m] for m, way in method.items()}
-    alone, whole = (
-        dict(zip(spread, _intervals(x), strict=True)) for x in (drawn, drawn + np.reshape(students, drawn.shape))
-    )
-    return Uncertainty(known, seed, DRAWS, Metrics(spread, names), Metrics(stated, names), method, whole, alone)
+    for metric, u in known.mean.items():
+        counted = [c.complete and c.metrics[metric] is not None for c in reduction.cycles]
+        mean = _drawn_mean(model, model.weights[metric], counted, scales)
+        mean += gaps.value(metric) * _normal()[places[-1]] if gaps else 0.0
+        scatter = known.repeatability[metric] or 0.0
+        apart = mean - mean.mean()
+        drawn[metric] = math.hypot(math.sqrt(apart @ apart / DRAWS), scatter)
+        agree = abs(drawn[metric] - (u or 0.0)) <= LINEAR_WITHIN * drawn[metric]
+        method[metric], stated[metric] = ("gum", u) if agree else ("monte_carlo", drawn[metric])
+        alone[metric] = _interval(mean)
+        whole[metric] = _interval(mean + scatter * _student(sum(counted) - 1)[places[0]]) if scatter else alone[metric]
+    return Uncertainty(known, seed, DRAWS, Metrics(drawn, names), Metrics(stated, names), method, whole, alone)
 
 
-def _drawn_means(reduction: Reduction, model: ErrorModel, known: Budget, seed: int) -> Signal:
-    """Mean over the complete cycles of each metric of a budget for drawn errors of the sensors and gaps, (metrics, draws).
+def _drawn_mean(
+    model: ErrorModel, weights: Mapping[str, Signal], counted: Sequence[bool], scales: Mapping[Terms, Signal]
+) -> Signal:
+    """Mean of a metric over the cycles that count for drawn errors, (draws,).
 
     That of an efficiency is exact to the first order of the errors, and beyond where the cycles are alike.
     """
-    gaps = next((row.of for row in known.rows if row.source is None), Metrics())
-    places = _lattice(seed, 1 + len(model.sources) + bool(gaps))
-    errors = [
-        s.u * _normal()[place] if s.limit is None else s.limit * (2.0 * SHARES[place] - 1.0)
-        for s, place in zip(model.sources, places[1:], strict=False)
-    ]
-    scales = model.factors(np.reshape(errors, (-1, DRAWS)))
-    complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    drawn = np.empty((len(known.mean), DRAWS))
-    for row, metric in zip(drawn, known.mean, strict=True):
-        row[:] = gaps.value(metric) * _normal()[places[-1]] if gaps else 0.0
-        sums: list[Signal] = []
-        for name, weight in model.weights[metric].items():
-            energy, counted = model.energies[name], complete & np.isfinite(weight)
-            share = np.where(counted, weight, 0.0) / counted.sum()
-            joules = np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])
-            sums.append(joules / (share @ energy.joules) if sums else joules)
-        row += sums[0] / sums[1] if len(sums) > 1 else sums[0]
-    return drawn
+    found: list[Signal] = []
+    for name, weight in weights.items():
+        energy, share = model.energies[name], np.where(counted, weight, 0.0) / sum(counted)
+        joules = np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])
+        found.append(joules / (share @ energy.joules) if found else joules)
+    return found[0] / found[1] if len(found) > 1 else found[0]
 
 
-def _intervals(draws: Signal) -> list[Interval]:
-    """Intervals that hold 95 % of the draws of each row, between two draws by linear interpolation."""
-    ordered, place = np.sort(draws, axis=1), 0.025 * (DRAWS - 1)
+def _interval(draws: Signal) -> Interval:
+    """Interval that holds 95 % of the draws, between two draws by linear interpolation."""
+    ordered, place = np.sort(draws), 0.025 * (DRAWS - 1)
     k, share = int(place), place % 1.0
-    low = ordered[:, k] + share * (ordered[:, k + 1] - ordered[:, k])
-    high = ordered[:, -1 - k] + share * (ordered[:, -2 - k] - ordered[:, -1 - k])
-    return [Interval(*ends) for ends in zip(low.tolist(), high.tolist(), strict=True)]
+    low, high = (x[k] + share * (x[k + 1] - x[k]) for x in (ordered, ordered[::-1]))
+    return Interval(float(low), float(high))
 
 
 @lru_cache(maxsize=4)
@@ -443,6 +436,16 @@ def _lattice(seed: int, errors: int) -> Index:
     shifts, draw = np.random.default_rng(seed).integers(DRAWS, size=(errors, 1)), np.arange(DRAWS)
     steps = np.array([pow(MULTIPLIER, k, DRAWS) for k in range(errors)])[:, None]
     return np.asarray((draw * steps + shifts) % DRAWS)
+
+
+@lru_cache(maxsize=8)
+def _drawn_factors(seed: int, sources: tuple[ErrorSource, ...], terms: Terms) -> Signal:
+    """The `factors` for drawn errors, (r, draws), kept for the next log of a campaign, which has the same sources."""
+    errors = [
+        s.u * _normal()[place] if s.limit is None else s.limit * (2.0 * SHARES[place] - 1.0)
+        for s, place in zip(sources, _lattice(seed, 2 + len(sources))[1:-1], strict=True)
+    ]
+    return np.asarray(factors(terms, sources, np.reshape(errors, (-1, DRAWS))))
 
 
 @cache

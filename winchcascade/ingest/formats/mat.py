@@ -42,27 +42,17 @@ _EXPORTS = {
 """How MATLAB exports an object of a class so that other programs can read it."""
 
 
-class _Scope(NamedTuple):
-    """The top level or a struct: its place, names with points between them, and what it holds."""
+class _Leaf(NamedTuple):
+    """A vector of numbers or texts, or a column of a matrix; its place are the names of structs and matrix with points."""
 
     place: str
-    nodes: Mapping[str, Node]
-
-    def named(self, keys: Sequence[str]) -> Iterator[Node]:
-        """Yield the nodes under one of the keys, in any case."""
-        return (node for name, node in self.nodes.items() if name.casefold() in keys)
-
-
-class _Columns(NamedTuple):
-    """Columns of one length in one place: vectors, or the matrix of a name."""
-
-    place: str
-    matrix: str
-    columns: dict[str, Signal | list[str]]
+    name: str
+    column: Signal | list[str]
 
     @property
-    def rows(self) -> int:
-        return len(next(iter(self.columns.values())))
+    def run(self) -> tuple[str, int]:
+        """Where columns of one run lie: place and number of rows."""
+        return self.place, len(self.column)
 
 
 def read_mat(path: Path, *, table: str | None = None) -> pa.Table:
@@ -82,28 +72,27 @@ def read_mat(path: Path, *, table: str | None = None) -> pa.Table:
     is_hdf5 = start.startswith((_HDF5, b"MATLAB 7.3 MAT-file")) or start.endswith(_HDF5)
     objects: dict[str, str] = {}
     with damage_reported(path, "MATLAB file", "copy or save it again"):
-        scopes = [*_scopes("", _with_signals((_read_73 if is_hdf5 else _read_72)(path, objects)))]
-        groups = [*_groups(scopes)]
-    runs = _runs(groups)
-    name = choose(list(runs), table, path.name, "run") if runs else None
+        scopes = dict(_scopes("", _with_signals((_read_73 if is_hdf5 else _read_72)(path, objects))))
+        leaves = [leaf for place, nodes in scopes.items() for leaf in _leaves(place, nodes)]
+    runs = _runs(leaves)
+    name = choose(list(runs), table, path.name, "run") if len(runs) > 1 else None
     if name is None and table is not None:
         reject_sheet(table, path.name)
-    run = None if name is None else runs.pop(name)
-    aside = {other.place for other in runs.values()} - {run.place if run else "", ""}
-    scopes = [scope for scope in scopes if scope.place not in aside]
-    others = [id(other) for other in runs.values()]
-    columns = _columns([group for group in groups if group.place not in aside and id(group) not in others], run)
+    run = runs.pop(name or next(iter(runs), ""), None)
+    aside = {place for place, _ in runs.values()} - {run[0] if run else "", ""}
+    scopes = {place: nodes for place, nodes in scopes.items() if place not in aside}
+    columns = _columns([leaf for leaf in leaves if leaf.place not in aside], run)
     if objects and not any(recognise(Header(name)) for name in columns):
         raise LogError(_export(path.name, objects))
     if not any(isinstance(column, np.ndarray) for column in columns.values()):
         raise LogError(
-            f"{path.name}: none of the {len(scopes[0].nodes)} variables is a vector of numbers; vectors of one length, a "
+            f"{path.name}: none of the {len(scopes[''])} variables is a vector of numbers; vectors of one length, a "
             "struct of them or a matrix with a cell array of names was expected; save the channels so, or export them as CSV."
         )
-    units = _units(scopes, list(columns))
-    # Those of the top level win over those in structs.
-    stated = {n: x for s in reversed(scopes) if not s.place.casefold().endswith(UNITS) for n, x in s.nodes.items()}
-    properties = {name: value for name, value in stated.items() if isinstance(value, float | str)}
+    units = _units(scopes.values(), list(columns))
+    named = [nodes for place, nodes in scopes.items() if not place.casefold().endswith(UNITS)]
+    stated = {key: node for nodes in reversed(named) for key, node in nodes.items()}  # those of the top level win
+    properties = {key: node for key, node in stated.items() if isinstance(node, float | str)}
     steps = [
         1.0 / value if key.casefold() in RATES else value
         for key, value in properties.items()
@@ -234,12 +223,17 @@ def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
     return whole
 
 
-def _scopes(place: str, nodes: Mapping[str, Node]) -> Iterator[_Scope]:
-    """Yield the top level, its structs and the structs in those."""
-    yield _Scope(place, nodes)
+def _scopes(place: str, nodes: Mapping[str, Node]) -> Iterator[tuple[str, Mapping[str, Node]]]:
+    """Yield place and content of the top level, its structs and the structs in those."""
+    yield place, nodes
     for name, node in nodes.items():
         if isinstance(node, dict) and place.count(".") < 1:
             yield from _scopes(f"{place}.{name}".strip("."), node)
+
+
+def _named(nodes: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
+    """Yield the nodes under one of the keys, in any case."""
+    return (node for name, node in nodes.items() if name.casefold() in keys)
 
 
 def _texts(node: Node) -> list[str]:
@@ -248,72 +242,51 @@ def _texts(node: Node) -> list[str]:
     return texts if isinstance(node, list) and len(texts) == len(node) else []
 
 
-def _groups(scopes: Sequence[_Scope]) -> Iterator[_Columns]:
-    """Yield matrices with a list of names, and vectors and lists of texts by their length, a copy once.
-
-    The columns of a matrix are those of the names; its rows where only these fit.
-    """
-    seen: list[dict[str, Signal | list[str]]] = []
-    for place, nodes in scopes:
-        names = next(filter(None, map(_texts, _Scope(place, nodes).named(NAMES))), [])
-        found: dict[str | int, dict[str, Signal | list[str]]] = {}  # matrices by name, vectors by length
-        for name, node in nodes.items():
-            if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
-                rows = node.T if node.shape[1] == len(names) else node
-                found[name] = dict(zip(names, map(np.ascontiguousarray, rows), strict=True))
-            elif isinstance(node, np.ndarray) and node.ndim == 1:
-                found.setdefault(len(node), {})[name] = node
-            elif name.casefold() not in (*NAMES, *UNITS) and (texts := _texts(node)):
-                found.setdefault(len(texts), {})[name] = texts
-        for key, columns in found.items():
-            # An HDF5 file may hold itself.
-            if not any(
-                c.keys() == columns.keys() and all(map(np.array_equal, c.values(), columns.values())) for c in seen
-            ):
-                seen.append(columns)
-                yield _Columns(place, key if isinstance(key, str) else "", columns)
+def _leaves(place: str, nodes: Mapping[str, Node]) -> Iterator[_Leaf]:
+    """Yield vectors, lists of texts, and the columns of matrices that a list names; their rows where only these fit."""
+    names = next(filter(None, map(_texts, _named(nodes, NAMES))), [])
+    for name, node in nodes.items():
+        if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
+            rows = node.T if node.shape[1] == len(names) else node
+            matrix = f"{place}.{name}".strip(".")
+            yield from (_Leaf(matrix, key, np.ascontiguousarray(row)) for key, row in zip(names, rows, strict=True))
+        elif isinstance(node, np.ndarray) and node.ndim == 1:
+            yield _Leaf(place, name, node)
+        elif name.casefold() not in (*NAMES, *UNITS) and (texts := _texts(node)):
+            yield _Leaf(place, name, texts)
 
 
-def _runs(groups: Sequence[_Columns]) -> dict[str, _Columns]:
-    """Find the runs of a file that holds several, in each of which the same motion is found; nothing where there is but one."""
-    motions = [{recognise(Header(name)): name for name in reversed(group.columns)} for group in groups]
-    by_motion = (
-        [(g, named[motion]) for g, named in zip(groups, motions, strict=True) if motion in named]
+def _runs(leaves: Sequence[_Leaf]) -> dict[str, tuple[str, int]]:
+    """Place and number of rows of each run, by its name: those that hold the velocity, or else the displacement."""
+    runs = [
+        {leaf.run: leaf.name for leaf in reversed(leaves) if recognise(Header(leaf.name)) == motion}
         for motion in ("velocity", "displacement")
-    )
-    found = max(by_motion, key=len)
-    labels = [f"{group.place}.{group.matrix}".strip(".") or column for group, column in found]
-    labels = [
-        label if labels.count(label) == 1 else f"{label} ({group.rows} rows)"
-        for label, (group, _) in zip(labels, found, strict=True)
     ]
-    return dict(zip(labels, (group for group, _ in found), strict=True)) if len(found) > 1 else {}
+    found = dict(reversed(max(runs, key=len).items()))
+    labels = [place or name for (place, _), name in found.items()]
+    return {
+        label if labels.count(label) == 1 else f"{label} ({run[1]} rows)": run
+        for label, run in zip(labels, found, strict=True)
+    }
 
 
-def _columns(groups: Sequence[_Columns], run: _Columns | None) -> dict[str, Signal | list[str]]:
-    """Take the columns of a run or else of the first matrix, or the vectors that have the length most vectors have.
-
-    Names that several structs have get the place before them.
-    """
-    matrix = next((group for group in groups if group.matrix and (run is None or run is group)), None)
-    if matrix is not None:
-        return matrix.columns
-    vectors = [group for group in groups if not group.matrix]
-    counts: Counter[int] = Counter()
-    for group in vectors:
-        counts[group.rows] += sum(isinstance(column, np.ndarray) for column in group.columns.values())
-    rows = run.rows if run is not None else max(counts, key=lambda n: (counts[n], n), default=0)
-    kept = [(g.place, name, column) for g in vectors if g.rows == rows for name, column in g.columns.items()]
-    times = Counter(name for _, name, _ in kept)
-    return {f"{place}.{name}" if place and times[name] > 1 else name: column for place, name, column in kept}
+def _columns(leaves: Sequence[_Leaf], run: tuple[str, int] | None) -> dict[str, Signal | list[str]]:
+    """Take the columns as long as those of the run, or as most vectors; their place comes before names that stand twice."""
+    counts = Counter(len(leaf.column) for leaf in leaves if isinstance(leaf.column, np.ndarray))
+    rows = run[1] if run is not None else max(counts, key=lambda n: (counts[n], n), default=0)
+    kept = [leaf for leaf in leaves if len(leaf.column) == rows]
+    times = Counter(leaf.name for leaf in kept)
+    return {
+        f"{leaf.place}.{leaf.name}" if leaf.place and times[leaf.name] > 1 else leaf.name: leaf.column for leaf in kept
+    }
 
 
-def _units(scopes: Sequence[_Scope], columns: Sequence[str]) -> dict[str, str]:
+def _units(scopes: Iterable[Mapping[str, Node]], columns: Sequence[str]) -> dict[str, str]:
     """Find the units: a struct with the columns' names, or a list parallel to the names or to the columns."""
     units: dict[str, str] = {}
-    for scope in scopes:
-        names = next(filter(None, map(_texts, scope.named(NAMES))), list(columns))
-        for node in scope.named(UNITS):
+    for nodes in scopes:
+        names = next(filter(None, map(_texts, _named(nodes, NAMES))), list(columns))
+        for node in _named(nodes, UNITS):
             if isinstance(node, dict):
                 units |= {name: unit for name, unit in node.items() if isinstance(unit, str)}
             elif len(_texts(node)) == len(names):

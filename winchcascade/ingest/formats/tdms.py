@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 from nptdms import TdmsFile
 from nptdms.log import log_manager
 from nptdms.reader import TdmsReader
@@ -21,7 +22,16 @@ from winchcascade.core.plain_text import first_of
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.headers import Header, recognise
 from winchcascade.ingest.limits import require_numbers
-from winchcascade.ingest.source import MAX_NAMED, LogSource, LogTable, choose, damage_reported, first_text, moves
+from winchcascade.ingest.source import (
+    MAX_NAMED,
+    LogSource,
+    LogTable,
+    choose,
+    damage_reported,
+    first_text,
+    log_table,
+    moves,
+)
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 
@@ -353,14 +363,8 @@ def _by_rows(
     if lost:
         message = f"the channels differ in length: the last {lost} samples are not in every one"
         findings += (Finding("dropped_samples", message, "left out", count=lost, removed=lost),)
-    values = {k: _numbers(raw[k][:rows]) for k in wanted}
-    texts = {k: [*map(str, raw[k][:rows])] for k in raw if raw[k].dtype.kind == "O"}
-    stamps = None if time is None else raw[time][:rows]
-    if stamps is not None and stamps.dtype.kind == STAMPS and rows:
-        began = float((stamps[0] - np.datetime64(0, "s")) / np.timedelta64(1, "s"))
-        return LogTable(values, (stamps - stamps[0]) / np.timedelta64(1, "s"), True, findings, began, texts)
-    numbers = None if stamps is None else _numbers(stamps)
-    return LogTable(values, texts.get(time, numbers) if time is not None else None, False, findings, None, texts)
+    columns = {k: pa.array(x[:rows] if x.dtype.kind in "OM" else _numbers(x[:rows])) for k, x in raw.items()}
+    return log_table([columns], wanted, time, findings)
 
 
 def _numbers(samples: Any) -> Signal:

@@ -182,20 +182,22 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
 
 def _find_table(lines: Sequence[str], where: str) -> tuple[str, int, list[list[str]]]:
     """Delimiter, index of the first line of data, and the cells of each column in the first rows of data; LogError for none."""
-    found: list[tuple[float, str, int, list[list[str]]]] = []
     head = lines[:PREAMBLE_ROWS_MAX]
     text = "\n".join(head)
+    found: list[tuple[str, int, list[list[str]]]] = []
     for delimiter in ",;\t| ":
         # Blanks also stand inside of stamps and names.
         if delimiter in text and not (found and delimiter == " "):
             cut = cache(lambda k, delimiter=delimiter: split_row(lines[k], delimiter))
             data = find_data(cut, min(len(lines), PREAMBLE_ROWS_MAX + SAMPLE_ROWS))
-            if data is not None:
-                values = sum(bool(cell) and is_value(cell) for column in data[1] for cell in column)
-                score = values / len(data[1][0]) - data[0] / 4000  # less for one that begins late
-                found.append((score, delimiter, *data))
+            found += [] if data is None else [(delimiter, *data)]
+    if len(found) > 1:  # the one with most values in a row, less for one that begins late
+        values = [
+            sum(bool(cell) and is_value(cell) for column in c for cell in column) / len(c[0]) for _, _, c in found
+        ]
+        return found[max(range(len(found)), key=lambda k: values[k] - found[k][1] / (10 * PREAMBLE_ROWS_MAX))]
     if found:
-        return max(found, key=lambda table: table[0])[1:]
+        return found[0]
     begins = next((line.strip()[:40] for line in head if line.strip()), "")
     named = any(channels_named(split_row(line, delimiter)) > 1 for delimiter in ",;\t" for line in head)
     what = "column names but no rows of numbers" if named else f"no table of numbers (it begins with {begins!r})"

@@ -55,11 +55,10 @@ def _waves(records: Iterable[tuple[str, RunRecord]]) -> CampaignWaves | None:
 
 def _pictures(runs: Sequence[LogSummary], bins: figures.Bins) -> dict[str, Picture | None]:
     """Figures of a campaign by their names."""
-    unlike = unlike_motion(loaded(runs))
     joined = " Lines join only logs of one window rule and of one kind of data; hollow markers are of another."
     caption = f"Mean powers and efficiencies over {figures.over_what(loaded(runs))}; bars are 95 % intervals."
     caption += joined if len(figures.comparable(loaded(runs))) > 1 else ""
-    caption += "" if unlike is None else " The points are not of one motion."
+    caption += " The points are not of one motion." if unlike_motion(loaded(runs)) else ""
     alike = " Logs of one load look alike." if figures.look_alike(runs) else ""
     some = f" {figures.DRAWN_RUNS} logs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""
     return {
