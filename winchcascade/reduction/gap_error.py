@@ -86,7 +86,8 @@ def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: S
     square = np.append(0.0, np.cumsum(bridging_error(t, watts, gaps) ** 2))  # gaps err independently of each other
     first = np.searchsorted(np.maximum.accumulate(gaps[:, 1]), spans[:, 0], side="right")
     last = np.maximum(np.searchsorted(gaps[:, 0], spans[:, 1], side="left"), first)
-    return np.sqrt((moved * np.interp(spans[:, 1], t, watts)) ** 2 + square[last] - square[first])
+    error: Signal = np.sqrt((moved * np.interp(spans[:, 1], t, watts)) ** 2 + square[last] - square[first])
+    return error
 
 
 def instant_error(run: Run, v_smooth: Signal, instants: Signal) -> Signal:
