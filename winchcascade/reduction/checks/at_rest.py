@@ -95,10 +95,11 @@ def significant_zero(log: PhasedLog, channel: str, spans: list[Span], least: flo
     the sensor nor a least one is stated. [SI unit of the channel]
     """
     read, u_zero = log.samples(channel, spans), log.phased.u_zero(channel)
-    if read.size < MIN_COMPARED // 2 or not (u_zero or least):
+    least = max(least, CERTAIN * u_zero)
+    if read.size < MIN_COMPARED // 2 or not least or abs(median(read)) < least:
         return 0.0
     zero, u = median_and_error(read)
-    return zero if abs(zero) >= max(least, CERTAIN * math.hypot(u_zero, u)) else 0.0
+    return zero if abs(zero) >= CERTAIN * math.hypot(u_zero, u) else 0.0
 
 
 def bench_zero(log: PhasedLog) -> Iterator[Fault]:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN, error_sources, open_circuit_current
 from winchcascade.core.integrate import median, median_and_error, smallest_step
-from winchcascade.core.run import Mask, Signal
+from winchcascade.core.run import Mask
 from winchcascade.reduction.checks.at_rest import rests_of, waits_of
-from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog, Span
-from winchcascade.reduction.phased_run import span_end
+from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog
 from winchcascade.reduction.reduction_result import MeasuredLoad
 
 MISMATCH = 0.10
@@ -26,50 +24,26 @@ SAME_NOISE = 0.9
 """Correlation at rest from which the noise of Idc is that of Vdc: two sensors share some of it, a computed column all. [1]"""
 
 
-class OperatingPoints(NamedTuple):
-    """Vdc [V] and Idc [A] on k plateaus or cycles: means and their standard errors by noise, (2, k) each, and the spans."""
-
-    mean: Signal
-    error: Signal
-    spans: list[Span]
-
-    def level(self, log: PhasedLog, name: str, chosen: Mask | slice = slice(None)) -> tuple[float, float]:
-        """Median of a channel over some points, with the standard uncertainty of gain, zero, resolution and noise; the
-        scatter of the points is not part of it. [V or A]
-        """
-        row = ("vdc", "idc").index(name)
-        level, errors = median(self.mean[row, chosen]), self.error[row, chosen]
-        step, noise = smallest_step(log.run.channels[name]) / math.sqrt(12.0), math.hypot(*errors) / errors.size
-        return level, math.hypot(level * log.phased.u_gain(name), log.phased.u_zero(name), step, noise)
-
-
-def operating_points(log: PhasedLog) -> OperatingPoints:
-    """Vdc and Idc on the plateau of each checked cycle; with a stated load also over a cycle that is found in no motion."""
-    phased, by_motion, channels = log.phased, log.rig.phases.by_motion, log.run.channels
-    means, errors, spans = [], [], []
-    if {"vdc", "idc"} <= channels.keys() and (log.run.load is not None or by_motion):
-        for k in phased.chosen():
-            cycle, plateau = phased.cycles[k], log.summaries[k].payout.plateau
-            span = (plateau.begin, plateau.braking) if plateau else (cycle.onset, span_end(cycle, log.rig))
-            both = np.array([channels[name][phased.rows(*span)] for name in ("vdc", "idc")])
-            if both.size and (plateau is not None or not by_motion):
-                n = both.shape[1]
-                means.append(both.mean(axis=1))
-                errors.append(np.std(np.diff(both), axis=1) / math.sqrt(2.0 * n) if n > 1 else np.zeros(2))
-                spans.append(span)
-    return OperatingPoints(np.reshape(means, (-1, 2)).T, np.reshape(errors, (-1, 2)).T, spans)
-
-
 def measured_load(log: PhasedLog) -> MeasuredLoad | None:
     """Vdc / Idc with its standard uncertainty; None without a current that is more than the zero of its sensor."""
-    points = operating_points(log)
+    points = log.points
     v_dc, i_dc = points.mean
     flowing = (i_dc > log.zero_limit("idc")) & (v_dc > 0.0)
     if 2 * np.count_nonzero(flowing) <= flowing.size:
         return None
-    (volt, u_v), (ampere, u_i) = (points.level(log, name, flowing) for name in ("vdc", "idc"))
+    (volt, u_v), (ampere, u_i) = (_level(log, name, flowing) for name in ("vdc", "idc"))
     ohm, scatter = volt / ampere, median_and_error(v_dc[flowing] / i_dc[flowing])[1]
     return MeasuredLoad(ohm, math.hypot(ohm * u_v / volt, ohm * u_i / ampere, scatter))
+
+
+def _level(log: PhasedLog, name: str, chosen: Mask | slice) -> tuple[float, float]:
+    """Median of Vdc or Idc over some points, with the standard uncertainty of gain, zero, resolution and noise; the scatter of
+    the points is not part of it. [V or A]
+    """
+    row = ("vdc", "idc").index(name)
+    level, errors = median(log.points.mean[row, chosen]), log.points.error[row, chosen]
+    step, noise = smallest_step(log.run.channels[name]) / math.sqrt(12.0), math.hypot(*errors) / errors.size
+    return level, math.hypot(level * log.phased.u_gain(name), log.phased.u_zero(name), step, noise)
 
 
 def other_load(log: PhasedLog) -> Iterator[Fault]:
@@ -79,11 +53,11 @@ def other_load(log: PhasedLog) -> Iterator[Fault]:
     resistance may lie on either side of the sensor of Idc, which then reads more than the load takes; that counts where the
     log would show it. Where the accuracy of a sensor is unknown, the deviation must also exceed `MISMATCH`.
     """
-    points, load, rig = operating_points(log), log.run.load, log.rig
+    points, load, rig = log.points, log.run.load, log.rig
     if not points.spans:
         return
     v_dc, i_dc = points.mean
-    (volt, u_v), (ampere, u_i) = (points.level(log, name) for name in ("vdc", "idc"))
+    (volt, u_v), (ampere, u_i) = (_level(log, name, slice(None)) for name in ("vdc", "idc"))
     idle, name = ampere <= open_circuit_current(rig, volt), ""
     if load is None:
         name = "load_not_stated" if idle and volt > log.zero_limit("vdc") else ""

@@ -194,12 +194,12 @@ def stepped(log: PhasedLog, group: Sequence[Pair]) -> Iterator[Fault]:
     The ramps of all payouts count, and the more certain of the steps of both channels. Masses between the sensors add a
     difference in proportion to the acceleration, which steps where the line does.
     """
-    ramps = [
-        np.vstack((p.rows, np.gradient(p.v, p.t), np.gradient(p.rows[:2], p.t, axis=1)))[:, p.ramp]
-        for p in group
-        if p.t.size > 1
-    ]
-    x, y, *beside, x_slope, y_slope = np.concatenate(ramps, axis=1) if ramps else np.empty((4, 0))
+    ramps = []
+    for pair in group:
+        both = np.vstack((pair.v, pair.rows[:2]))
+        slopes = (both[:, 2:] - both[:, :-2]) / (pair.t[2:] - pair.t[:-2])
+        ramps.append(np.vstack((pair.rows[:, 1:-1], slopes))[:, pair.ramp[1:-1]])
+    x, y, *beside, x_slope, y_slope = np.concatenate(ramps, axis=1)
     first, second = group[0].names
     steps = []
     for channel, partner, own, other, slope in ((second, first, y, x, x_slope), (first, second, x, y, y_slope)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.phase_summary import PhaseSummary
-from winchcascade.reduction.phased_run import PhasedRun
+from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.reduction_result import CycleResult
 
 REPORTED = 0.005
@@ -40,6 +41,14 @@ class Fault(NamedTuple):
     spans: Sequence[Span]
     values: Mapping[str, object]
     places: int | None = None
+
+
+class OperatingPoints(NamedTuple):
+    """Vdc [V] and Idc [A] on k plateaus or cycles: means and their standard errors by noise, (2, k) each, and the spans."""
+
+    mean: Signal
+    error: Signal
+    spans: list[Span]
 
 
 class PhasedLog(msgspec.Struct, frozen=True, dict=True):
@@ -93,3 +102,20 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         known = {stage.name: stage.power(self.run.channels, self.rig.r_drum) for stage in stages}
         joules = self.energies.joules
         return {name: power for name, power in known.items() if power and max(joules[name] or [0.0]) > NOTHING}
+
+    @cached_property
+    def points(self) -> OperatingPoints:
+        """Vdc and Idc on the plateau of each checked cycle; with a stated load also over a cycle that is found in no motion."""
+        phased, by_motion, channels = self.phased, self.rig.phases.by_motion, self.run.channels
+        means, errors, spans = [], [], []
+        if {"vdc", "idc"} <= channels.keys() and (self.run.load is not None or by_motion):
+            for k in phased.chosen():
+                cycle, plateau = phased.cycles[k], self.summaries[k].payout.plateau
+                span = (plateau.begin, plateau.braking) if plateau else (cycle.onset, span_end(cycle, self.rig))
+                both = np.array([channels[name][phased.rows(*span)] for name in ("vdc", "idc")])
+                if both.size and (plateau is not None or not by_motion):
+                    n = both.shape[1]
+                    means.append(both.mean(axis=1))
+                    errors.append(np.std(np.diff(both), axis=1) / math.sqrt(2.0 * n) if n > 1 else np.zeros(2))
+                    spans.append(span)
+        return OperatingPoints(np.reshape(means, (-1, 2)).T, np.reshape(errors, (-1, 2)).T, spans)

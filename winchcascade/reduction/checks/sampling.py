@@ -10,6 +10,7 @@ A logger that rounds errs by up to half a step where the noise of a channel is s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import msgspec
@@ -152,21 +153,21 @@ def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
                 share = 0.5 * abs(term.scale(log.rig.r_drum)) * weight / max(watts, NOTHING)
                 errors[name] = max(errors.get(name, 0.0), share)
     for name, per_step in errors.items():
-        step = recorded_step(log.samples(name, payouts))
-        moves = name == "velocity" and step >= OF_ONSET * log.rig.thresholds.v_onset
-        if REPORTED < per_step * step < 1e9 or moves:
+        onset = OF_ONSET * log.rig.thresholds.v_onset if name == "velocity" else math.inf
+        step = recorded_step(log.samples(name, payouts), min(REPORTED / max(per_step, NOTHING), onset))
+        if step and per_step * step < 1e9:
             yield Fault("coarse_resolution", name, (), {"step": step, "error": per_step * step})
 
 
-def recorded_step(x: Signal) -> float:
-    """Step in which a channel is recorded, 0 where it has none, or noise beyond it. [SI unit of the channel]
+def recorded_step(x: Signal, least: float) -> float:
+    """Step in which a channel is recorded, 0 where it has none, one below the least, or noise beyond it. [SI unit]
 
     Values that a logger rounds repeat; a bridged or repaired value does not pass for a fine resolution. A channel that holds
     two values, as a friction or a brake does, or changes a few times, has none.
     """
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0.0]
-    if changes.size < MIN_COMPARED // 2 or not 2 < np.unique(x).size <= 0.5 * x.size:
+    if changes.size < MIN_COMPARED // 2 or (step := quantile(changes, 0.05)) < least:
         return 0.0
-    step = quantile(changes, 0.05)
-    return 0.0 if white_noise(x) > DITHERED * step else step
+    coarse = 2 < np.unique(x).size <= 0.5 * x.size and white_noise(x) <= DITHERED * step
+    return step if coarse else 0.0
