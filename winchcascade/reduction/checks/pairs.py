@@ -206,7 +206,7 @@ def stepped(log: PhasedLog, group: Sequence[Pair]) -> Iterator[Fault]:
         smooth = np.array([*(other**power for power in range(1, group[0].degree + 1)), slope, *beside])
         steps.append((*largest_step(own, smooth, log.zero_limit(channel)), channel, partner))
     certain, share, change, level, channel, partner = max(steps)
-    if certain >= CERTAIN + 1.0:  # as one of many levels
+    if certain:
         values = {"partner": partner, "share": share, "change": change, "level": level}
         yield Fault("stepped", channel, [pair.span for pair in group], values)
 
@@ -228,8 +228,9 @@ def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, 
     weight = np.where(between, np.sqrt(place * (y.size - place)), np.inf)
     best = level[order[int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / weight)) + 1]]
     found = fit(np.vstack((smooth, level >= best)), y)
-    change = 0.0 if found is None else float(found.weight[-1])
-    left = 0.0 if found is None else math.sqrt(found.residual) * float(np.std(y))
-    if found is None or abs(change) < max(0.5 * REPORTED * top, 2.0 * white_noise(level), left, zero):
+    if found is None or abs(found.weight[-1]) < (CERTAIN + 1.0) * found.error[-1]:  # as one of many levels
+        return 0.0, 0.0, 0.0, 0.0
+    change, left = float(found.weight[-1]), math.sqrt(found.residual) * float(np.std(y))
+    if abs(change) < max(0.5 * REPORTED * top, left, zero, 2.0 * white_noise(level)):
         return 0.0, 0.0, 0.0, 0.0
     return abs(change / float(found.error[-1])), change / top, change, float(best)
