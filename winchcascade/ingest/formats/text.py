@@ -158,7 +158,7 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
     ------
     LogError : no rows of numbers, or rows without names above them
     """
-    measurement = labview_table(lines, where) if any(line.startswith("***End_of_Header***") for line in lines) else None
+    measurement = labview_table(lines, where) if lines[0].startswith("LabVIEW Measurement") else None
     if measurement is not None:
         delimiter, first, headers, columns = measurement
         properties = properties_of([line.replace(delimiter, "\t") for line in lines[:first]])
