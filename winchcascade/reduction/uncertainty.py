@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from itertools import combinations
 from statistics import NormalDist
@@ -155,7 +155,7 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
         return {name for channels, _ in self.terms for name in channels}
 
 
-def factors(terms: Terms, sources: Iterable[ErrorSource], errors: NDArray[Any]) -> NDArray[Any]:
+def factors(terms: Terms, sources: Sequence[ErrorSource], errors: NDArray[Any]) -> NDArray[Any]:
     """What the integrals of an energy are multiplied by to get it as channels without these errors would have given it.
 
     Parameters
@@ -200,14 +200,16 @@ class ErrorModel(msgspec.Struct, frozen=True):
         stated = {source.channel for source in self.sources}.union(TAKEN_AS_EXACT)
         return {name: tuple(sorted(energy.channels - stated)) for name, energy in self.energies.items()}
 
-    def factors(self, errors: NDArray[Any]) -> dict[Terms, NDArray[Any]]:
-        """The `factors` of all energies, by their terms, for errors of the sources, (m, n)."""
-        return {terms: factors(terms, self.sources, errors) for terms in {e.terms for e in self.energies.values()}}
+    @property
+    def terms(self) -> set[Terms]:
+        """Terms of all energies, of which those of one stage have the same."""
+        return {energy.terms for energy in self.energies.values()}
 
     def changes(self) -> dict[str, Signal]:
-        """Change of each energy with one standard uncertainty of each source, (m, k). [J]"""
-        steps = self.factors(1j * IMAGINARY_STEP * np.diag([source.u for source in self.sources]))
-        return {n: steps[e.terms].imag.T @ e.integrals / IMAGINARY_STEP for n, e in self.energies.items()}
+        """Change of each energy with one standard uncertainty of each source, (m, k), by complex steps. [J]"""
+        steps = 1j * IMAGINARY_STEP * np.diag([source.u for source in self.sources])
+        slopes = {terms: factors(terms, self.sources, steps).imag / IMAGINARY_STEP for terms in self.terms}
+        return {name: slopes[energy.terms].T @ energy.integrals for name, energy in self.energies.items()}
 
 
 def error_model(reduction: Reduction) -> ErrorModel:
@@ -387,33 +389,37 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     model = error_model(reduction)
     known, names = budget(reduction, model), reduction.rig.cascade.all_metrics
     gaps = next((row.of for row in known.rows if row.source is None), Metrics())
-    repeats, *places, of_gaps = _lattice(seed, 2 + len(model.sources))
-    errors = [
-        s.u * _normal()[place] if s.limit is None else s.limit * (2.0 * SHARES[place] - 1.0)
-        for s, place in zip(model.sources, places, strict=True)
-    ]
-    scales = model.factors(np.reshape(errors, (-1, DRAWS)))
+    places = _lattice(seed, 2 + len(model.sources))
+    scales = {terms: _drawn_factors(seed, model.sources, terms) for terms in model.terms}
     drawn, stated, whole, alone = {}, {}, {}, {}
     method: dict[str, Method] = {}
     for metric, u in known.mean.items():
         counted = [c.complete and c.metrics[metric] is not None for c in reduction.cycles]
-        x: list[
-            Signal
-        ] = []  # means over the cycles of what comes out, and relative of what goes in: exact to the first order of the errors
-        for name, weight in model.weights[metric].items():
-            energy, share = model.energies[name], np.where(counted, weight, 0.0) / sum(counted)
-            x.append(
-                np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])
-                / (share @ energy.joules if x else 1.0)
-            )
-        mean = (x[0] / x[1] if len(x) > 1 else x[0]) + (gaps.value(metric) * _normal()[of_gaps] if gaps else 0.0)
+        mean = _drawn_mean(model, model.weights[metric], counted, scales)
+        mean += gaps.value(metric) * _normal()[places[-1]] if gaps else 0.0
         scatter = known.repeatability[metric] or 0.0
-        drawn[metric] = math.hypot(float(mean.std()), scatter)
+        apart = mean - mean.mean()
+        drawn[metric] = math.hypot(math.sqrt(apart @ apart / DRAWS), scatter)
         agree = abs(drawn[metric] - (u or 0.0)) <= LINEAR_WITHIN * drawn[metric]
         method[metric], stated[metric] = ("gum", u) if agree else ("monte_carlo", drawn[metric])
         alone[metric] = _interval(mean)
-        whole[metric] = _interval(mean + scatter * _student(sum(counted) - 1)[repeats]) if scatter else alone[metric]
+        whole[metric] = _interval(mean + scatter * _student(sum(counted) - 1)[places[0]]) if scatter else alone[metric]
     return Uncertainty(known, seed, DRAWS, Metrics(drawn, names), Metrics(stated, names), method, whole, alone)
+
+
+def _drawn_mean(
+    model: ErrorModel, weights: Mapping[str, Signal], counted: Sequence[bool], scales: Mapping[Terms, Signal]
+) -> Signal:
+    """Mean of a metric over the cycles that count for drawn errors, (draws,).
+
+    That of an efficiency is exact to the first order of the errors, and beyond where the cycles are alike.
+    """
+    found: list[Signal] = []
+    for name, weight in weights.items():
+        energy, share = model.energies[name], np.where(counted, weight, 0.0) / sum(counted)
+        joules = np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])
+        found.append(joules / (share @ energy.joules) if found else joules)
+    return found[0] / found[1] if len(found) > 1 else found[0]
 
 
 def _interval(draws: Signal) -> Interval:
@@ -430,6 +436,16 @@ def _lattice(seed: int, errors: int) -> Index:
     shifts, draw = np.random.default_rng(seed).integers(DRAWS, size=(errors, 1)), np.arange(DRAWS)
     steps = np.array([pow(MULTIPLIER, k, DRAWS) for k in range(errors)])[:, None]
     return np.asarray((draw * steps + shifts) % DRAWS)
+
+
+@lru_cache(maxsize=8)
+def _drawn_factors(seed: int, sources: tuple[ErrorSource, ...], terms: Terms) -> Signal:
+    """The `factors` for drawn errors, (r, draws), kept for the next log of a campaign, which has the same sources."""
+    errors = [
+        s.u * _normal()[place] if s.limit is None else s.limit * (2.0 * SHARES[place] - 1.0)
+        for s, place in zip(sources, _lattice(seed, 2 + len(sources))[1:-1], strict=True)
+    ]
+    return np.asarray(factors(terms, sources, np.reshape(errors, (-1, DRAWS))))
 
 
 @cache
