@@ -70,8 +70,8 @@ def convert(raw: object, kind: Any, place: str, fault: type[WinchcascadeError]) 
     if what.startswith("Invalid enum value"):
         kinds = [field.type for field in struct_fields(kind) if field.encode_name == names[0]] if names else [kind]
         what = f"Expected one of {', '.join(str(value) for one in kinds for value in _choices(one))}"
-    if what.startswith("Invalid RFC3339"):
-        what = "Expected `datetime`"
+    for finding, name in (("Invalid RFC3339", "datetime"), ("Number out of range", "float")):
+        what = f"Expected `{name}`" if what.startswith(finding) else what
     if not re.match("Expected `|Expected one of", what):
         raise fault(f"{place.rstrip(':')}: {what}")
     expected = re.sub(r"`([\w| ]+)`(, got .*)?", lambda named: _in_words(named[1]), what.removeprefix("Expected "))
