@@ -35,7 +35,7 @@ def test_a_log_that_no_campaign_lists_stands_alone(tmp_path: Path) -> None:
 
 WRONG = """
 [[run] @ TOML
-title = "x" @ run missing [[run]]
+title = "x" @ run missing
 colour = 1; RUN @ colour
 [[run]];load_ohm = 3.0 @ run 1: file missing
 [[run]];file = "a\\u0000.csv" @ run 1: file a

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from test_cli import winchcascade
 
 from winchcascade import OptionError, RigError, Run, calibrate, load_rig, open_campaign, read_run, reduce, simulate
-from winchcascade.report.records import reduction_json
+from winchcascade.reduction.run_record import reduction_json
 
 CAMPAIGN = Path(__file__).parent.parent / "fixtures" / "campaign"
 MINE = 'based_on = "hsu2026"\nname = "mine"\n[winch]\nr_drum = { value = 0.15, unit = "m" }\n'

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
+from winchcascade.core.published_table import BUILT_IN as TABLES
 from winchcascade.core.rig_toml import BUILT_IN as RIGS
-from winchcascade.core.table_toml import BUILT_IN as TABLES
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 

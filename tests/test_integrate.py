@@ -7,7 +7,7 @@ from winchcascade.core import integrate
 from winchcascade.core.integrate import (
     extremes,
     integrals,
-    means,
+    means_of,
     positive_median,
     quantile,
     quantiles_in_place,
@@ -55,7 +55,7 @@ def test_a_running_integral_begins_at_nothing() -> None:
 
 def test_a_mean_over_no_time_is_not_a_number() -> None:
     t = np.arange(5.0)
-    assert np.isnan(means(t, t.__getitem__, np.array([[2.0, 2.0]])))[0]
+    assert np.isnan(means_of(t, [t.__getitem__], np.array([[2.0, 2.0]])))[0, 0]
 
 
 def test_extremes_are_those_of_the_samples_inside() -> None:

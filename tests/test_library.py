@@ -72,7 +72,7 @@ def test_results_are_shown_in_one_line() -> None:
 
 def test_bins_and_metrics_give_their_powers_by_the_same_names() -> None:
     reduction = reduce(read_run("fixtures/campaign/r36ohm.csv", load=36.0))
-    assert reduction.bins[3].power_gen == reduction.bins[3].power["gen"]
+    assert reduction.bins[3].power_gen == reduction.bins[3].mean["gen"]
     assert reduction.mean.power_gen == reduction.mean["power_gen"]
     assert reduction.bins[3].power_hyd is None
     with pytest.raises(AttributeError, match="Bin has no attribute 'pover_gen'"):

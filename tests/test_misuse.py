@@ -18,8 +18,6 @@ from loops import failures
 from msgspec.structs import replace
 
 import winchcascade as wc
-from winchcascade.core.quantity import Quantity
-from winchcascade.core.rig_file import Winch
 from winchcascade.rig.effects.catalogue import make_effect
 
 CAMPAIGN = Path(__file__).parent.parent / "fixtures" / "campaign"
@@ -116,12 +114,7 @@ MISUSES: dict[str, Misuse] = {
         ["kN", ["kN"], {"velocity": 1000.0}, {"velocitty": "m/s"}, {"velocity": "parsec"}],
     ),
     "read_run units of a file": (keyword(wc.read_run, "units", LOG), [{"force": "kN"}]),
-    "read_run name": (keyword(wc.read_run, "name", LOG), [3, " "]),
-    "read_run about": (keyword(wc.read_run, "about", LOG), [3]),
-    "read_run load_source": (keyword(wc.read_run, "load_source", LOG), [None]),
     "read_run origin": (keyword(wc.read_run, "origin", LOG), ["measured"]),
-    "read_run simulated": (keyword(wc.read_run, "simulated", LOG), ["no"]),
-    "read_run campaign": (keyword(wc.read_run, "campaign", LOG), ["campaign.toml"]),
     "Run channels": (
         keyword(made, "channels"),
         [
@@ -131,18 +124,8 @@ MISUSES: dict[str, Misuse] = {
         ],
     ),
     "Run t": (keyword(made, "t"), [np.zeros(0), np.arange(40.0, 0.0, -0.04), np.zeros(1000), holed(math.nan), None]),
-    "Run fs": (keyword(made, "fs"), [0.0, math.nan, -25.0, 1000.0, "25 Hz"]),
+    "Run fs": (keyword(made, "fs"), [0.0, math.nan, -25.0, "25 Hz"]),
     "Run load": (keyword(made, "load"), [-18.0, True, "open"]),
-    "Run load replaced": (keyword(replace, "load", run), [0.0]),
-    "Run samples": (keyword(made, "samples"), [0, 10.5]),
-    "Run gaps": (keyword(made, "gaps"), [[(1.0, 2.0)], {"velocity": np.zeros((1, 3))}]),
-    "Run labels": (keyword(made, "labels"), [np.zeros(9)]),
-    "Run rig": (keyword(made, "rig"), ["hsu2026"]),
-    "Run findings": (keyword(made, "findings"), ["none", ("stuck",)]),
-    "Run cycles": (keyword(made, "cycles"), [(1,)]),
-    "Run origin": (keyword(made, "origin"), ["measured"]),
-    **{f"Run {name}": (keyword(made, name), [36]) for name in ("name", "about", "path")},
-    "Run temperature": (keyword(made, "temperature"), ["warm"]),
     "Run window": (lambda window: wc.reduce(made(window=window)), ["soon"]),
     "Run misspelt channel": (
         lambda name: wc.reduce(made(channels={"velocity": np.sin(made().t), name: made().t})), ["forse"],
@@ -169,7 +152,6 @@ MISUSES: dict[str, Misuse] = {
         ],
     ),
     "reduction to_pandas": (lambda table: reduction().to_pandas(table), ["cycle", 3]),
-    "reduction units": (lambda units: reduction().to_pandas("cycles", units=units), ["SI"]),
     "reduction plot": (lambda what: reduction().plot(what), ["powr", None]),
     "reduction axes": (lambda ax: reduction().plot("speed", ax=ax), [3]),
     "uncertainty reduction": (wc.uncertainty, [run]),
@@ -178,14 +160,7 @@ MISUSES: dict[str, Misuse] = {
     "write_report path": (
         lambda path: wc.write_report(reduction(), path), ["page.docx", None, "", "no/such/folder/page.html"],
     ),
-    "write_report force": (lambda force: wc.write_report(reduction(), "page.html", force=force), ["yes"]),
     "load_rig": (wc.load_rig, [*TEXTS, "hsu2025", hsu, CAMPAIGN, LOG, CAMPAIGN / "campaign.toml"]),
-    "Rig winch": (
-        lambda winch: replace(hsu(), winch=winch), [Winch(r_drum=0.25), Winch(r_drum=Quantity(math.nan, "m")), 0.25],
-    ),
-    "Rig thresholds": (lambda thresholds: replace(hsu(), thresholds=thresholds), [None]),
-    "Rig sensors": (lambda sensors: replace(hsu(), sensors=sensors), [[]]),
-    "Rig name": (keyword(wc.Rig, "name"), [3]),
     "baseline": (wc.baseline, ["hsu2026", None, wc.Rig(name="mine")]),
     "simulate run": (
         wc.simulate,
@@ -199,46 +174,28 @@ MISUSES: dict[str, Misuse] = {
         [hsu, "hsu2026", replace(baseline(), generator=replace(baseline().generator, k_e=math.nan))],
     ),
     "simulate step": (keyword(wc.simulate, "step", run), [0.0, -1e-3, math.nan, 86400.0, "1 ms"]),
-    "make_effect": (lambda name: make_effect(name, {}), ["ke_rollof"]),
     "make_effect fields": (lambda fields: make_effect("ke_shift", fields), [{"change": 0.1}, {"k_e_change": "much"}]),
     "calibrate run": (wc.calibrate, [CAMPAIGN / "open_circuit.csv", run]),
     "calibrate rig": (keyword(wc.calibrate, "rig", open_run), ["hsu2026"]),
     "calibrate payouts": (
         keyword(wc.calibrate, "payouts", open_run), [[1.0, 2.0], [(9.0, 4.0)], 3, [], [(1e6, 2e6)]],
     ),
-    "calibrate cycles": (keyword(wc.calibrate, "cycles", open_run), [(1,)]),
     "open_campaign": (wc.open_campaign, [*TEXTS, "no/such/folder", [LOG]]),
     "open_campaign rig": (keyword(wc.open_campaign, "rig", CAMPAIGN), ["hsu2025", hsu, ""]),
-    "open_campaign window": (keyword(wc.open_campaign, "window", CAMPAIGN), ["soon", -1.0, True]),
     "campaign reduce": (lambda jobs: campaign().reduce(jobs=jobs), [0, 1.5, "all", True]),
     "diagnose suspects": (
         lambda names: campaign().diagnose(suspects=names), ["ke_rolloff", ["ke_rollof"], None, [1]],
     ),
     "diagnose withhold": (lambda loads: campaign().diagnose(withhold=loads), [36.0, ["36"], [-36.0], [37.0]]),
     "diagnose simulated": (lambda folder: campaign().diagnose(simulated=folder), [3, "no/such"]),
-    "diagnose seed": (lambda seed: campaign().diagnose(seed=seed), ["chance", -1]),
     "diagnose logs": (lambda log: wc.open_campaign(log).diagnose(), [LOG]),
     "check table": (lambda table: campaign().check(table), ["hsu2026-table3", None]),
-    "check factors": (lambda factors: campaign().check("hsu2026-table2", factors=factors), [2.0]),
-    "check jobs": (lambda jobs: campaign().check("hsu2026-table2", jobs=jobs), [0]),
     "report path": (lambda path: campaign().report(path), [None, "campaign.docx"]),
-    "report jobs": (lambda jobs: campaign().report("campaign.html", jobs=jobs), ["2"]),
-    "report force": (lambda force: campaign().report("campaign.html", force=force), [1]),
     "reduced to_pandas": (lambda table: reduced().to_pandas(table), ["run"]),
-    "reduced units": (lambda units: reduced().to_pandas("runs", units=units), ["imperial"]),
-    "reduced plot": (lambda what: reduced().plot(what), ["history"]),
-    "reduced axes": (lambda ax: reduced().plot("efficiency", ax=ax), ["left"]),
     "audit": (wc.audit, [*TEXTS, "hsu2026-table3", CAMPAIGN / "campaign.toml"]),
-    "audit physics": (lambda physics: wc.audit("hsu2026-table2", physics=physics), ["yes"]),
-    "audit rig without physics": (keyword(wc.audit, "rig", "hsu2026-table2"), [hsu]),
     "audit rig": (lambda rig: wc.audit("hsu2026-table2", physics=True, rig=rig), [3, "hsu2025"]),
-    "audit watch": (lambda watch: wc.audit("hsu2026-table2", physics=True, watch=watch), [3]),
     "compare": (lambda other: wc.compare(LOG, other), [3, None, run, "", "no_such.csv", CAMPAIGN / "r9ohm.csv"]),
-    "compare same_sensors": (lambda same: wc.compare(LOG, LOG, same_sensors=same), ["yes"]),
-    "compare jobs": (lambda jobs: wc.compare(LOG, LOG, jobs=jobs), [0]),
     "compared to_pandas": (lambda table: compared().to_pandas(table), ["cycles"]),
-    "compared plot": (lambda what: compared().plot(what), ["power"]),
-    "compared axes": (lambda ax: compared().plot("efficiency", ax=ax), [[]]),
 }  # fmt: skip
 """Calls with one argument that is wrong, and its wrong values."""
 

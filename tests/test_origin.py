@@ -18,13 +18,13 @@ from winchcascade.core.campaign_file import (
     origin_from,
 )
 from winchcascade.core.errors import CampaignError
+from winchcascade.core.published_table import load_table
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import SIMULATED_HEADERS
-from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.run_record import reduction_record
 from winchcascade.reduction.uncertainty import uncertainty
-from winchcascade.report.records import reduction_record
 from winchcascade.report.render.page import page_text
 from winchcascade.report.results.check_record import check_record
 from winchcascade.report.results.checks import check_report

@@ -27,7 +27,7 @@ from winchcascade.core.files import scratch_file
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.records import reduction_json
+from winchcascade.reduction.run_record import reduction_json
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}

@@ -19,7 +19,7 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.campaign_record import campaign_from
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.records import reduction_record
+from winchcascade.reduction.run_record import reduction_record
 from winchcascade.report.render.page import page_text
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.campaign import campaign_report

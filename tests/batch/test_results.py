@@ -13,7 +13,7 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import Results, load_results
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.core.errors import LogError, OptionError, OutputError, WinchcascadeError
-from winchcascade.core.store import with_digest
+from winchcascade.core.store import digest_in, digest_of, with_digest
 from winchcascade.reduction.run_record import run_record
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
@@ -196,5 +196,12 @@ def test_a_result_without_a_digest_in_a_folder_with_digests_is_rejected(out: Pat
 def test_a_summary_that_names_a_result_elsewhere_is_rejected(tmp_path: Path, name: str) -> None:
     record = {"schema": "winchcascade/campaign/1", "runs": [{"name": "a", "fault": None, "result": name}]}
     (tmp_path / "campaign.json").write_text(json.dumps(record))
-    with pytest.raises(OutputError, match="which is not within this folder"):
+    with pytest.raises(OutputError, match="leads out of this folder"):
         load_results(tmp_path)
+
+
+def test_a_digest_of_the_bytes_with_zeros_in_its_place_is_one_of_an_earlier_version() -> None:
+    blank = b'{"mean": 1.0, "batch": {"key": "a", "sha256": "' + b"0" * 64 + b'"}}\n'
+    content = blank.replace(b"0" * 64, digest_of(blank).encode())
+    assert digest_in(content) == "kept"
+    assert digest_in(content.replace(b"1.0", b"1.1")) == "altered"

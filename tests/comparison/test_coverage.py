@@ -13,8 +13,8 @@ from winchcascade.comparison.comparison_result import ComparedSide
 from winchcascade.core.accuracy import error_sources
 from winchcascade.core.rig_toml import built_in
 from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.run_record import reduction_record
 from winchcascade.reduction.uncertainty import uncertainty
-from winchcascade.report.records import reduction_record
 
 TRIALS = 600
 """Pairs of sides."""

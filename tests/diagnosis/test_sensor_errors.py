@@ -105,7 +105,6 @@ def test_errors_of_sensors_among_the_effects_of_an_earlier_file_are_left_out_and
         ("[sensors.errors.line_drag]\nb = 0.7\n", "sensors.errors.line_drag"),
         ("[sensors.errors.nothing]\nx = 0.7\n", "sensors.errors.nothing"),
         ("[sensors]\nerrors = 3\n", "errors"),
-        ("[effects.torque_gain]\ngain_error = 0.1\n[sensors.errors.torque_gain]\ngain_error = 0.1\n", "torque_gain"),
     ],
 )
 def test_an_error_of_no_sensor_is_rejected_with_its_place(tmp_path: Path, text: str, named: str) -> None:

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
-from winchcascade.ingest.cells import looks_like_a_stamp, seconds
 from winchcascade.ingest.clock import BACKWARD_STEPS_MAX, read_clock, require_rising
 from winchcascade.ingest.log_clock import clock_of_digits
+from winchcascade.ingest.stamps import looks_like_a_stamp, seconds
 
 H = 0.04
 STAMPS = np.array(T)

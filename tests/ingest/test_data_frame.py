@@ -11,17 +11,8 @@ import pytest
 from winchcascade import read_run, reduce
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.run import Run
-from winchcascade.report.records import reduction_json
+from winchcascade.reduction.run_record import reduction_json
 
-NAMED = {
-    "Displacement (m)": "displacement",
-    "Velocity (m/s)": "velocity",
-    "Pressure (kg/cm2)": "pressure",
-    "Force (N)": "force",
-    "Torque (N.m)": "torque",
-    "Vdc (V)": "vdc",
-    "Idc (A)": "idc",
-}
 UNITS = {
     "displacement": "m", "velocity": "m/s", "pressure": "kg/cm2", "force": "N", "torque": "N.m", "vdc": "V", "idc": "A",
 }  # fmt: skip
@@ -77,7 +68,7 @@ def test_an_index_of_durations_or_dates_is_the_clock(fixtures: Path, start: str 
 
 def test_named_channels_take_their_units_from_the_call(fixtures: Path) -> None:
     path = fixtures / "campaign" / "r36ohm.csv"
-    frame = frame_of(path).rename(columns=NAMED)
+    frame = frame_of(path).set_axis(["Time (s)", *UNITS], axis=1)
     assert_same(read_run(frame, units=UNITS), read_run(path, campaign=False))
     frame["force"] /= 1024.0  # exactly representable, so that nothing is rounded
     loud = read_run(frame, units=UNITS | {"force": "kN"}).channels["force"]

@@ -97,7 +97,6 @@ WRITTEN: dict[str, str] = {
     "units above names": rows_of(NAMES, head=UNITS),
     "groups above names": rows_of(HEAD, head=GROUPS),
     "groups, names, units": rows_of(NAMES, UNITS, head=GROUPS),
-    "names and units by turns": rows_of(head=[f"{name}, {unit}" for name, unit in zip(NAMES, UNITS, strict=True)]),
     "delimiter after each row": "".join(",".join(row) + ",\n" for row in [HEAD, *ROWS]),
     "delimiter after each row of data": ",".join(HEAD) + "\n" + "".join(",".join(row) + ",\n" for row in ROWS),
     "three delimiters after each row of data": ";".join(HEAD) + "\n" + "".join(";".join(r) + ";;;\n" for r in ROWS),

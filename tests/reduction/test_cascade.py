@@ -1,10 +1,15 @@
-"""Powers, efficiencies, repeatability and bins: closed forms and published values."""
+"""Powers, efficiencies and repeatability: closed forms; the best and the worst cycle."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from winchcascade.core.cascade import BUILT_IN
+from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS, Metrics, ensemble_mean, largest_deviation, metrics, total
+from winchcascade.reduction.reduce import reduce
 
 ONE = np.ones(3)
 
@@ -18,7 +23,6 @@ ONE = np.ones(3)
         ("mech", {"torque": ONE, "velocity": ONE}, None, None),
         ("mech", {"power_mech": 5 * ONE, "torque": ONE, "velocity": ONE}, 0.13, 5.0),
         ("gen", {"vdc": 4 * ONE, "idc": 2 * ONE, "velocity": ONE}, None, 8.0),
-        ("gen", {"vdc": ONE, "velocity": ONE}, None, None),
     ],
 )
 def test_a_stage_has_a_power_where_its_channels_are(
@@ -28,44 +32,54 @@ def test_a_stage_has_a_power_where_its_channels_are(
     assert found is None if watts is None else found == pytest.approx(watts * ONE)
 
 
-def energy(line: float | None = None, mech: float | None = None, gen: float | None = None) -> dict[str, float | None]:
-    return {"energy_line": line, "energy_mech": mech, "energy_gen": gen}
+def cycle(line: float | None, mech: float | None, gen: float | None, *, open_circuit: bool = False) -> Metrics:
+    return metrics({"energy_line": line, "energy_mech": mech, "energy_gen": gen}, 5.0, open_circuit=open_circuit)
 
 
 @pytest.mark.parametrize(
-    ("energies", "open_circuit", "etas", "odd"),
+    ("energies", "open_circuit", "etas"),
     [
-        ((1000.0, 900.0, 720.0), False, (0.9, 0.8, 0.72), []),
-        ((1000.0, 500.0, 30.0), True, (0.5, None, None), []),  # nothing is delivered
-        ((400.0, 1000.0, None), False, (2.5, None, None), ["eta_trans"]),
-        ((1000.0, -50.0, None), False, (None, None, None), ["eta_trans"]),
-        ((1000.0, None, 700.0), False, (None, None, 0.7), []),
+        ((1000.0, 900.0, 720.0), False, (0.9, 0.8, 0.72)),
+        ((1000.0, 500.0, 30.0), True, (0.5, None, None)),  # nothing is delivered
+        ((400.0, 1000.0, None), False, (2.5, None, None)),
+        ((1000.0, -50.0, None), False, (None, None, None)),
+        ((1000.0, None, 700.0), False, (None, None, 0.7)),
     ],
 )
 def test_efficiencies_are_ratios_of_the_energies(
-    energies: tuple[float | None, ...], open_circuit: bool, etas: tuple[float | None, ...], odd: list[str]
+    energies: tuple[float | None, ...], open_circuit: bool, etas: tuple[float | None, ...]
 ) -> None:
-    values, outside = metrics(energy(*energies), 5.0, open_circuit=open_circuit)
+    values = cycle(*energies, open_circuit=open_circuit)
     assert (values.eta_trans, values.eta_gen, values.eta_pto) == pytest.approx(etas)
     assert [values[f"power_{stage}"] for stage in ("line", "mech", "gen")] == [e and e / 5.0 for e in energies]
-    assert list(outside) == odd
 
 
-def test_a_mean_needs_every_cycle_and_a_deviation_two() -> None:
-    assert ensemble_mean([Metrics(eta_trans=0.9), Metrics()]).eta_trans is None
-    assert all(getattr(ensemble_mean([]), name) is None for name in METRICS)
-    assert all(getattr(largest_deviation([Metrics(energy_line=3.0)]), name) is None for name in METRICS)
-
-
-def test_the_mean_efficiency_is_the_mean_of_ratios_and_the_total_the_ratio_of_sums() -> None:
-    cycles = [
-        metrics(energy(e, 0.5 * e + d, None), 1.0, open_circuit=False)[0] for e, d in ((1000.0, 0.0), (3000.0, 300.0))
-    ]
+def test_means_are_of_ratios_totals_of_sums_and_a_deviation_needs_two_cycles() -> None:
+    cycles = [cycle(1000.0, 500.0, None), cycle(3000.0, 1800.0, None)]
     assert ensemble_mean(cycles).eta_trans == pytest.approx((0.5 + 0.6) / 2)
     assert total(cycles, 2.0, open_circuit=False).eta_trans == pytest.approx(2300 / 4000)
+    assert ensemble_mean([Metrics(eta_trans=0.9), Metrics()]).eta_trans is None
+    for nothing in (ensemble_mean([]), largest_deviation([Metrics(energy_line=3.0)])):
+        assert {nothing[name] for name in METRICS} == {None}
+    for sign in (1.0, -1.0):
+        apart = largest_deviation([Metrics(energy_line=sign * energy) for energy in (400.0, 500.0, 540.0)])
+        assert apart.energy_line == pytest.approx(100.0 * 80.0 / 480.0)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_the_largest_deviation_is_a_share_of_the_mean(sign: float) -> None:
-    cycles = [Metrics(energy_line=sign * energy) for energy in (400.0, 500.0, 540.0)]
-    assert largest_deviation(cycles).energy_line == pytest.approx(100.0 * 80.0 / 480.0)
+@pytest.mark.parametrize(
+    ("cycles", "expected"),
+    [
+        ([Metrics(eta_trans=1 - eta, eta_pto=eta) for eta in (0.70, 0.61, 0.65)], (1, 2, "eta_pto")),
+        ([Metrics(eta_trans=a, energy_line=b) for a, b in ((0.7, 1.0), (0.8, 2.0), (0.9, 0.5))], (3, 1, "eta_trans")),
+        ([Metrics(eta_pto=0.7), Metrics(), Metrics(eta_pto=0.6)], (1, 3, "eta_pto")),
+    ],
+)
+def test_best_and_worst_are_the_cycles_of_the_highest_and_lowest_efficiency(
+    cycles: list[Metrics], expected: tuple[int, int, str]
+) -> None:
+    clean = reduce(read_run(Path("fixtures/campaign/r36ohm.csv")))
+    made = [replace(c, metrics=m) for c, m in zip(clean.cycles, cycles, strict=True)]
+    best, worst, metric = replace(clean, cycles=tuple(made)).extremes or pytest.fail("two cycles can be compared")
+    assert (best.cycle, worst.cycle, metric) == expected
+    one = [replace(c, complete=c.cycle == best.cycle) for c in made]
+    assert replace(clean, cycles=tuple(one)).extremes is None

@@ -156,7 +156,7 @@ def test_the_laws_hold_losses_of_constant_and_of_viscous_friction_and_of_copper_
         rows = _rows(metric, logs)
         assert rows is not None
         for k in range(len(logs)):
-            assert _distance(rows, range(len(logs)), (k,)).off == pytest.approx(0.0, abs=1e-9)
+            assert _distance(rows, [n for n in range(len(logs)) if n != k], k).off == pytest.approx(0.0, abs=1e-9)
 
 
 def test_one_of_three_logs_at_one_load_lies_apart_and_one_of_two_may_be_either() -> None:
@@ -165,17 +165,6 @@ def test_one_of_three_logs_at_one_load_lies_apart_and_one_of_two_may_be_either()
     assert (apart.name, apart.metric, apart.or_else) == ("b", "eta_gen", ())
     (apart,) = logs_apart(three[:2])
     assert {apart.name, *apart.or_else} == {"a", "b"}
-
-
-@pytest.mark.parametrize("pair", [(0, 1), (1, 2)])
-def test_two_logs_that_were_swapped_lie_apart_together(pair: tuple[int, int]) -> None:
-    loads = (60.0, 20.0, 8.0, 45.0, 30.0, 12.0, 5.0, 4.0)
-    logs = [made(load) for load in loads]
-    one, other = (logs[k] for k in pair)
-    logs[pair[0]], logs[pair[1]] = (
-        msgspec.structs.replace(b, load=a.load, name=f"{a.load}") for a, b in ((one, other), (other, one))
-    )
-    assert names(logs, "eta_gen") == {f"{loads[k]}" for k in pair}
 
 
 def test_logs_of_other_kinds_of_unknown_loads_and_open_circuits_are_not_compared() -> None:

@@ -6,7 +6,7 @@ import msgspec
 import pandas as pd
 import pytest
 
-from winchcascade.core.table_toml import load_table
+from winchcascade.core.published_table import load_table
 from winchcascade.report.content import Report, Table
 from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
 from winchcascade.report.results.checks import check_report

@@ -134,12 +134,12 @@ def test_means_of_powers_and_of_the_current_are_drawn_over_the_speed(clean: Resu
     figure = figures.power_streams(reduction, powers_of(reduction))
     assert figure is not None
     (means,) = (line for line in figure.axes[1].lines if line.get_label() == r"$P_\mathrm{gen}$")
-    assert np.asarray(means.get_ydata()).tolist() == pytest.approx([b.power["gen"] for b in reduction.bins])
+    assert np.asarray(means.get_ydata()).tolist() == pytest.approx([b.mean["gen"] for b in reduction.bins])
     middle = [0.5 * (b.rpm_low + b.rpm_high) for b in reduction.bins]
     current = figure.axes[2].lines[-1]
     assert np.asarray(means.get_xdata()).tolist() == np.asarray(current.get_xdata()).tolist() == pytest.approx(middle)
     loaded = np.asarray(current.get_ydata())[5:]
-    expected = [np.sqrt(power / 36.0) for b in reduction.bins[5:] if (power := b.power["gen"]) is not None]
+    expected = [np.sqrt(power / 36.0) for b in reduction.bins[5:] if (power := b.mean["gen"]) is not None]
     assert loaded.tolist() == pytest.approx(expected, rel=0.03)  # I = sqrt(P / R)
 
 

@@ -146,9 +146,11 @@ def test_bins_state_their_means_and_all_their_samples(clean: Result) -> None:
     assert cells["generator speed"] == [Span(b.rpm_low, b.rpm_high) for b in reduction.bins]
     assert cells["samples"] == [b.count for b in reduction.bins]
     for stage in ("line", "mech", "gen"):
-        assert cells[f"P_{stage}"] == [Measured(b.power[stage], b.standard_error[stage], True) for b in reduction.bins]
+        assert cells[f"P_{stage}"] == [
+            Measured(b.mean[stage], b.standard_error.get(stage), True) for b in reduction.bins
+        ]
     for store in ("rotor", "spring", "capacitor"):
-        assert cells[f"into {store}"] == [b.stored.get(store) for b in reduction.bins]
+        assert cells[f"into {store}"] == [b.mean.get(store) for b in reduction.bins]
 
 
 def test_times_are_counted_from_the_first_stamp_of_an_epoch(clean: Result) -> None:

@@ -18,9 +18,9 @@ from matplotlib.axes import Axes
 from winchcascade import CampaignReduction, Reduction, frame, open_campaign, plot, read_run, reduce, summary_html
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import KGF
+from winchcascade.reduction.run_record import reduction_json
 from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.frames import write_parquet
-from winchcascade.report.records import reduction_json
 from winchcascade.report.results.diagnosis_record import as_json
 
 mpl.use("Agg")

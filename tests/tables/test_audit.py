@@ -16,9 +16,9 @@ from winchcascade.core.published_table import (
     PublishedTable,
     Span,
     TableRow,
-    ValueClaim,
+    load_table,
+    parse_table,
 )
-from winchcascade.core.table_toml import load_table, parse_table
 from winchcascade.reduction.efficiency import METRICS, RATIOS
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.audit import audit_by_load as audit
@@ -424,6 +424,6 @@ def test_nothing_confines_a_value_without_cells() -> None:
 
 
 def test_a_value_claim_in_another_unit_and_with_fewer_decimals_is_confirmed() -> None:
-    said = Claim("so", "there", ValueClaim("power_line", 36.0, 1.3, PrintedColumn("kW", 1, 1e3)))
+    said = Claim("so", "there", ("power_line",), 36.0, 1.3, column=PrintedColumn("kW", 1, 1e3))
     found = audit(msgspec.structs.replace(HSU, claims=(said,)))
     assert found.claims[0].verdict == "confirmed"

@@ -9,11 +9,9 @@ import pytest
 
 from winchcascade import read_run, reduce, uncertainty
 from winchcascade.core.errors import OptionError
-from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow
-from winchcascade.core.table_toml import load_table
+from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow, load_table
 from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.reduction.run_record import run_record
-from winchcascade.report.records import reduction_json
+from winchcascade.reduction.run_record import reduction_json, run_record
 from winchcascade.tables.check import Check, CheckError, Factors, Measured, check, measured_from_record
 
 LOADS = (45.0, 18.0, math.inf)

@@ -14,11 +14,10 @@ from calls import call
 from msgspec.structs import replace
 
 from winchcascade.core.errors import RigError
-from winchcascade.core.published_table import PublishedTable
+from winchcascade.core.published_table import PublishedTable, load_table, parse_table
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in, parse_rig
 from winchcascade.core.run import Run
-from winchcascade.core.table_toml import load_table, parse_table
 from winchcascade.diagnosis.suspects import with_values
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS

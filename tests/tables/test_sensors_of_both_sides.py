@@ -15,8 +15,8 @@ from rigs import by_limits
 from winchcascade import read_run, reduce
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import Results, campaign_results, check_results
+from winchcascade.core.published_table import load_table
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.table_toml import load_table
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.reduction.run_record import RunRecord, run_record
 from winchcascade.reduction.uncertainty import budget

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
+from winchcascade.core.cascade import PAPER
 from winchcascade.core.run import FindingKind
 from winchcascade.reduction.efficiency import FIELDS, RATIOS
 from winchcascade.reduction.efficiency_between_runs import Apart, LogEfficiency, logs_apart
@@ -40,7 +41,8 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
 
 def _energies(cycle: CycleRecord) -> str:
     """Energies of a cycle to six digits."""
-    return " ".join(f"{joule:.6g}" for joule in (cycle.energy_line_j, cycle.energy_mech_j, cycle.energy_gen_j) if joule)
+    joules = (cycle.numbers.get(FIELDS[f"energy_{stage}"]) for stage in PAPER.names)
+    return " ".join(f"{joule:.6g}" for joule in joules if joule)
 
 
 def _speed(payout: PayoutSummary) -> float:

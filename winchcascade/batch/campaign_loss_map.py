@@ -62,5 +62,5 @@ def campaign_loss_map(plan: Plan, names: Container[str], workers: Workers) -> tu
             parts[name] = outcome.value
     if not parts:
         raise LogError(next(iter(faults.values()), f"{plan.title}: no log was reduced, so there is no loss map."))
-    found = make_loss_map(joined([parts[name] for name in work if name in parts]), plan.work[0].settings.rig)
+    found = make_loss_map(joined([parts[name] for name in work if name in parts]))
     return found, [faults[name] for name in work if name in faults]

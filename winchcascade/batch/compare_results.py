@@ -16,8 +16,7 @@ from winchcascade.ingest.read import read_by
 from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.run_record import RunRecord
-from winchcascade.report.records import reduction_record
+from winchcascade.reduction.run_record import RunRecord, reduction_record
 
 Target = str | Path | Reduction | CampaignReduction
 """What a side may be: a path as on the command line, or a result."""

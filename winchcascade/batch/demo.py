@@ -11,8 +11,19 @@ from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content, write_set
 from winchcascade.core.jobs import set_threads
-from winchcascade.core.results_folder import CAMPAIGN_PAGE, DIAGNOSIS_FILES, DIAGNOSIS_RECORD, INDEX
-from winchcascade.core.store import Output, digest_of, fingerprint, inside, locked, make_one, with_digest
+from winchcascade.core.store import (
+    CAMPAIGN_PAGE,
+    DIAGNOSIS_FILES,
+    DIAGNOSIS_RECORD,
+    INDEX,
+    Output,
+    digest_of,
+    fingerprint,
+    inside,
+    locked,
+    make_one,
+    with_digest,
+)
 from winchcascade.core.version import __version__
 
 _PACKAGE = Path(__file__).parent.parent

@@ -13,7 +13,7 @@ from winchcascade.core.arguments import FLAG, LOADS, NAMES, PATH, PATH_OR_NONE, 
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, check_type
 from winchcascade.core.jobs import Workers
-from winchcascade.core.results_folder import CAMPAIGN_PAGE, CAMPAIGN_RECORD, INDEX
+from winchcascade.core.store import CAMPAIGN_PAGE, CAMPAIGN_RECORD, INDEX
 from winchcascade.core.viewed import LateModule
 from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduce import window_rule

@@ -15,9 +15,8 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, load_campai
 from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.results_folder import CAMPAIGN_RECORD
 from winchcascade.core.rig_toml import first_named
-from winchcascade.core.store import digest_of
+from winchcascade.core.store import CAMPAIGN_RECORD, digest_of
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS
 from winchcascade.rig.open_rig import load_rig

@@ -8,21 +8,20 @@ from pathlib import Path
 
 import msgspec
 from msgspec import UNSET
-from msgspec.structs import asdict, replace
+from msgspec.structs import replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import Plan, Work, result_key
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.results_folder import CAMPAIGN_PAGE, INDEX
-from winchcascade.core.store import digest_of, with_digest
+from winchcascade.core.store import CAMPAIGN_PAGE, INDEX, digest_of, with_digest
 from winchcascade.ingest.read import read_by
 from winchcascade.reduction.campaign_record import CampaignRecord, CampaignReduction, FailedLog, log_summary
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.run_record import FindingRecord, RunRecord
+from winchcascade.reduction.run_record import FindingRecord, RunRecord, reduction_entries, run_record
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
-from winchcascade.report.records import reduction_record
+from winchcascade.reduction.wave_energies import LogWaves, campaign_waves
 
 ENTRY = "batch"
 """Entry of the record of a log that states how it was made."""
@@ -54,8 +53,7 @@ def reduce_log(work: Work, *, reports: Sequence[str] = (), command: str = "") ->
     reduction = reduce(run)
     require_payouts(reduction)
     found = uncertainty(reduction)
-    whole = asdict(reduction_record(reduction, found))
-    record = {name: part for name, part in whole.items() if part is not UNSET}
+    record = reduction_entries(reduction, found)
     files: dict[str, bytes] = {}
     if reports:
         with _DRAWING:
@@ -95,7 +93,7 @@ def reduce_campaign(plan: Plan, workers: Workers) -> CampaignReduction:
         if outcome.value is None:
             faults[name] = outcome.fault or ""
         else:
-            found[name] = msgspec.json.decode(outcome.value.record, type=RunRecord)
+            found[name] = run_record(outcome.value.record, name)
     found = {work.name: found[work.name] for work in plan.work if work.name in found}
     summary = campaign_record(plan, found.items(), faults)
     cascades = tuple(work.settings.rig.cascade for work in plan.work)
@@ -120,7 +118,7 @@ def campaign_record(
         logs[name] = log_summary(name, paths[name], record)
         efficiencies.append(log_efficiency(name, record))
         if record.waves is not UNSET:
-            waves.append((name, record))
+            waves.append(LogWaves(name, record.log.load, record.waves))
     between = tuple(findings_between(efficiencies))
     for name, finding in between:
         run = logs[name]
@@ -130,14 +128,8 @@ def campaign_record(
         logs.get(name) or FailedLog(name, path, one_line(faults.get(name, "not reduced")))
         for name, path in paths.items()
     )
-    if not waves:
-        return CampaignRecord(one_line(plan.title), state, runs, between)
-    from winchcascade.reduction.campaign_waves import campaign_waves, campaign_waves_record
-
     together = campaign_waves(waves)
-    return CampaignRecord(
-        one_line(plan.title), state, runs, between, UNSET if together is None else campaign_waves_record(together)
-    )
+    return CampaignRecord(one_line(plan.title), state, runs, between, UNSET if together is None else together.record)
 
 
 def with_findings_between(

@@ -14,8 +14,7 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import Workers
 from winchcascade.core.published_table import PublishedTable
-from winchcascade.core.results_folder import CAMPAIGN_RECORD
-from winchcascade.core.store import Kept, State, altered, digest_in, inside
+from winchcascade.core.store import CAMPAIGN_RECORD, Kept, State, altered, digest_in, inside
 from winchcascade.reduction.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.reduction.run_record import RunRecord, run_record
 from winchcascade.tables.check import Check, Factors, check, measured_from_record

@@ -7,8 +7,7 @@ from pathlib import Path
 import msgspec
 
 from winchcascade.core.files import is_marked
-from winchcascade.core.results_folder import CAMPAIGN_RECORD, DIAGNOSIS_RECORD, INDEX
-from winchcascade.core.store import Kept, inside, kept
+from winchcascade.core.store import CAMPAIGN_RECORD, DIAGNOSIS_RECORD, INDEX, Kept, inside, kept
 from winchcascade.reduction.campaign_record import read_campaign
 
 

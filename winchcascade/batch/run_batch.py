@@ -17,8 +17,12 @@ from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, clear, put_in_place, scratch_folder, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
-from winchcascade.core.results_folder import CAMPAIGN_FILES, CAMPAIGN_PAGE, CAMPAIGN_RECORD, CAMPAIGN_WORKBOOK, INDEX
 from winchcascade.core.store import (
+    CAMPAIGN_FILES,
+    CAMPAIGN_PAGE,
+    CAMPAIGN_RECORD,
+    CAMPAIGN_WORKBOOK,
+    INDEX,
     Output,
     digest_of,
     fingerprint,
@@ -31,7 +35,7 @@ from winchcascade.core.store import (
 )
 from winchcascade.core.version import __version__
 from winchcascade.reduction.campaign_record import CampaignRecord, campaign_json, read_campaign
-from winchcascade.report.records import read_results
+from winchcascade.reduction.run_record import read_results
 
 ENDINGS = ("html", "pdf", "json")
 """Files of one log; a JSON means that the others are there."""

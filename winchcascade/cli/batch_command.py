@@ -14,15 +14,15 @@ from winchcascade.cli.options import OUTPUTS, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes
-from winchcascade.core.results_folder import (
+from winchcascade.core.store import (
     CAMPAIGN_FILES,
     CAMPAIGN_PAGE,
     CAMPAIGN_RECORD,
     DIAGNOSIS_FILES,
     DIAGNOSIS_RECORD,
     INDEX,
+    state_of,
 )
-from winchcascade.core.store import state_of
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan

@@ -14,8 +14,7 @@ from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
-from winchcascade.core.results_folder import CAMPAIGN_PAGE, DIAGNOSIS_FILES, INDEX
-from winchcascade.core.store import locked, make_one
+from winchcascade.core.store import CAMPAIGN_PAGE, DIAGNOSIS_FILES, INDEX, locked, make_one
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnose import ModelDiagnosis

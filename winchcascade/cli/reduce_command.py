@@ -39,8 +39,8 @@ def reduce_command(
     """
     from winchcascade.ingest.read import read_by
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
+    from winchcascade.reduction.run_record import reduction_json
     from winchcascade.reduction.uncertainty import uncertainty
-    from winchcascade.report.records import reduction_json
 
     log = _one_log(logs)
     check_load(load_ohm)
@@ -99,6 +99,6 @@ def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap
     from winchcascade.reduction.loss_points import loss_points
     from winchcascade.report.loss_map_file import write_loss_map
 
-    found = make_loss_map(loss_points(reduction), reduction.rig)
+    found = make_loss_map(loss_points(reduction))
     write_loss_map(found, path, reduction.run.name, force=force)
     return found

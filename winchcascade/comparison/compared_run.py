@@ -9,9 +9,10 @@ from pathlib import PurePath
 import msgspec
 
 from winchcascade.core.campaign_file import Origin, origin_from
-from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage, field_of
+from winchcascade.core.cascade import Cascade, field_of
 from winchcascade.core.errors import WinchcascadeError
-from winchcascade.reduction.run_record import CycleRecord, Numbers, Part, RunRecord, UncertaintyRecord
+from winchcascade.reduction.campaign_record import configured_cascade
+from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord, UncertaintyRecord
 from winchcascade.reduction.uncertainty import SAMPLING
 
 
@@ -88,7 +89,7 @@ def compared_run(record: RunRecord, where: str) -> ComparedRun:
     ----------
     where : name of the log or of the file
     """
-    log, cascade = record.log, _cascade(record)
+    log, cascade = record.log, configured_cascade(record.stages.order if record.stages else ())
     metrics = {m: field_of(m) for m in cascade.all_metrics}
     done = [cycle for cycle in record.cycles if cycle.complete]
     cycles = _cycles(done, metrics)
@@ -123,15 +124,9 @@ def compared_run(record: RunRecord, where: str) -> ComparedRun:
     )
 
 
-def _cascade(record: RunRecord) -> Cascade:
-    if not record.stages:
-        return PAPER
-    return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in record.stages.order), configured=True)
-
-
-def _of(record: RunRecord, part: Part, metrics: Mapping[str, str]) -> Numbers:
+def _of(record: RunRecord, part: str, metrics: Mapping[str, str]) -> Numbers:
     """Numbers of the metrics of a part of the record, those of configured stages among them."""
-    values = record.numbers(part)
+    values = getattr(record, part)
     return {m: values.get(name) for m, name in metrics.items()}
 
 

@@ -16,7 +16,6 @@ Basis = Literal["calibration_in_place", "limits", "expanded_uncertainty", "stand
 """What an error is known by: `u_zero` and `u_gain` of a sensor, limits of a maker, an accuracy with a coverage factor, `u` of a
 number of the rig, or samples of the log that are left out."""
 
-
 LEAKAGE = 2.0
 """Ratio of a current to that of the bleed resistance in open circuit, above which a load is connected. [1]"""
 
@@ -25,7 +24,6 @@ BLEED = 1000.0
 
 CERTAIN = 5.0
 """Number of standard uncertainties of the zero of a sensor from which an offset is significant."""
-
 
 ACQUISITION = "acquisition system"
 """Origin of the errors that the acquisition system adds to those of a sensor."""
@@ -56,12 +54,10 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     """Zero and gain errors that the rig file allows a sensor, in SI units; empty without any.
 
     Each of the two is that of a calibration in place where the rig file states one (`u_zero`, `u_gain`), which contains the
-    acquisition system; else what the accuracies of the sensor and of its acquisition system allow. Never both.
-
-    Accuracies are limits of rectangular distributions, or with a coverage factor expanded uncertainties of normal ones. One in
-    shares of the full scale, or absolute, limits the error at any reading, so it is a zero error and does not shrink at small
-    readings; a share of the reading is a gain error. Where the zero alone is calibrated, a share of the full scale limits the
-    gain.
+    acquisition system; else what the accuracies of the sensor and of its acquisition system allow, as limits or with a
+    coverage factor as expanded uncertainties. A share of the full scale limits the error at any reading, so it is a zero error
+    and does not shrink at small readings; a share of the reading is a gain error. Where the zero alone is calibrated, a share
+    of the full scale limits the gain.
 
     >>> from winchcascade.core.rig_file import Sensor
     >>> [(s.part, s.limit) for s in error_sources("force", Sensor("N", high=20000.0, accuracy_full_scale=0.002))]
@@ -75,19 +71,18 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
         (absolute, sensor.accuracy_reading or 0.0, sensor.coverage, sensor.source),
         ((sensor.daq_full_scale or 0.0) * full_scale, sensor.daq_reading or 0.0, sensor.daq_coverage, ACQUISITION),
     ]
-    in_place: dict[Part, float | None] = {"zero": sensor.u_zero, "gain": sensor.u_gain}
     found = []
-    for part, u in in_place.items():
+    parts: tuple[tuple[Part, float | None], ...] = (("zero", sensor.u_zero), ("gain", sensor.u_gain))
+    for part, u in parts:
         if u is not None:
             found.append(ErrorSource(channel, part, u, None, sensor.source, "calibration_in_place"))
             continue
         for fixed, reading, coverage, origin in stated:
             to_gain = fixed / full_scale if sensor.u_zero is not None and full_scale else 0.0
             size = fixed if part == "zero" else reading + to_gain
-            if coverage is None:
-                found.append(ErrorSource(channel, part, size / math.sqrt(3.0), size, origin))
-            else:
-                found.append(ErrorSource(channel, part, size / coverage, None, origin, "expanded_uncertainty"))
+            limits = (size / math.sqrt(3.0), size, origin)
+            expanded = (size / (coverage or 1.0), None, origin, "expanded_uncertainty")
+            found.append(ErrorSource(channel, part, *(limits if coverage is None else expanded)))
     return tuple(source for source in found if source.u)
 
 

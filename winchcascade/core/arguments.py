@@ -14,7 +14,7 @@ import msgspec
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import is_load
 
-_LONGEST_PATH = 4000
+LONGEST_PATH = 4000
 """Longest path that the usual file systems take. [characters]"""
 
 
@@ -43,16 +43,10 @@ def is_whole(value: object, low: int) -> bool:
     return hasattr(value, "__index__") and not isinstance(value, bool) and operator.index(value) >= low
 
 
-def is_pair(value: object) -> bool:
-    """Whether a value is first and last cycle."""
-    ends = list(value) if isinstance(value, Iterable) else []
-    return len(ends) == 2 and all(is_whole(end, 1) for end in ends) and ends[0] <= ends[1]
-
-
 def is_path(value: object) -> bool:
-    """Whether a value is a path that some file could have."""
+    """Whether a value is a path, that some file could have."""
     text = os.fspath(value) if isinstance(value, os.PathLike) else value
-    return isinstance(text, str) and bool(text.strip()) and "\0" not in text and len(text) <= _LONGEST_PATH
+    return isinstance(text, str) and bool(text.strip()) and "\0" not in text and len(text) <= LONGEST_PATH
 
 
 def _is_listed(value: object, kind: type) -> bool:
@@ -72,7 +66,12 @@ LOADS = Expected(
     "a list of resistances in ohms, such as [36.0]",
     lambda value: _is_listed(value, Real) and all(is_number(one) and is_load(float(one)) for one in value),
 )
-CYCLES = Expected("first and last cycle from 1 on, such as (1, 20)", lambda value: value is None or is_pair(value))
+CYCLES = Expected(
+    "first and last cycle from 1 on, such as (1, 20)",
+    lambda value: (
+        value is None or (len(value) == 2 and all(is_whole(end, 1) for end in value) and value[0] <= value[1])
+    ),
+)
 SPANS = Expected(
     "pairs of begin and end in seconds, such as [(10.0, 25.0)]",
     lambda value: value is None or all(is_number(a) and is_number(b) and a < b for a, b in value),
@@ -97,7 +96,6 @@ STEP_LENGTH = Expected(
 )
 WATCH = Expected("a Watch, with begin and done", lambda value: value is None or hasattr(value, "begin"))
 RATE = Expected("a number above 0", lambda value: is_number(value) and 0.0 < value < math.inf)
-COUNT = Expected("a whole number from 1 on", lambda value: is_whole(value, 1))
 
 
 def check_arguments(call: str, *arguments: tuple[str, object, Expected]) -> None:

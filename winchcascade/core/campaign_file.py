@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime  # msgspec evaluates the types of a struct
+from itertools import product
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
 from typing import Annotated
@@ -13,12 +14,9 @@ import msgspec
 from msgspec import Meta
 
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
+from winchcascade.core.toml_file import Table, convert, read_toml, toml_values
 
-Ranges = Annotated[
-    tuple[tuple[float, float], ...],
-    Meta(description="pairs of begin and end in seconds, such as [[10.0, 25.0]]"),
-]
+Ranges = tuple[tuple[float, float], ...]
 """Begin and end of cycles that are given by time. [s]"""
 
 
@@ -75,15 +73,21 @@ CAMPAIGN_FILE = "campaign.toml"
 Cycles = tuple[int, int]
 """First and last cycle that count, both included."""
 
-Load = Annotated[float, Meta(gt=0.0, description="a resistance above 0 in ohms, or inf for an open circuit")]
-LogFile = Annotated[Path, Meta(description='the name of a file, such as "r36ohm.csv"')]
+Load = Annotated[float, Meta(gt=0.0)]
+"""Resistance of a load, inf for an open circuit. [ohm]"""
 
 
 class CampaignRun(
     msgspec.Struct,
     frozen=True,
     forbid_unknown_fields=True,
-    rename={"load": "load_ohm", "window": "window_s", "ranges": "ranges_s", "temperature": "temperature_c"},
+    rename={
+        "load": "load_ohm",
+        "window": "window_s",
+        "ranges": "ranges_s",
+        "temperature": "temperature_c",
+        "sentence": "origin",
+    },
 ):
     """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
     its data come from.
@@ -97,17 +101,16 @@ class CampaignRun(
     winding or the housing during the run, as the file states it [degC].
     """
 
-    file: LogFile
+    file: Path
     load: Load | None = None
     window: Annotated[float, Meta(gt=0.0, lt=1e9)] | None = None
     cycles: Cycles | None = None
     withheld: bool = False
     ranges: Ranges = ()
-    origin: Origin = Origin()
-    sheet: Annotated[str, Meta(pattern=r"\S", description="the name or the number of a table in the file")] | None = (
-        None
-    )
-    simulated: LogFile | None = None
+    measured: bool | None = None
+    sentence: str = ""
+    sheet: Annotated[str, Meta(pattern=r"\S")] | None = None
+    simulated: Path | None = None
     started: datetime | None = None
     temperature: Annotated[float, Meta(ge=-60.0, le=400.0)] | None = None
 
@@ -116,6 +119,11 @@ class CampaignRun(
         check_ranges(self.ranges)
         if self.cycles is not None and not 1 <= self.cycles[0] <= self.cycles[1]:
             raise ValueError(f"cycles is {list(self.cycles)}; expected first and last from 1 on, such as [1, 20].")
+
+    @property
+    def origin(self) -> Origin:
+        """Where the data come from."""
+        return Origin(self.measured, " ".join(self.sentence.split()))
 
 
 class Campaign(msgspec.Struct, frozen=True):
@@ -132,37 +140,55 @@ class Campaign(msgspec.Struct, frozen=True):
         return self.title or self.path.resolve().parent.name
 
 
+class _CampaignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A campaign file as written."""
+
+    run: Annotated[list[Table], Meta(min_length=1)]
+    title: str = ""
+    rig: str | None = None
+    measured: bool | None = None
+    origin: str = ""
+
+
 def load_campaign(path: Path) -> Campaign:
     """Read a campaign.toml, or the one in a folder; CampaignError names what is wrong and where."""
     if path.is_dir():
         path = path / CAMPAIGN_FILE
-    if path.exists() and not path.is_file():
-        raise CampaignError(f"{path}: is a device or a pipe; expected a campaign.toml.")
-    if path.is_file() and path.suffix.casefold() != ".toml":
+    if path.exists() and not (path.is_file() and path.suffix.casefold() == ".toml"):
         raise CampaignError(
             f"{path}: is no campaign; expected a {CAMPAIGN_FILE} that lists the logs, or a folder with one."
         )
     raw = toml_values(read_toml(path, CampaignError), str(path), CampaignError)
     file: _CampaignFile = convert(raw, _CampaignFile, f"{path}:", CampaignError)
-    listed = tuple(_run(run, f"{path}: run {k}", path, file) for k, run in enumerate(file.run, 1))
-    _check_offsets(listed, path)
-    withheld = [k for k, run in enumerate(listed) if run.withheld]
-    if withheld:
-        names = [run.file.name for run in listed]
-        logs = [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed]
-        check_held_out(names, logs, [run.cycles for run in listed], withheld, str(path))
-    rig = file.rig
-    return Campaign(path, file.title, str(path.parent / rig) if rig and isfile(path.parent / rig) else rig, listed)
-
-
-def _check_offsets(runs: Sequence[CampaignRun], path: Path) -> None:
-    """Reject times with an offset from UTC beside times without one: their order is unknown."""
-    with_offset = {run.started.tzinfo is not None: k for k, run in enumerate(runs, 1) if run.started is not None}
+    listed = tuple(_run(run, f"{path}: run {k}:", path, file) for k, run in enumerate(file.run, 1))
+    with_offset = {run.started.tzinfo is not None: k for k, run in enumerate(listed, 1) if run.started is not None}
     if len(with_offset) > 1:
         raise CampaignError(
             f"{path}: started of run {with_offset[True]} has an offset from UTC, and that of run {with_offset[False]} has "
             "none; expected one in every run, or in none. Add it, such as +02:00, or leave it out."
         )
+    if withheld := [k for k, run in enumerate(listed) if run.withheld]:
+        logs = [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed]
+        check_held_out([run.file.name for run in listed], logs, [run.cycles for run in listed], withheld, str(path))
+    rig = file.rig
+    return Campaign(path, file.title, str(path.parent / rig) if rig and isfile(path.parent / rig) else rig, listed)
+
+
+def _run(raw: Table, place: str, path: Path, campaign: _CampaignFile) -> CampaignRun:
+    """One [[run]] table, with what the campaign states of the data.
+
+    The sentence of the campaign is about data of its kind: an entry of the other kind does not take it over.
+    """
+    stated = {"measured": campaign.measured, **raw}
+    if stated["measured"] == campaign.measured:
+        stated = {"origin": campaign.origin, **stated}
+    for key in ("file", "simulated"):
+        if isinstance(name := raw.get(key), str) and name and "\0" not in name:
+            stated[key] = path.parent / name
+    if isinstance(raw.get("sheet"), int):
+        stated["sheet"] = str(raw["sheet"])
+    run: CampaignRun = convert(stated, CampaignRun, place, CampaignError)
+    return run
 
 
 def check_held_out(
@@ -176,14 +202,10 @@ def check_held_out(
     cycles : of each run the first and the last that count, None for all
     withheld : numbers of the runs that are withheld, from 0
     """
-    listed: dict[str, list[int]] = {}
-    for k, log in enumerate(logs):
-        listed.setdefault(log, []).append(k)
-    pairs = [(held, kept) for held in withheld if logs[held] for kept in listed[logs[held]] if kept not in withheld]
-    for k, n in sorted((min(pair), max(pair)) for pair in pairs):
-        (a, b), (c, d) = cycles[k] or (1, math.inf), cycles[n] or (1, math.inf)
-        if a <= d and c <= b:
-            held, kept = (k, n) if k in withheld else (n, k)
+    for held, kept in product(withheld, range(len(logs))):
+        (a, b), (c, d) = cycles[held] or (1, math.inf), cycles[kept] or (1, math.inf)
+        if logs[held] and logs[held] == logs[kept] and kept not in withheld and a <= d and c <= b:
+            k, n = sorted((held, kept))
             raise CampaignError(
                 f"{place}: runs {k + 1} ({names[k]}) and {n + 1} ({names[n]}) are the same log, and run {held + 1} is "
                 f"withheld; a withheld log takes part in no fit. Remove run {kept + 1}, or give each its own cycles."
@@ -193,13 +215,7 @@ def check_held_out(
 def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, CampaignRun] | None:
     """The campaign in the folder of a log and its entry there, None if there is none or it does not list the log.
 
-    Parameters
-    ----------
-    sheet : of the log, as the campaign names it; needed where it lists several
-
-    Raises
-    ------
-    CampaignError : the campaign cannot be read, or lists several sheets of the log and none is given
+    CampaignError if it cannot be read, or lists several sheets of the log and none is given.
     """
     path = log.parent / CAMPAIGN_FILE
     if not path.is_file():
@@ -220,44 +236,3 @@ def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, Camp
             "it with --sheet NAME, table= in Python, or reduce all by `winchcascade batch`."
         )
     return (campaign, listed[0]) if listed else None
-
-
-class _Stated(msgspec.Struct, frozen=True):
-    """What an entry of a campaign states of its data."""
-
-    measured: bool | None = None
-    origin: str | None = None
-
-
-class _CampaignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A campaign file as written."""
-
-    run: Annotated[list[Table], Meta(min_length=1, description="a [[run]] table with file and load_ohm for each log")]
-    title: str = ""
-    rig: str | None = None
-    measured: bool | None = None
-    origin: str = ""
-
-
-def _run(raw: Table, place: str, path: Path, campaign: _CampaignFile) -> CampaignRun:
-    """Convert one [[run]] table."""
-    check_keys(raw, (*CampaignRun.__struct_encode_fields__, "measured"), f"{place}:", CampaignError)
-    stated = {key: value for key, value in raw.items() if key not in ("measured", "origin")}
-    stated["origin"] = _origin(convert(raw, _Stated, f"{place}:", CampaignError), campaign)
-    for key in ("file", "simulated"):
-        if isinstance(name := raw.get(key), str) and name and "\0" not in name:
-            stated[key] = path.parent / name
-    if isinstance(raw.get("sheet"), int):
-        stated["sheet"] = str(raw["sheet"])
-    run: CampaignRun = convert(stated, CampaignRun, f"{place}:", CampaignError)
-    return run
-
-
-def _origin(entry: _Stated, campaign: _CampaignFile) -> Origin:
-    """What an entry states of its data, else what the campaign states.
-
-    The sentence of the campaign is about data of its kind: an entry of the other kind does not take it over.
-    """
-    measured = campaign.measured if entry.measured is None else entry.measured
-    inherited = campaign.origin if measured == campaign.measured else ""
-    return Origin(measured, " ".join((inherited if entry.origin is None else entry.origin).split()))

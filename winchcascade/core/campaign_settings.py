@@ -57,15 +57,7 @@ def settings_beside(
 ) -> LogSettings:
     """Settings of a log by the campaign.toml in its folder, if that lists it; those of the rig alone without one.
 
-    Parameters
-    ----------
-    rig : in place of that of the campaign
-    read : of the rig that a campaign names
-
-    Raises
-    ------
-    CampaignError : the campaign.toml cannot be used, or lists several sheets of the log and none is given
-    RigError : the rig that it names cannot be used
+    A given rig counts before that of the campaign, which `read` reads. Raises CampaignError as `campaign_beside`, and RigError.
     """
     beside = campaign_beside(log, sheet)
     if beside is None:
@@ -81,19 +73,6 @@ def _listed_in_parts(campaign: Campaign, entry: CampaignRun) -> Finding | None:
     others = [run for run in others if realpath(run.file) == file]
     if not others:
         return None
-    message = (
-        f"{campaign.path.name} lists this log {len(others) + 1} times: {_part(entry)} here, and elsewhere "
-        f"{' and '.join(map(_part, others))}"
-    )
+    message = f"{campaign.path.name} lists this log {len(others) + 1} times, with other cycles, load or window each"
     action = f"the first entry is reduced; `winchcascade batch {campaign.path}` reduces each"
     return Finding("listed_in_parts", message, action, count=len(others))
-
-
-def _part(run: CampaignRun) -> str:
-    """The cycles of an entry, with its load and its window where they are stated."""
-    cycles = "all cycles" if run.cycles is None else f"cycles {run.cycles[0]} to {run.cycles[1]}"
-    cycles = ", ".join(f"{begin:g} to {end:g} s" for begin, end in run.ranges) or cycles
-    load = "" if run.load is None else f"load {run.load:g} ohm"
-    window = "" if run.window is None else f"window {run.window:g} s"
-    stated = ", ".join(text for text in (load, window) if text)
-    return f"{cycles} ({stated})" if stated else cycles

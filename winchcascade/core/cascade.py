@@ -1,15 +1,22 @@
-"""The cascade of a rig: its stages in the direction in which power flows, and the metrics that follow from them."""
+"""The cascade of a rig: its stages in the direction in which power flows, how a rig file states them, and their metrics."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Collection, Mapping
-from functools import cache, cached_property, reduce
+from functools import cache, reduce
 from itertools import pairwise
 from operator import add, mul
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import msgspec
+from msgspec import Meta
 from msgspec.structs import replace
+
+from winchcascade.core.channels import Channel
+from winchcascade.core.errors import RigError
+from winchcascade.core.toml_file import Table, check_keys, convert
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,11 +43,8 @@ class Term(msgspec.Struct, frozen=True):
     @property
     def text(self) -> str:
         """The term as a rig file writes it, without its sign."""
-        factors = (
-            self.channels
-            if abs(self.constant) == 1.0 and self.channels
-            else (f"{abs(self.constant):g}", *self.channels)
-        )
+        constant = () if abs(self.constant) == 1.0 and self.channels else (f"{abs(self.constant):g}",)
+        factors = (*constant, *self.channels)
         return " * ".join(factors) + (" / r_drum" if self.by_radius else "")
 
     def scale(self, r_drum: float | None) -> float:
@@ -117,21 +121,16 @@ class Stage(msgspec.Struct, frozen=True):
         return None if stream is None else stream(slice(None))
 
 
-def _built_in(name: str, where: str, *terms: Term) -> Stage:
-    """A stage whose power may be made of any of some terms."""
-    return Stage(name, tuple(Power((term,)) for term in terms), where)
-
-
 _SHAFT = Term(("power_mech",)), Term(("torque", "velocity"), by_radius=True), Term(("torque", "speed"))
 
 BUILT_IN: dict[str, Stage] = {
-    stage.name: stage
-    for stage in (
-        _built_in("line", "the line (force times speed)", Term(("force", "velocity"))),
-        _built_in("mech", "the shaft", *_SHAFT),
-        _built_in("gen", "the DC link (Vdc times Idc)", Term(("vdc", "idc"))),
-        _built_in("hyd", "the hydraulic circuit (pressure times flow)", Term(("pressure", "flow"))),
-        _built_in("ac", "the AC terminals", Term(("power_ac",))),
+    name: Stage(name, tuple(Power((term,)) for term in terms), where)
+    for name, where, *terms in (
+        ("line", "the line (force times speed)", Term(("force", "velocity"))),
+        ("mech", "the shaft", *_SHAFT),
+        ("gen", "the DC link (Vdc times Idc)", Term(("vdc", "idc"))),
+        ("hyd", "the hydraulic circuit (pressure times flow)", Term(("pressure", "flow"))),
+        ("ac", "the AC terminals", Term(("power_ac",))),
     )
 }
 """Stages that a rig file need not define."""
@@ -151,98 +150,80 @@ _OF_THE_LINE = {
 """Energies of a whole cycle: the stage whose power is integrated, and the span over which."""
 
 
-class Cascade(msgspec.Struct, frozen=True, dict=True):
-    """Stages of a rig in the direction in which power flows; `configured` if a rig file states them."""
+class Cascade(msgspec.Struct, frozen=True):
+    """Stages of a rig in the direction in which power flows; `configured` if a rig file states them. All else follows.
+
+    Parameters
+    ----------
+    names : of the stages
+    channels : that the powers may be made of, and the line velocity
+    parts : each energy of a cycle with the stage whose power is integrated, and the span over which. A whole cycle has net
+        energies where line and DC link belong to the cascade
+    pairs : each efficiency with the stages that it leads from and to; neighbours first, then the whole cascade
+    neighbours : efficiencies from each stage to the next
+    overall : efficiency from the first stage to the last; that of a single stage to itself is never evaluated
+    ratios : each efficiency of a window with the energies that come out and go in
+    net_ratios, all_ratios : the same of whole cycles, and of both
+    energies : of a window
+    metrics : of a window: energies [J], mean powers [W] and efficiencies [1]
+    net_metrics : of a whole cycle, which do not depend on the window: line energy of the payout, line energy returned in
+        haul-in, net line energy from onset to next onset, energy at the DC link over the same span [J], and the ratio of the
+        last two [1]
+    all_metrics : of windows and of whole cycles
+    """
 
     stages: tuple[Stage, ...]
     configured: bool = False
+    names: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
+    parts: dict[str, tuple[str, str]] = {}
+    pairs: dict[str, tuple[str, str]] = {}
+    neighbours: tuple[str, ...] = ()
+    overall: str = ""
+    ratios: dict[str, tuple[str, str]] = {}
+    net_ratios: dict[str, tuple[str, str]] = {}
+    all_ratios: dict[str, tuple[str, str]] = {}
+    energies: tuple[str, ...] = ()
+    metrics: tuple[str, ...] = ()
+    net_metrics: tuple[str, ...] = ()
+    all_metrics: tuple[str, ...] = ()
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the stages."""
-        return tuple(stage.name for stage in self.stages)
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Channels that the powers may be made of, and the line velocity."""
+    def __post_init__(self) -> None:
+        """Derive what follows from the stages; efficiencies of the paper have its names, others are made of both stages."""
+        names = tuple(stage.name for stage in self.stages)
         factors = (name for stage in self.stages for power in stage.powers for name in power.channels)
-        return tuple(dict.fromkeys(("velocity", *factors)))
-
-    @cached_property
-    def parts(self) -> dict[str, tuple[str, str]]:
-        """Each energy of a cycle: the stage whose power is integrated, and the span over which. A whole cycle has net energies
-        where line and DC link belong to the cascade.
-        """
-        return {name: (name, "window") for name in self.names} | (
-            _OF_THE_LINE if {"line", "gen"} <= {*self.names} else {}
-        )
-
-    @cached_property
-    def pairs(self) -> dict[str, tuple[str, str]]:
-        """Each efficiency: the stage that it leads from and the one that it leads to; neighbours first, then the whole cascade.
-
-        Those of the paper have its names, others are made of both stages.
-        """
-        names = self.names
-        pairs = [*pairwise(names), *([(names[0], names[-1])] if len(names) > 2 else [])]
-        return {_PAPER_NAMES.get(pair) or f"eta_{pair[0]}_{pair[1]}": pair for pair in pairs}
-
-    @cached_property
-    def ratios(self) -> dict[str, tuple[str, str]]:
-        """Each efficiency of a window: the energy that comes out and the one that goes in."""
-        return {eta: (f"energy_{out}", f"energy_{into}") for eta, (into, out) in self.pairs.items()}
-
-    @property
-    def neighbours(self) -> tuple[str, ...]:
-        """Efficiencies from each stage to the next."""
-        return tuple(self.pairs)[: len(self.stages) - 1]
-
-    @property
-    def overall(self) -> str:
-        """Efficiency from the first stage to the last; that of a single stage to itself is never evaluated."""
-        return (*self.pairs, f"eta_{self.names[0]}_{self.names[0]}")[max(len(self.pairs) - 1, 0)]
-
-    @cached_property
-    def net_ratios(self) -> dict[str, tuple[str, str]]:
-        """Efficiency of whole cycles."""
-        return {"eta_net": ("energy_gen_cycle", "energy_net")} if "net" in self.parts else {}
-
-    @cached_property
-    def all_ratios(self) -> dict[str, tuple[str, str]]:
-        """Efficiencies of windows and of whole cycles."""
-        return self.ratios | self.net_ratios
-
-    @cached_property
-    def energies(self) -> tuple[str, ...]:
-        """Names of the energies of a window."""
-        return tuple(f"energy_{name}" for name in self.names)
-
-    @cached_property
-    def metrics(self) -> tuple[str, ...]:
-        """Metrics of a window: energies [J], mean powers [W] and efficiencies [1]."""
-        return (*self.energies, *(f"power_{name}" for name in self.names), *self.pairs)
-
-    @cached_property
-    def net_metrics(self) -> tuple[str, ...]:
-        """Metrics of a whole cycle, which do not depend on the window: line energy of the payout, line energy returned in
-        haul-in, net line energy from onset to next onset, energy at the DC link over the same span [J], and the ratio of the
-        last two [1]."""
-        return (*(f"energy_{name}" for name in self.parts if name in _OF_THE_LINE), *self.net_ratios)
-
-    @cached_property
-    def all_metrics(self) -> tuple[str, ...]:
-        """Metrics of windows and of whole cycles."""
-        return self.metrics + self.net_metrics
+        net = {"line", "gen"} <= {*names}
+        pairs = {
+            _PAPER_NAMES.get((into, out)) or f"eta_{into}_{out}": (into, out)
+            for into, out in (*pairwise(names), *([(names[0], names[-1])] if len(names) > 2 else []))
+        }
+        ratios = {eta: (f"energy_{out}", f"energy_{into}") for eta, (into, out) in pairs.items()}
+        net_ratios = {"eta_net": ("energy_gen_cycle", "energy_net")} if net else {}
+        energies = tuple(f"energy_{name}" for name in names)
+        metrics = (*energies, *(f"power_{name}" for name in names), *pairs)
+        net_metrics = (*(f"energy_{name}" for name in _OF_THE_LINE), "eta_net") if net else ()
+        derived = {
+            "names": names,
+            "channels": tuple(dict.fromkeys(("velocity", *factors))),
+            "parts": {name: (name, "window") for name in names} | (_OF_THE_LINE if net else {}),
+            "pairs": pairs,
+            "neighbours": tuple(pairs)[: len(names) - 1],
+            "overall": list(pairs)[-1] if pairs else f"eta_{names[0]}_{names[0]}",
+            "ratios": ratios,
+            "net_ratios": net_ratios,
+            "all_ratios": ratios | net_ratios,
+            "energies": energies,
+            "metrics": metrics,
+            "net_metrics": net_metrics,
+            "all_metrics": metrics + net_metrics,
+        }
+        for name, value in derived.items():
+            msgspec.structs.force_setattr(self, name, value)
 
     def as_read(self, turned: Collection[str]) -> Cascade:
         """The cascade for channels of which some have another sign than in the log."""
-        return replace(
-            self, stages=tuple(replace(s, powers=tuple(p.as_read(turned) for p in s.powers)) for s in self.stages)
-        )
-
-    def between(self, efficiency: str) -> tuple[str, str]:
-        """Stages that an efficiency leads from and to."""
-        return self.pairs[efficiency]
+        stages = (replace(stage, powers=tuple(one.as_read(turned) for one in stage.powers)) for stage in self.stages)
+        return replace(self, stages=tuple(stages))
 
     def undelivered(self, efficiency: str) -> bool:
         """Whether an efficiency is not evaluated in an open circuit, as its stage delivers nothing there."""
@@ -264,3 +245,98 @@ _SUFFIX = {"energy": "_j", "power": "_w"}
 
 PAPER = Cascade(tuple(BUILT_IN[name] for name in ("line", "mech", "gen")))
 """The cascade of the paper: line, shaft, DC link."""
+
+
+_RESERVED = ("payout", "returned", "net", "trans", "pto")
+"""Names that metrics of whole cycles and of the paper have."""
+
+_PRODUCTS = ({"force", "velocity"}, {"torque", "rotation"}, {"voltage", "current"}, {"pressure", "flow"})
+"""Dimensions of two channels whose product is a power; a constant may stand for one of them."""
+
+_FACTOR = r"\s*([A-Za-z]\w*|\d+(\.\d*)?([eE][+-]?\d+)?)\s*"
+
+_TERM = re.compile(rf"\s*(?P<sign>[+-]?)(?P<factors>{_FACTOR}(\*{_FACTOR})*)")
+"""One term of a power: its sign, and its factors, which are names of channels and numbers."""
+
+
+class _Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Table [cascade]: stages in the direction in which power flows."""
+
+    stages: Annotated[tuple[str, ...], Meta(min_length=1)]
+
+
+class _Stage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Table [stage.NAME]: power as `read_power` reads it, and the place where it flows."""
+
+    power: str
+    where: str = ""
+
+
+def read_cascade(table: object, own: Mapping[str, Table], known: Mapping[str, Channel], rig: str) -> Cascade:
+    """Read table [cascade], None without one, and tables [stage.NAME] of a rig file; the cascade of the paper without any.
+
+    RigError for an unknown stage or channel, a stage that is listed twice, and a product that is no power.
+    """
+    if table is None and not own:
+        return PAPER
+    stages = BUILT_IN | {name: _read_stage(name, stage, known, f"{rig}: [stage.{name}]") for name, stage in own.items()}
+    order = PAPER.names if table is None else convert(table, _Order, f"{rig}: [cascade]", RigError).stages
+    check_keys(order, stages, f"{rig}: [cascade] stages:", RigError)
+    if len(set(order)) < len(order):
+        raise RigError(f"{rig}: [cascade] stages: {', '.join(order)}; expected each stage once.")
+    return Cascade(tuple(stages[name] for name in order), configured=True)
+
+
+def _read_stage(name: str, raw: Table, known: Mapping[str, Channel], place: str) -> Stage:
+    """The stage of a table [stage.NAME]; its name is a part of names such as `energy_hyd_j` and `eta_mech_hyd`."""
+    table: _Stage = convert(raw, _Stage, place, RigError)
+    if re.fullmatch(r"[A-Za-z][A-Za-z0-9]*", name) is None or name in _RESERVED:
+        raise RigError(
+            f"{place}: expected a name of letters and digits that is none of {', '.join(_RESERVED)}, such as hyd."
+        )
+    power = read_power(table.power, known, f"{place}: power = {table.power!r}")
+    return Stage(name, (power,), table.where or (BUILT_IN[name].where if name in BUILT_IN else power.text))
+
+
+def read_power(text: str, known: Mapping[str, Channel], place: str) -> Power:
+    """Read a power: terms joined by + and -, each a product of channels and constants.
+
+    RigError, with the place of the text, for another text, an unknown channel, or a term that is no power.
+
+    >>> from winchcascade.core.channels import CHANNELS
+    >>> read_power("vdc * idc - 60 * idc", CHANNELS, "rig.toml").terms[1]
+    Term(channels=('idc',), constant=-60.0, by_radius=False)
+    """
+    terms: list[Term] = []
+    end = 0
+    while end < len(text) or not terms:
+        found = _TERM.match(text, end)
+        if found is None or (terms and not found["sign"]):
+            raise RigError(
+                f"{place}: {text[end:].strip()[:40]!r} is no term of a power; expected products of channels and constants, "
+                'joined by + and -, such as "vdc * idc + 60 * charge".'
+            )
+        terms.append(_term(found["sign"] == "-", found["factors"], known, place))
+        end = found.end()
+    if not any(term.channels for term in terms):
+        raise RigError(f"{place} is no power; expected at least one channel.")
+    return Power(tuple(terms))
+
+
+def _term(negative: bool, text: str, known: Mapping[str, Channel], place: str) -> Term:
+    """One term of a power; RigError for an unknown channel and for a product that is no power."""
+    factors = [factor.strip() for factor in text.split("*")]
+    channels = tuple(factor for factor in factors if not factor[0].isdigit())
+    constant = math.prod(float(factor) for factor in factors if factor[0].isdigit())
+    check_keys(channels, known, f"{place}: channel", RigError)
+    by_radius = set(channels) == {"torque", "velocity"} and len(channels) == 2
+    dimensions = [known[channel].dimension for channel in channels]
+    is_power = by_radius or dimensions == ["power"] or (len(channels) == 2 and set(dimensions) in _PRODUCTS)
+    if len(factors) > len(channels) and len(channels) < 2:
+        is_power = not channels or dimensions[0] in {"power"}.union(*_PRODUCTS)
+    if not is_power or not 0.0 < constant < math.inf:
+        raise RigError(
+            f"{place}: {text.strip()!r} is no power; expected a channel in W, force * velocity, torque * speed, a voltage "
+            "times a current, or a pressure times a flow, one of which may be a constant in SI units."
+        )
+    return Term(channels, -constant if negative else constant, by_radius)

@@ -124,12 +124,7 @@ _PDF = rb"/Author\s*\(" + _VERSION + rb"\)\s*/Creator\s*\(Typst "
 
 
 def is_marked(path: Path) -> bool:
-    """Whether a file carries this tool's mark where this tool writes it, or is empty.
-
-    Raises
-    ------
-    OSError : the file cannot be read
-    """
+    """Whether a file carries this tool's mark where this tool writes it, or is empty; OSError if it cannot be read."""
     with path.open("rb") as file:
         head = file.read(LOOK)
         file.seek(max(0, file.seek(0, 2) - LOOK))
@@ -166,16 +161,10 @@ def _schema_of(path: Path, head: bytes) -> bytes:
 
 
 def write_whole(path: Path, write: Callable[[Path], object], *, force: bool = False) -> None:
-    """Write a file through a temporary one beside it and rename it into place.
+    """Write a file by a function that is given a temporary path beside it, and rename it into place.
 
-    Parameters
-    ----------
-    write : is given the temporary path and writes the whole content there
-    force : replace an existing file whatever made it
-
-    Raises
-    ------
-    OutputError : the folder does not exist or cannot be written, or the file is not this tool's own
+    OutputError if the folder does not exist or cannot be written, or, without `force`, if a file that is there is not this
+    tool's own.
     """
     path = Path(os.path.realpath(path))  # a link stays a link to what is written
     check_replaceable(path, force=force)
@@ -191,13 +180,7 @@ def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -
     """Write several files of one folder: all are whole before the first is put in place, in their order. Files that are
     there are replaced, also links, but never what a link leads to.
 
-    Parameters
-    ----------
-    without : files that the new ones make outdated; they are removed
-
-    Raises
-    ------
-    OutputError : a file cannot be written; then all are as before
+    Outdated files, `without` which the set is whole, are removed. OutputError if one cannot be written; all are then as before.
     """
     path = None
     try:

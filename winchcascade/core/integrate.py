@@ -121,20 +121,8 @@ def white_noise(x: Signal) -> float:
 
 
 def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
-    """Integrate a signal over windows: trapezoids whose two ends are interpolated (Eq. 5).
+    """Integrate a signal over windows, (k,), as `integrals_of` does several.
 
-    Parameters
-    ----------
-    t : (n,) stamps that rise [s]
-    stream : gives the signal for some rows of the log, so that a power need not be made for all of it at once
-    windows : (k, 2) begin and end of each window [s], within the log
-
-    Returns
-    -------
-    (k,) in the unit of the signal times seconds
-
-    Examples
-    --------
     >>> x = np.array([0.0, 2.0, 4.0])
     >>> integrals(np.array([0.0, 1.0, 2.0]), x.__getitem__, np.array([[0.5, 1.5]])).tolist()
     [2.0]
@@ -143,7 +131,18 @@ def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
 
 
 def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
-    """Integrate several signals over the same windows, (m, k): as `integrals`, with the places of the windows found once."""
+    """Integrate signals over windows: trapezoids whose two ends are interpolated (Eq. 5).
+
+    Parameters
+    ----------
+    t : (n,) stamps that rise [s]
+    streams : each gives a signal for some rows of the log, so that a power need not be made for all of it at once
+    windows : (k, 2) begin and end of each window [s], within the log
+
+    Returns
+    -------
+    (m, k) in the unit of the signals times seconds
+    """
     at = np.minimum(np.maximum(np.searchsorted(t, windows, side="right") - 1, 0), t.size - 2)
     ends = at.ravel()
     order = np.argsort(ends, kind="stable")
@@ -182,13 +181,8 @@ def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:
     return np.cumsum(0.5 * steps, axis=1)
 
 
-def means(t: Signal, stream: Stream, windows: Signal) -> Signal:
-    """Time mean of a signal over each window, (k,) in the unit of the signal; NaN for a window without length."""
-    return np.asarray(means_of(t, [stream], windows)[0])
-
-
 def means_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
-    """Time means of several signals over the same windows, (m, k): as `means`."""
+    """Time means of several signals over the same windows, (m, k), in their units; NaN for a window without length."""
     length = windows[:, 1] - windows[:, 0]
     return integrals_of(t, streams, windows) / np.where(length > 0, length, np.nan)
 

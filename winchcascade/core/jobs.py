@@ -91,12 +91,8 @@ def side_by_side(one: Callable[[], A], other: Callable[[], B], *, samples: int) 
 def all_at_once(jobs: Sequence[Callable[[], A]], sizes: Sequence[float] | None = None) -> list[A]:
     """Run jobs on some threads, and give their results in the jobs' order.
 
-    Parameters
-    ----------
-    sizes : of the jobs, in any unit; the largest begins first, so that no thread works long after the others
+    The job of the largest of `sizes` begins first, so that no thread works long after the others.
 
-    Examples
-    --------
     >>> all_at_once([lambda: 1, lambda: 2, lambda: 3])
     [1, 2, 3]
     """
@@ -136,14 +132,7 @@ class Watch(Protocol):
 class Nobody:
     """Watches no work."""
 
-    def begin(self, kept: int, todo: int) -> None:
-        """Hear nothing."""
-
-    def done(self, name: str, fault: str | None) -> None:
-        """Hear nothing."""
-
-    def waiting(self, folder: Path) -> None:
-        """Hear nothing."""
+    begin = done = waiting = staticmethod(lambda *_, **__: None)
 
 
 def processes() -> int:
@@ -172,16 +161,9 @@ class Workers(msgspec.Struct, frozen=True):
 def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) -> Iterator[Outcome[Done]]:
     """Run jobs on processes of this machine, in this one if a single worker is wanted; outcomes come in any order.
 
-    Processes are spawned, never forked, so it works alike on every system. Where one dies (without memory, for example), what
-    is not done yet is tried once more, each job in a process of its own.
-
-    Parameters
-    ----------
-    work : a function of a module, so that another process can find it
-
-    Raises
-    ------
-    OptionError : no process can be started
+    `work` is a function of a module: processes are spawned, never forked, so it works alike on every system. Where one dies
+    (without memory, for example), what is not done yet is tried once more, each job in a process of its own. OptionError if no
+    process can be started.
     """
     workers = min(workers, len(jobs), MAX_WORKERS)
     if workers <= 1:
@@ -291,9 +273,7 @@ def end_on_signals(sentences: Mapping[signal.Signals, str]) -> None:
 def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], scheduler: str) -> Iterator[Outcome[Done]]:
     """Run jobs on an existing Dask scheduler; outcomes come in any order.
 
-    Raises
-    ------
-    OptionError : Dask is not installed, or the scheduler cannot be reached
+    OptionError if Dask is not installed, or the scheduler cannot be reached.
     """
     such = "expected that of a running scheduler, such as tcp://10.0.0.1:8786."
     if not re.fullmatch(r"(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}", scheduler):

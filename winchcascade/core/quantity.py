@@ -22,7 +22,6 @@ KGCM2 = KGF * 1e4
 ATMOSPHERE = 101325.0
 """Standard atmosphere: what an absolute pressure has over a gauge pressure. [Pa]"""
 
-
 TURN = 6.283185307179586
 """Radians in one revolution."""
 
@@ -43,19 +42,13 @@ def _plain(text: str) -> str:
 _FOLDED = str.maketrans(dict.fromkeys("·⋅•∙*×", ".") | dict.fromkeys("^ ", "") | dict.fromkeys("⁻\u2212", "-"))
 
 
-def _read_units() -> dict[str, list[tuple[Unit, list[str]]]]:
-    """Units of each dimension with their spellings, as `units.toml` beside this module lists them."""
-    text = (Path(__file__).parent / "units.toml").read_text(encoding="utf-8")
-    return {
-        dimension: [
-            (Unit(dimension, *(size if isinstance(size, list) else (size,))), names.split())
-            for names, size in rows.items()
-        ]
-        for dimension, rows in tomllib.loads(text).items()
-    }
-
-
-_BY_DIMENSION = _read_units()
+_BY_DIMENSION: dict[str, list[tuple[Unit, list[str]]]] = {
+    dimension: [
+        (Unit(dimension, *(size if isinstance(size, list) else (size,))), names.split()) for names, size in rows.items()
+    ]
+    for dimension, rows in tomllib.loads((Path(__file__).parent / "units.toml").read_text(encoding="utf-8")).items()
+}
+"""Units of each dimension with their spellings, as `units.toml` beside this module lists them."""
 
 UNITS = {_plain(name): unit for rows in _BY_DIMENSION.values() for unit, names in rows for name in names}
 """Every unit that a log or a rig file may name; pressures are gauge unless named as absolute."""

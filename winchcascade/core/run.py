@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
-from winchcascade.core.arguments import LOAD, check_arguments
+from winchcascade.core.arguments import LOAD, RATE, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
 from winchcascade.core.public_names import public
 from winchcascade.core.rig_file import Rig
@@ -18,7 +18,6 @@ LOAD_HEADER = "Load (ohm)"
 
 SIMULATED_HEADERS = ("Generator speed (rpm)", "Stator current (A rms)", "Air-gap torque (N.m)")
 """Columns that all together mark a log as simulated: a rig may measure one of them, as the speed of its generator."""
-
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,50 +41,16 @@ else:
 
 
 FindingKind = Literal[
-    "rig_assumed",
-    "missing_channel",
-    "derived_channel",
-    "dropped_samples",
-    "not_a_number",
-    "repeated_stamp",
-    "backward_stamp",
-    "repeated_rows",
-    "clock_jitter",
-    "out_of_range",
-    "stuck",
-    "spike",
-    "truncated",
-    "unit_assumed",
-    "sign_flipped",
-    "slack_line",
-    "incomplete_cycle",
-    "unknown_column",
-    "ambiguous_column",
-    "load_mismatch",
-    "coarse_sampling",
-    "coarse_resolution",
-    "clock_mismatch",
-    "channel_lag",
-    "zero_offset",
-    "gain_step",
-    "stroke_mismatch",
-    "repeated_log",
-    "open_clutch_torque",
-    "window_beyond_payout",
-    "phase_source",
-    "unit_conflict",
-    "speed_mismatch",
-    "efficiency_change",
-    "efficiency_above_one",
-    "origin_conflict",
-    "dead_channel",
-    "sign_mismatch",
-    "listed_in_parts",
-]
+    "rig_assumed", "missing_channel", "derived_channel", "dropped_samples", "not_a_number", "repeated_stamp", "backward_stamp",
+    "repeated_rows", "clock_jitter", "out_of_range", "stuck", "spike", "truncated", "unit_assumed", "sign_flipped",
+    "slack_line", "incomplete_cycle", "unknown_column", "ambiguous_column", "load_mismatch", "coarse_sampling",
+    "coarse_resolution", "clock_mismatch", "channel_lag", "zero_offset", "gain_step", "stroke_mismatch", "repeated_log",
+    "open_clutch_torque", "window_beyond_payout", "phase_source", "unit_conflict", "speed_mismatch", "efficiency_change",
+    "efficiency_above_one", "origin_conflict", "dead_channel", "sign_mismatch", "listed_in_parts",
+]  # fmt: skip
 
 CLOCK = "clock"
 """Key in `Run.gaps` of the gaps that concern every channel: rows that were never logged or could not be kept."""
-
 
 Repairs = Literal["on", "off"]
 """Whether faults of a log are repaired; `off` keeps what was logged and lists what would be repaired."""
@@ -211,12 +176,13 @@ class Run(msgspec.Struct, frozen=True):
     repairs: Repairs = "on"
 
     def __post_init__(self) -> None:
-        """Check a run that was not read by this program. Raises OptionError as `checked_fields`."""
-        from winchcascade.core.checked_run import SealedChannels, checked_fields
+        """Check a run that was not read by this program. Raises OptionError as `checked_arrays`."""
+        from winchcascade.core.checked_run import SealedChannels, checked_arrays
 
         check_arguments("Run", ("load", self.load, LOAD))
         if not isinstance(self.channels, SealedChannels):
-            for name, value in checked_fields(msgspec.structs.asdict(self)).items():
+            check_arguments("Run", ("fs", self.fs, RATE))
+            for name, value in checked_arrays(self.name, self.t, self.channels, self.labels).items():
                 msgspec.structs.force_setattr(self, name, value)
 
     def __repr__(self) -> str:

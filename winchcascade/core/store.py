@@ -14,6 +14,21 @@ import msgspec
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import is_scratch, removed_at_end
 
+INDEX = "index.html"
+"""Page that lists what a folder of results holds."""
+
+CAMPAIGN_RECORD, CAMPAIGN_PAGE, CAMPAIGN_WORKBOOK = "campaign.json", "campaign.html", "campaign.xlsx"
+"""Record, report and tables of a whole campaign."""
+
+CAMPAIGN_FILES = (CAMPAIGN_RECORD, CAMPAIGN_PAGE, "campaign.pdf", CAMPAIGN_WORKBOOK)
+"""Files of a whole campaign, beside its dataset."""
+
+DIAGNOSIS_RECORD = "diagnosis.json"
+"""Record of the diagnosis of a campaign; it states how the other files were made, and is written last."""
+
+DIAGNOSIS_FILES = ("diagnosis.html", "diagnosis.pdf", DIAGNOSIS_RECORD)
+"""Files of a diagnosis."""
+
 LOCK = ".winchcascade.lock"
 """File that a call locks while it works in a folder."""
 
@@ -36,15 +51,10 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 class Output(msgspec.Struct, frozen=True):
-    """An output in a folder of results: a record, which is JSON, and the files that are made with it.
+    """An output in a folder of results: a record, which is JSON, and the files that are wanted with it.
 
-    Parameters
-    ----------
-    record : name of the record
-    entry : of the record that states how it was made, its last one
-    key : of the output as it would be made now
-    files : those that are wanted with the record, as its entry names them
-    prefix : how their names in the folder begin before that
+    The last `entry` of the record states how it was made; `key` is that of the output as it would be made now. The entry names
+    files without the `prefix` that their names have in the folder.
     """
 
     record: str
@@ -68,13 +78,7 @@ class Present(msgspec.Struct, frozen=True):
 def locked(folder: Path, waiting: Callable[[Path], None]) -> Iterator[None]:
     """Keep every other call out of a folder until the context ends; the lock ends with the process, however that ends.
 
-    Parameters
-    ----------
-    waiting : called with the folder if this call waits for another one for some time
-
-    Raises
-    ------
-    OutputError : the folder cannot be locked
+    `waiting` is called with the folder if this call waits for another one for some time. OutputError if it cannot be locked.
     """
     from filelock import FileLock, Timeout
 
@@ -105,16 +109,8 @@ def foreign(folder: Path) -> list[str]:
 
 
 def make_folder(folder: Path, *, ours: bool, what: str, force: bool) -> None:
-    """Make a folder of results, or reject one that holds something else; one with a lock is of a call that has begun.
-
-    Parameters
-    ----------
-    ours : an earlier call made the folder
-    what : what it is a folder of, for the message
-
-    Raises
-    ------
-    OutputError : the folder holds something else, or cannot be made
+    """Make a folder of results; OutputError for one that holds something else, unless it is `ours` from an earlier call or has
+    the lock of a call that has begun. `what` it is a folder of is for the message.
     """
     if not force and not ours and not (folder / LOCK).exists() and foreign(folder):
         raise not_empty(folder, what)
@@ -135,14 +131,10 @@ def make_one(folder: Path, choose: str) -> None:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Place of a file or folder within a folder of results, by its name there, with / between its parts.
-
-    Raises
-    ------
-    OutputError : the name or a link leads elsewhere
-    """
+    """Place of a file or folder within a folder of results, by its name there; OutputError if it or a link leads elsewhere."""
     path = folder / name
-    if not name or not path.resolve().is_relative_to(folder.resolve()):
+    real = Path(os.path.realpath(path))  # unlike Path.resolve, it raises nothing for a link to itself
+    if not name or not real.is_relative_to(os.path.realpath(folder)):
         raise OutputError(
             f"{folder}: {name!r} leads out of this folder, in which alone results are read and written. Remove the link, or "
             "make the results again."
@@ -200,7 +192,8 @@ def digest_in(content: bytes) -> State:
     if not isinstance(about, dict) or "sha256" not in about:
         return "other"
     digest = about.pop("sha256")
-    return "kept" if digest_of(msgspec.json.encode(record)) == digest else "altered"
+    earlier = content.replace(str(digest).encode(), b"0" * 64)  # a digest of the bytes, with zeros in its place
+    return "kept" if digest in (digest_of(msgspec.json.encode(record)), digest_of(earlier)) else "altered"
 
 
 def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 
 import msgspec
@@ -13,11 +13,10 @@ from winchcascade.core.quantity import Unit, find_unit, read_as
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import BUILT_IN, built_in
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Finding
-from winchcascade.ingest.dialects import (
+from winchcascade.ingest.headers import (
     DIMENSION,
     Header,
     column_names,
-    extra_words,
     letters_of,
     nameless,
     read_header,
@@ -105,8 +104,7 @@ def listed(names: Sequence[str], maximum: int = 12) -> str:
 def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None = None) -> Assignment:
     """Match the headers of a log to channels, by the rig file's [columns] first, then by the table of names.
 
-    Of several columns for one channel the one with the plainest name is read, and none where that leaves several: a finding
-    names them.
+    Of several columns for one channel none is read, and a finding names them.
 
     Parameters
     ----------
@@ -117,66 +115,72 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
     LogError : a column of the rig file that the log does not have, a unit that does not fit, no columns that could give a
         motion or a power, the columns of a built-in rig where no rig was named
     """
-    if rig.assumed and (known := _built_in_rig(headers)) is not None:
-        raise LogError(
-            f"{where}: has the columns of the built-in rig {known}, and no rig was named; add --rig {known}."
-        )
-    named = _named_in_rig(headers, rig, where)
-    taken = dict(named) if clock is None else {"time": clock} | named
-    simulated = {header.name.strip() for header in headers}.issuperset(SIMULATED_HEADERS)
-    free = [
-        k
-        for k, header in enumerate(headers)
-        if k not in taken.values() and not (simulated and header.name.strip() in _OF_SIMULATE)
-    ]
-    alike, unknown = _by_name(headers, free, rig, taken)
-    taken |= {channel: columns[0] for channel, columns in alike.items() if len(columns) == 1}
-    several = {channel: columns for channel, columns in alike.items() if len(columns) > 1}
-    if not gives_result(taken, rig):
-        raise LogError(
-            f"{where}: {_without_motion(headers, several, taken, rig)} Name the columns in a rig file under [columns]."
-        )
-    matches, findings = _matches(taken, headers, rig, where)
-    label = None if rig.phases.source != "column" else named_column(headers, rig.phases.column)
-    warm = [k for k in unknown if (u := read_header(headers[k]).unit) and u.dimension == "temperature"]
-    warm = [k for k in warm if of_machine(headers[k].name)]
-    temperature = Match(warm[0], read_header(headers[warm[0]]).unit) if len(warm) == 1 else None
-    names = tuple(headers[k].name.strip() for k in unknown if k != label and (temperature is None or k != warm[0]))
-    if names:
-        what = f"{len(names)} columns that are no channel" if len(names) > 1 else "1 column that is no channel"
-        findings.append(
-            Finding("unknown_column", f"{what}: {listed(names)}", "not read", count=len(names), columns=names)
-        )
-    findings += _absent(named, taken, headers, rig) + [_ambiguous(*one, headers) for one in several.items()]
-    time = matches.pop("time", None)
-    return Assignment(matches, time, tuple(findings), simulated, clock is None, temperature)
-
-
-def _built_in_rig(headers: Sequence[Header]) -> str | None:
-    """The built-in rig of which a log has every column that it names; None where there is none."""
-    for name in BUILT_IN:
+    for name in BUILT_IN if rig.assumed else ():
         columns = built_in(name).columns.values()
         if columns and all(named_column(headers, column.name) is not None for column in columns):
-            return name
-    return None
+            raise LogError(
+                f"{where}: has the columns of the built-in rig {name}, and no rig was named; add --rig {name}."
+            )
+    findings: list[Finding] = []
+    taken = ({} if clock is None else {"time": clock}) | _named_in_rig(headers, rig, where)
+    absent = [channel for channel in rig.columns if channel not in taken]
+    names = [header.name.strip() for header in headers]
+    simulated = set(names).issuperset(SIMULATED_HEADERS)
+    other = {k for k, name in enumerate(names) if simulated and name in _OF_SIMULATE}
+    alike, unknown = _by_name(
+        headers, [k for k in range(len(headers)) if k not in {*taken.values(), *other}], rig, taken
+    )
+    several = {channel: columns for channel, columns in alike.items() if len(columns) > 1}
+    taken |= {channel: columns[0] for channel, columns in alike.items() if len(columns) == 1}
+    if not gives_result(taken, rig):
+        raise LogError(
+            f"{where}: {_without_motion(headers, several, taken)} Name the columns in a rig file under [columns]."
+        )
+    matches = {
+        channel: Match(taken[channel], _unit(headers[taken[channel]], channel, rig, where, findings))
+        for channel in ("time", *rig.known_channels)
+        if channel in taken
+    }
+    warm = [k for k in unknown if (u := read_header(headers[k]).unit) and u.dimension == "temperature"]
+    warm = [k for k in warm if of_machine(names[k])]
+    label = named_column(headers, rig.phases.column) if rig.phases.source == "column" else None
+    left = tuple(names[k] for k in unknown if k != label and [k] != warm)
+    if left:
+        message = f"{len(left)} column{'s that are' if len(left) > 1 else ' that is'} no channel: {listed(left)}"
+        findings.append(Finding("unknown_column", message, "not read", count=len(left), columns=left))
+    for channel in absent:
+        column = rig.columns[channel].name
+        message = f"no column {column!r}, which the rig names for {channel}; {near_columns(column, headers)}"
+        done = f"{names[taken[channel]]!r} read instead" if channel in taken else "not read"
+        findings.append(Finding("missing_channel", message, done, channel))
+    for channel in (c for c in rig.channels if c not in taken and c not in rig.sensors and c not in rig.columns):
+        message = f"the log has no {channel} channel"
+        findings.append(Finding("missing_channel", message, "metrics that need it are null", channel))
+    for channel, found in several.items():
+        message = f"{len(found)} columns could be the {channel}: " + listed(
+            [f"{names[k]!r} (column {k + 1})" for k in found]
+        )
+        action = "none is read; name the right one in a rig file under [columns]"
+        findings.append(Finding("ambiguous_column", message, action, channel, count=len(found)))
+    temperature = Match(warm[0], read_header(headers[warm[0]]).unit) if len(warm) == 1 else None
+    time = matches.pop("time", None)
+    return Assignment(matches, time, tuple(findings), simulated, clock is None, temperature)
 
 
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
     """Columns that the rig file names or numbers; LogError for a velocity, a time or a number that the log lacks."""
     found = {}
     for channel, column in rig.columns.items():
-        if column.number is not None and column.number > len(headers):
-            raise LogError(
-                f"{where}: no column {column.number}, which the rig {rig.name} names for {channel}; the log has "
-                f"{len(headers)} columns. Correct [columns] in the rig file or choose the rig with --rig."
-            )
         index = named_column(headers, column.name) if column.number is None else column.number - 1
-        if index is not None:
+        beyond = column.number is not None and column.number > len(headers)
+        if index is not None and not beyond:
             found[channel] = index
-        elif channel in ("velocity", "time"):
+        elif beyond or channel in ("velocity", "time"):
+            called = column.number if beyond else repr(column.name)
+            near = f"the log has {len(headers)} columns" if beyond else near_columns(column.name, headers)
             raise LogError(
-                f"{where}: no column {column.name!r}, which the rig {rig.name} names for {channel}; "
-                f"{near_columns(column.name, headers)}. Correct [columns] in the rig file or choose the rig with --rig."
+                f"{where}: no column {called}, which the rig {rig.name} names for {channel}; {near}. Correct [columns] in the "
+                "rig file or choose the rig with --rig."
             )
     return found
 
@@ -189,9 +193,9 @@ def near_columns(name: str, headers: Sequence[Header]) -> str:
 
 
 def _by_name(
-    headers: Sequence[Header], free: Sequence[int], rig: Rig, taken: Mapping[str, int]
+    headers: Sequence[Header], free: Iterable[int], rig: Rig, taken: Mapping[str, int]
 ) -> tuple[dict[str, list[int]], list[int]]:
-    """The free columns by the channel that their names mean, the plainest names of each, and those that are no channel.
+    """The free columns by the channel that their names mean, and those that are no channel.
 
     Of several time columns it is the first that names a unit of time, as a stamp may be coarser than the time elapsed; a column
     of dates is the time where no other is.
@@ -202,37 +206,29 @@ def _by_name(
     for k in free:
         header = headers[k]
         bare = read_header(header).name.strip()
-        letters = letters_of(bare)
         own = bare in rig.channels and bare not in rig.columns
         channel = bare if own else recognise(header)
         if channel is not None and channel not in taken:
             alike.setdefault(channel, []).append(k)
-        elif channel is None and letters in table.dates:
+        elif channel is None and letters_of(bare) in table.dates:
             dates.append(k)
-        elif channel is not None or not (nameless(header) or letters in table.counts):
+        elif channel is not None or not (nameless(header) or letters_of(bare) in table.counts):
             unknown.append(k)
     if "time" in alike:
         alike["time"] = [next((k for k in alike["time"] if read_header(headers[k]).unit), alike["time"][0])]
     elif dates and "time" not in taken:
         alike["time"] = dates[:1]
-    for channel, columns in alike.items():
-        if len(columns) > 1:
-            extra = {k: extra_words(headers[k], channel) for k in columns}
-            alike[channel] = [k for k in columns if extra[k] == min(extra.values())]
-            unknown += [k for k in columns if k not in alike[channel]]
-    return alike, sorted(unknown)
+    return alike, unknown
 
 
-def _without_motion(
-    headers: Sequence[Header], several: Mapping[str, list[int]], taken: Collection[str], rig: Rig
-) -> str:
+def _without_motion(headers: Sequence[Header], several: Mapping[str, list[int]], taken: Collection[str]) -> str:
     """Sentence for a log that shows neither a motion nor a power: the columns that come near each channel it lacks."""
     needed = {*MOTIONS, *(channel for power in POWERS for channel in power)}
     columns = [repr(headers[k].name.strip()) for channel, alike in several.items() if channel in needed for k in alike]
     if columns:
         return f"several columns could be the motion or the power: {listed(columns)}; expected one for each channel."
     lack = "no column for a motion (line velocity, displacement or speed of rotation) and none for a power"
-    near = {channel: _near_channel(channel, headers) for channel in rig.known_channels if channel not in taken}
+    near = {channel: _near_channel(channel, headers) for channel in DIMENSION if channel not in ("time", *taken)}
     found = "; ".join(f"{channel}: {', '.join(map(repr, names))}" for channel, names in near.items() if names)
     if found:
         return f"{lack}; columns that come near: {found}."
@@ -243,10 +239,7 @@ def _without_motion(
 
 def _near_channel(channel: str, headers: Sequence[Header]) -> list[str]:
     """Columns that hold a name of the channel among other words, then those whose letters resemble one."""
-    if channel not in DIMENSION:
-        return []
-    names = column_names().channels[channel]
-    long = {name for name in names.letters if len(name) >= NEAR_NAME_LENGTH}
+    long = {name for name in column_names().channels[channel].letters if len(name) >= NEAR_NAME_LENGTH}
     read = {header.name.strip(): read_header(header) for header in headers[:NEAR_COLUMNS_MAX]}
     fitting = {n: r.name for n, r in read.items() if r.unit is None or read_as(r.unit, DIMENSION[channel])}
     held = [n for n, bare in fitting.items() if any(letters_of(word) in long for word in words_of(bare))]
@@ -254,63 +247,45 @@ def _near_channel(channel: str, headers: Sequence[Header]) -> list[str]:
     return list(dict.fromkeys(held + alike))[:NEAR_MATCHES]
 
 
-def _absent(named: Mapping[str, int], taken: Mapping[str, int], headers: Sequence[Header], rig: Rig) -> list[Finding]:
-    """Findings on columns that the rig file names and the log lacks, and on channels of the rig's own that it lacks."""
-    findings = []
-    for channel, column in rig.columns.items():
-        if channel not in named:
-            done = f"{headers[taken[channel]].name.strip()!r} read instead" if channel in taken else "not read"
-            message = (
-                f"no column {column.name!r}, which the rig names for {channel}; {near_columns(column.name, headers)}"
+def _unit(header: Header, channel: str, rig: Rig, where: str, findings: list[Finding]) -> Unit | None:
+    """Unit of the column of a channel: the log's own, unless the rig file overrides it or it measures something else.
+
+    Without either it is the usual one of the channel, with a finding, and None for the time. A speed of rotation that is
+    measured at the generator is divided by the gear ratio.
+    """
+    column, known, name = rig.columns.get(channel), rig.known_channels.get(channel), header.name.strip()
+    dimension = "time" if known is None else known.dimension
+    read = read_header(header)
+    own = read_as(read.unit, dimension) or read.unit
+    unit, fits = own, own is None or own.dimension == dimension
+    if column is None or column.unit is None:
+        if own is not None and not fits:
+            raise LogError(
+                f"{where}: column {name!r} is named for {channel} but its unit is one of {own.dimension}; expected one of "
+                f"{dimension}. Correct the log or [columns] in a rig file."
             )
-            findings.append(Finding("missing_channel", message, done, channel))
-    for channel in rig.channels:
-        if channel not in taken and channel not in rig.sensors and channel not in rig.columns:
-            message = f"the log has no {channel} channel"
-            findings.append(Finding("missing_channel", message, "metrics that need it are null", channel))
-    return findings
-
-
-def _ambiguous(channel: str, columns: Sequence[int], headers: Sequence[Header]) -> Finding:
-    """Finding on columns of which each could be the channel; their numbers distinguish those of one name."""
-    names = [f"{headers[k].name.strip()!r} (column {k + 1})" for k in columns]
-    action = "none is read; name the right one in a rig file under [columns]"
-    message = f"{len(columns)} columns could be the {channel}: {listed(names)}"
-    return Finding("ambiguous_column", message, action, channel, count=len(columns))
-
-
-def _matches(
-    taken: Mapping[str, int], headers: Sequence[Header], rig: Rig, where: str
-) -> tuple[dict[str, Match], list[Finding]]:
-    """The column of each channel and of the time, with its unit; the usual one for a channel whose column names none."""
-    findings: list[Finding] = []
-    matches = {}
-    for channel in ("time", *rig.known_channels):
-        if channel not in taken:
-            continue
-        header, known = headers[taken[channel]], rig.known_channels.get(channel)
-        dimension = "time" if known is None else known.dimension
-        unit = _unit_of(header, channel, dimension, rig, where, findings)
-        if unit is None and known is not None:
-            if channel not in rig.channels:
-                stated = read_header(header).unknown_unit
-                message = f"column {header.name.strip()!r} names no unit that is known" + (
-                    f" ({stated!r} is none)" if stated else ""
-                )
-                findings.append(Finding("unit_assumed", f"{message}; taken as {known.unit}", "assumed", channel))
-            unit = read_as(find_unit(known.unit), dimension)
-        if channel == "speed" and unit is not None:
-            unit = _at_the_shaft(unit, header, rig, findings)
-        matches[channel] = Match(taken[channel], unit)
-    return matches, findings
-
-
-def _at_the_shaft(unit: Unit, header: Header, rig: Rig, findings: list[Finding]) -> Unit:
-    """Unit of a speed of rotation, divided by the gear ratio for one that is measured at the generator."""
-    column, name, table = rig.columns.get("speed"), header.name.strip(), column_names()
-    words = words_of(name) | {letters_of(read_header(header).name)}
-    named = "generator" if words & table.at_machine and not words & table.at_drum else "shaft"
-    if ((column is not None and column.side) or named) != "generator":
+    else:
+        named = read_as(find_unit(column.unit), dimension)
+        if named is None:
+            raise LogError(
+                f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of {dimension}; correct "
+                "[columns] in the rig file."
+            )
+        override = own is None or column.override or not fits
+        if own is not None and (own.factor, own.offset) != (named.factor, named.offset):
+            message = f"the header {name!r} and the rig {rig.name}, which gives {channel} in {column.unit}, contradict"
+            done = "the rig counts" if override else "the header counts; override = true takes the unit of the rig"
+            findings.append(Finding("unit_conflict", message, done, channel))
+        unit = named if override else own
+    if unit is None and known is not None:
+        if channel not in rig.channels:
+            stated = f" ({read.unknown_unit!r} is none)" if read.unknown_unit else ""
+            message = f"column {name!r} names no unit that is known{stated}; taken as {known.unit}"
+            findings.append(Finding("unit_assumed", message, "assumed", channel))
+        unit = read_as(find_unit(known.unit), dimension)
+    table, words = column_names(), words_of(name) | {letters_of(read.name)}
+    at_machine = "generator" if words & table.at_machine and not words & table.at_drum else "shaft"
+    if channel != "speed" or unit is None or ((column and column.side) or at_machine) != "generator":
         return unit
     gear = rig.drivetrain.gear_ratio
     if gear is None:
@@ -318,40 +293,3 @@ def _at_the_shaft(unit: Unit, header: Header, rig: Rig, findings: list[Finding])
         findings.append(Finding("unit_assumed", message, "assumed", "speed"))
         return unit
     return msgspec.structs.replace(unit, factor=unit.factor / gear.value)
-
-
-def _unit_of(
-    header: Header, channel: str, dimension: str, rig: Rig, where: str, findings: list[Finding]
-) -> Unit | None:
-    """Unit of a column, None where neither log nor rig file names one, and a finding where they contradict each other.
-
-    The log's own unit counts, unless the rig file overrides it or it measures something else.
-    """
-    column, name = rig.columns.get(channel), header.name.strip()
-    own = read_header(header).unit
-    own = read_as(own, dimension) or own
-    fits = own is None or own.dimension == dimension
-    if column is None or column.unit is None:
-        if own is not None and not fits:
-            raise LogError(
-                f"{where}: column {name!r} is named for {channel} but its unit is one of {own.dimension}; expected one of "
-                f"{dimension}. Correct the log or [columns] in a rig file."
-            )
-        return own
-    named = read_as(find_unit(column.unit), dimension)
-    if named is None:
-        raise LogError(
-            f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of {dimension}; correct "
-            "[columns] in the rig file."
-        )
-    if own is None or (own.factor, own.offset) == (named.factor, named.offset):
-        return named
-    override = column.override or not fits
-    done = (
-        "the unit of the rig is used" if override else "the unit of the header is used; override = true takes the other"
-    )
-    message = (
-        f"the header {name!r} and the rig {rig.name}, which gives {channel} in {column.unit}, contradict each other"
-    )
-    findings.append(Finding("unit_conflict", message, done, channel))
-    return named if override else own

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import count, islice, pairwise, zip_longest
-
-import msgspec
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise, zip_longest
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
 from winchcascade.ingest.cells import is_value, looks_like_a_number
-from winchcascade.ingest.dialects import Header, recognise
+from winchcascade.ingest.headers import Header, recognise
 
 Row = Sequence[str]
 
@@ -24,6 +22,9 @@ SAMPLE_ROWS = 50
 HEADING_ROWS = 12
 """Rows right above the data among which names and units stand."""
 
+NEAR_ROWS = 5
+"""Rows after the first one of data that must resemble it, but for two."""
+
 DATA_SHARE = 0.6
 """Share of the filled cells of a row of data that are numbers, stamps or marks for none, at least."""
 
@@ -31,51 +32,27 @@ _DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}$")
 _PROPERTY = re.compile(r"\s*[#%]?\s*\"?([^:=;,\t|\"]{1,60}?)\"?\s*[:=;,\t|]\s*([^;\t|]*)")
 
 
-class Layout(msgspec.Struct, frozen=True):
-    """Where and how a text keeps its table.
+def find_data(row: Callable[[int], Row], count: int) -> tuple[int, list[list[str]]] | None:
+    """Find the first row of data, which most of the next rows resemble.
 
     Parameters
     ----------
-    delimiter : one character; a blank stands for any run of blanks
-    headers : the columns in order; one that is empty or only counts rows has no name
-    more : there are names beyond the last column that rows usually have, of remarks as a rule
-    first : index of the first line of data
-    columns : cells of each column in the first rows of data
-    properties : what the lines above the table state, keys as written
-    labview : the file is a LabVIEW measurement, in which the heading may stand above every segment
-    """
-
-    delimiter: str
-    decimal: str
-    headers: tuple[Header, ...]
-    more: bool
-    first: int
-    columns: list[list[str]]
-    properties: dict[str, str]
-    labview: bool = False
-
-
-def find_data(rows: Iterable[Row]) -> tuple[int, list[list[str]]] | None:
-    """Find the first row of data, which most of the next five rows resemble.
+    row : gives the cells of a row by its index, below `count`
 
     Returns
     -------
     its index and the cells of each column in the first rows of data, as far as rows have it; None without such a row
     """
-    unread, read, data = iter(rows), list[Row](), list[bool]()
-    for k in count():
-        read += islice(unread, k + SAMPLE_ROWS - len(read))
-        if k + 1 >= len(read):
-            break
-        data += [_is_data(row) for row in read[len(data) : k + 6]]
-        if not data[k] or channels_named(read[k]) > 1:
+    for k in range(min(count - 1, PREAMBLE_ROWS_MAX)):
+        if not _is_data(row(k)) or channels_named(row(k)) > 1:
             continue
-        after = [j for j in range(k + 1, len(data)) if any(read[j])]
-        width = usual_width([read[j] for j in after if data[j]])
-        alike = sum(data[j] and abs(len(read[j]) - width) <= 1 for j in after) if len(read[k]) >= width - 1 else 0
-        named = any(channels_named(read[j]) > 1 for j in after if not data[j])
+        after = [cells for j in range(k + 1, min(k + 1 + NEAR_ROWS, count)) if any(cells := row(j))]
+        data = [cells for cells in after if _is_data(cells)]
+        width = _usual_width(data)
+        alike = sum(abs(len(cells) - width) <= 1 for cells in data) if len(row(k)) >= width - 1 else 0
+        named = any(channels_named(cells) > 1 for cells in after if cells not in data)
         if alike >= max(1, len(after) - 2) and not named:
-            return k, columns_of([row for row in read[k : k + SAMPLE_ROWS] if _is_data(row)])
+            return k, columns_of([cells for j in range(k, min(k + SAMPLE_ROWS, count)) if _is_data(cells := row(j))])
     return None
 
 
@@ -86,7 +63,7 @@ def _is_data(row: Row) -> bool:
     return values > 0 and values >= DATA_SHARE * len(full) and any(map(looks_like_a_number, full))
 
 
-def usual_width(rows: Sequence[Row]) -> int:
+def _usual_width(rows: Sequence[Row]) -> int:
     """Count the cells that most rows have."""
     lengths = [len(row) for row in rows]
     return max(lengths, key=lengths.count, default=0)
@@ -94,7 +71,7 @@ def usual_width(rows: Sequence[Row]) -> int:
 
 def columns_of(rows: Sequence[Row]) -> list[list[str]]:
     """Cells of each column, as far as rows have it."""
-    return [[row[k] for row in rows if len(row) > k] for k in range(usual_width(rows))]
+    return [[row[k] for row in rows if len(row) > k] for k in range(_usual_width(rows))]
 
 
 def channels_named(row: Row) -> int:
@@ -121,20 +98,13 @@ def headers_above(above: Sequence[Row], columns: Sequence[Row], where: str, *, n
     width = len(columns)
     filled = max(k + 1 for k, column in enumerate(columns) if any(column))
     near = [row for row in above[: -HEADING_ROWS - 1 : -1] if sum(map(bool, row)) >= 2]
-    # `Time, s, Force, N`: each name with its unit in a cell of its own.
-    near = [
-        [f"{name} [{unit}]" for name, unit in zip(row[::2], row[1::2], strict=True)]
-        if len(row) == 2 * width and all(map(find_unit, row[1::2]))
-        else row
-        for row in near
-    ]
     fitting = [row for row in near if len(row) >= filled - 1]
-    known = [sum(find_unit(text) is not None for cell in row if (text := cell.strip("()[]-– "))) for row in fitting]
+    known = [sum(find_unit(text) is not None for cell in row if (text := _bare(cell))) for row in fitting]
     named = [channels_named(row) for row in fitting]
     # Single letters are names as well as units: `t,F,V` are names where no other row has them.
     order = sorted(range(len(fitting)), key=lambda k: (known[k] - named[k], -named[k], k))
     names = fitting[order[0]] if order and (named[order[0]] >= known[order[0]] or known[order[0]] < 2) else []
-    half = [0.5 * sum(bool(cell.strip("()[]-– ")) for cell in row) for row in fitting]
+    half = [0.5 * sum(map(bool, map(_bare, row))) for row in fitting]
     units = next((row for k, row in enumerate(fitting) if row is not names and known[k] >= max(2, half[k])), [])
     if not names and numbered:
         names = [f"column {k + 1}" for k in range(width)]
@@ -146,15 +116,17 @@ def headers_above(above: Sequence[Row], columns: Sequence[Row], where: str, *, n
         raise LogError(_no_names(near if not names else [names], filled, where))
     headers = []
     for k, (name, unit, column) in enumerate(zip_longest(names, units[:width], columns, fillvalue="")):
-        if k >= width:
-            headers.append(Header(name))
-        elif name:
-            empty = not any(column) and recognise(Header(name)) == "time"
-            headers.append(Header("" if empty else name, unit.strip("()[] ") or None))
-        else:
-            number = any(map(looks_like_a_number, column)) and not counts[k]
-            headers.append(Header(f"column {k + 1}" if number else "", unit.strip("()[] ") or None))
+        if name and not any(column) and k < width and recognise(Header(name)) == "time":
+            name = ""
+        elif not name and any(map(looks_like_a_number, column)) and not counts[k]:
+            name = f"column {k + 1}"
+        headers.append(Header(name, unit.strip("()[] ") or None))
     return headers
+
+
+def _bare(cell: str) -> str:
+    """A cell without brackets and dashes, as a row of units has them."""
+    return cell.strip("()[]-– ")
 
 
 def _counts_rows(column: Row) -> bool:

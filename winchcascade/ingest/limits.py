@@ -1,12 +1,10 @@
-"""Limits on what one file may take: memory and time of the process that reads it, numbers in its table, size when unpacked."""
+"""Caps on what one file may claim before it is read: numbers in its table, and size when unpacked."""
 
 from __future__ import annotations
 
 import math
 import os
 from pathlib import Path
-
-import msgspec
 
 from winchcascade.core.errors import LogError, OptionError
 
@@ -16,13 +14,13 @@ SECONDS_SETTING = "WINCHCASCADE_READ_SECONDS"
 
 MB = 10**6
 
-MEMORY_MIN, MEMORY_PER_BYTE = 2000 * MB, 20
-"""Limit of memory: the larger of a fixed number of bytes and a number of bytes for each byte of the file.
+MEMORY_MIN, MEMORY_PER_BYTE = 2000, 20
+"""Limit of memory: the larger of a number of MB and a number of bytes for each byte of the file.
 
-An .xlsx of a million rows takes 13 times its size; no other format that was measured takes more. [bytes]
+An .xlsx of a million rows takes 13 times its size; no other format that was measured takes more.
 """
 
-SECONDS_MIN, SECONDS_PER_BYTE = 60.0, 4.0 / MB
+SECONDS_MIN, SECONDS_PER_MB = 60.0, 4.0
 """Limit of time: the larger of the two. An .xlsx takes 0.33 s for each megabyte, on a busy machine ten times as long. [s]"""
 
 NUMBERS_SHARE, NUMBERS_PER_BYTE = 16, 10
@@ -38,25 +36,11 @@ The text of a measured log is compressed to a tenth to a third; deflate reaches 
 """
 
 
-class Limits(msgspec.Struct, frozen=True):
-    """What the reading of one file may take: memory [bytes], time [s], numbers of its table and unpacked content [bytes]."""
-
-    memory: int
-    seconds: float
-    numbers: int
-    unpacked: int
-
-
-def limits_for(path: Path) -> Limits:
-    """Set the limits for a file; OptionError for a setting that is no positive number."""
-    size = path.stat().st_size
-    memory = int(_setting(MEMORY_SETTING, max(MEMORY_MIN, MEMORY_PER_BYTE * size) / MB) * MB)
-    return Limits(
-        memory,
-        _setting(SECONDS_SETTING, max(SECONDS_MIN, SECONDS_PER_BYTE * size)),
-        max(memory // NUMBERS_SHARE, NUMBERS_PER_BYTE * size),
-        max(memory // UNPACKED_SHARE, UNPACKED_PER_BYTE * size),
-    )
+def limits_of(path: Path) -> tuple[int, float]:
+    """Memory [bytes] and time [s] that the reading of a file may take; OptionError for a setting that is no number above 0."""
+    size = path.stat().st_size / MB
+    memory = _setting(MEMORY_SETTING, max(MEMORY_MIN, MEMORY_PER_BYTE * size))
+    return int(memory * MB), _setting(SECONDS_SETTING, max(SECONDS_MIN, SECONDS_PER_MB * size))
 
 
 def _setting(name: str, usual: float) -> float:
@@ -71,13 +55,8 @@ def _setting(name: str, usual: float) -> float:
 
 
 def require_numbers(path: Path, rows: int, columns: int = 1) -> None:
-    """Reject a table that claims more numbers than its file can reasonably hold, before anything of that size is made.
-
-    Raises
-    ------
-    LogError : rows times columns exceed the limit
-    """
-    limit = limits_for(path).numbers
+    """Reject a table that claims more numbers than its file can hold, before anything of that size is made: LogError."""
+    limit = max(limits_of(path)[0] // NUMBERS_SHARE, NUMBERS_PER_BYTE * path.stat().st_size)
     if 8 * rows * columns > limit:
         raise LogError(
             f"{path.name}: claims {rows} rows in {columns} columns, which take {8 * rows * columns / MB:.0f} MB as numbers; at "
@@ -88,7 +67,7 @@ def require_numbers(path: Path, rows: int, columns: int = 1) -> None:
 
 def require_unpacked(path: Path, size: int) -> None:
     """Reject a file that unpacks to more than its size lets expect: LogError."""
-    limit = limits_for(path).unpacked
+    limit = max(limits_of(path)[0] // UNPACKED_SHARE, UNPACKED_PER_BYTE * path.stat().st_size)
     if size > limit:
         raise LogError(
             f"{path.name}: unpacks to more than {limit / MB:.0f} MB; less was expected of a file of "

@@ -14,9 +14,9 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.assign import Assignment, listed
-from winchcascade.ingest.cells import looks_like_a_stamp, moment, seconds
 from winchcascade.ingest.clock import Clock, even_clock, read_clock, require_rising
 from winchcascade.ingest.source import LogSource, LogTable
+from winchcascade.ingest.stamps import looks_like_a_stamp, moment, seconds
 
 STEP_MEANS_MAX = 200
 """Largest number of rows of a table without clock that may be step means."""

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 import struct
-import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from pkgutil import resolve_name
 
 from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.files import scratch_folder
 from winchcascade.ingest.source import LogSource, reject_sheet
 
 _READERS = {
@@ -31,26 +32,26 @@ _SEVERAL_TABLES = {"excel", "mat", "tdms"}
 _NAMELESS = {"excel", "text"}
 """Readers of files that may hold several tables, and of columns without names where the rig file numbers them."""
 
-_AS_CSV = "as CSV"
+_NETCDF = ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`")
+_FEATHER = ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`")
 _UNREADABLE = {
-    b"CDF\x01": ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`"),
-    b"CDF\x02": ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`"),
-    b"CDF\x05": ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`"),
+    b"CDF\x01": _NETCDF,
+    b"CDF\x02": _NETCDF,
+    b"CDF\x05": _NETCDF,
     b"MDF ": ("an MDF measurement (MF4)", "by `asammdf.MDF(...).export('csv')`"),
-    b"ARROW1": ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`"),
-    b"FEA1": ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`"),
+    b"ARROW1": _FEATHER,
+    b"FEA1": _FEATHER,
     b"#ROSBAG": ("a ROS bag", "by `rostopic echo -b FILE -p TOPIC`, which prints CSV"),
     b"BZh": ("bzip2-compressed", "by unpacking it"),
     b"\xfd7zXZ": ("xz-compressed", "by unpacking it"),
     b"\x28\xb5\x2f\xfd": ("zstd-compressed", "by unpacking it"),
     b"7z\xbc\xaf": ("a 7z archive", "by unpacking it"),
     b"Rar!": ("a RAR archive", "by unpacking it"),
-    b"SQLite format 3": ("an SQLite database", _AS_CSV),
-    b"%PDF": ("a PDF document", _AS_CSV),
-    b"\x89PNG": ("a PNG picture", _AS_CSV),
-    b"\xff\xd8\xff": ("a JPEG picture", _AS_CSV),
-    b"\x7fELF": ("a program", _AS_CSV),
-    b"MZ": ("a program", _AS_CSV),
+    b"SQLite format 3": ("an SQLite database", "as CSV"),
+    b"%PDF": ("a PDF document", "as CSV"),
+    b"\x89PNG": ("a PNG picture", "as CSV"),
+    b"\xff\xd8\xff": ("a JPEG picture", "as CSV"),
+    b"\x7fELF": ("a program", "as CSV"),
 }
 """What else first bytes show, and how its log is exported."""
 
@@ -95,19 +96,15 @@ def _open_archive(path: Path, table: str | None, *, numbered: bool) -> LogSource
     """Open the log in an archive, which stays unpacked in a temporary folder until the source is closed."""
     from winchcascade.ingest.formats.archive import unpack
 
-    folder = tempfile.TemporaryDirectory(prefix="winchcascade-")
-    try:
-        log, inner = unpack(path, table, Path(folder.name))
+    with ExitStack() as opened:
+        log, inner = unpack(path, table, opened.enter_context(scratch_folder()))
         try:
             if reader_of(log) == "archive":
                 raise LogError(f"{log.name}: is an archive within an archive; expected one log; unpack the inner one.")
             source = open_log(log, inner, numbered=numbered)
         except LogError as fault:
             raise LogError(f"{path.name}: {fault}") from None
-    except BaseException:
-        folder.cleanup()
-        raise
-    return replace(source, close=folder.cleanup)
+        return replace(source, close=opened.pop_all().close)
 
 
 def reader_of(path: Path) -> str:

@@ -12,8 +12,8 @@ from winchcascade.core.rig_file import PhaseRule
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.assign import named_column, near_columns
 from winchcascade.ingest.checks.quality import Checked
-from winchcascade.ingest.dialects import Header
-from winchcascade.ingest.source import LogSource, LogTable
+from winchcascade.ingest.headers import Header
+from winchcascade.ingest.source import LogTable
 
 MAX_VALUES = 8
 """Values of a column that a message lists."""
@@ -33,34 +33,21 @@ def label_column(headers: Sequence[Header], rule: PhaseRule, where: str) -> int:
     return index
 
 
-def phase_labels(
-    source: LogSource, table: LogTable, column: int, rule: PhaseRule, where: str, *, time: int | None = None
-) -> Signal:
+def phase_labels(table: LogTable, column: int, rule: PhaseRule, where: str) -> Signal:
     """Phase of each row of a table, (n,): 1 in payout, -1 in haul-in, 0 elsewhere.
 
     Labels are numbers or texts; case and blanks around a text do not matter.
-
-    Parameters
-    ----------
-    time : column of the stamps, where the log has one
 
     Raises
     ------
     LogError : the column holds neither numbers nor texts; none of its values is one of payout
     """
     numbers = table.values[column]
-    values: Sequence[str] = [f"{x:g}" for x in numbers.tolist()]
-    if not np.isfinite(numbers).any():
-        values = _texts(source, column, [k for k in table.values if k != column], time)
+    values = table.texts.get(column) or ([f"{x:g}" for x in numbers.tolist()] if np.isfinite(numbers).any() else [])
     if not any(text.strip() for text in values):
         raise LogError(
             f"{where}: the column {rule.column!r} holds neither numbers nor texts; expected a label in each row. Correct "
             "column under [phases] of the rig file."
-        )
-    if len(values) != numbers.size:
-        raise LogError(
-            f"{where}: {len(values)} labels in the column {rule.column!r} for {numbers.size} rows of numbers; expected a label "
-            "in each row. Delete rows that hold no numbers."
         )
     payout, haul_in = ({_plain(str(value)) for value in values} for values in (rule.payout, rule.haul_in))
     found = {
@@ -73,18 +60,6 @@ def phase_labels(
             "Correct payout under [phases] of the rig file."
         )
     return np.array([found[value] for value in values])
-
-
-def _texts(source: LogSource, column: int, beside: Sequence[int], time: int | None) -> Sequence[str]:
-    """A column as texts, in the rows of the columns beside it; empty where it holds none.
-
-    Texts are handed over as those of stamps are; channels with clocks of their own give stamps instead.
-    """
-    for others in ([*beside, *([] if time is None else [time])], []):
-        found = source.load(others, column).stamps
-        if found is not None and not isinstance(found, np.ndarray):
-            return found
-    return ()
 
 
 def _plain(text: str) -> str:

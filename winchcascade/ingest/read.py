@@ -39,7 +39,7 @@ from winchcascade.core.viewed import LateModule
 from winchcascade.ingest.assign import Assignment, assign, load_column, of_machine
 from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock
-from winchcascade.ingest.dialects import nameless
+from winchcascade.ingest.headers import nameless
 from winchcascade.ingest.log_clock import first_stamp, is_clock, log_clock, start_of
 from winchcascade.ingest.open_log import open_log
 from winchcascade.ingest.phase_labels import label_column, phase_labels, steps_of_rows
@@ -245,11 +245,9 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> _Loaded:
         clocks = [(k, loaded) for k in columns if is_clock(loaded := source.load(wanted, k))]
         if len(clocks) == 1:
             found, table = assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
-    time = None if found.time is None else found.time.index
     if table is None:
-        table = source.load(wanted, time)
-    labels = None if label is None else phase_labels(source, table, label, rig.phases, where, time=time)
-    return _Loaded(source, found, table, labels)
+        table = source.load(wanted, None if found.time is None else found.time.index)
+    return _Loaded(source, found, table, None if label is None else phase_labels(table, label, rig.phases, where))
 
 
 def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bool) -> Run:

@@ -16,12 +16,12 @@ from winchcascade.ingest.source import LogSource, LogTable
 _NOT_USED = "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml"
 _LOAD_KEYS = {"load", "rload", "loadresistance", "loadresistor", "resistiveload", "rl"}
 _OPEN = {"inf", "infinity", "infinite", "open", "opencircuit", "noload"}
-_PREFIX = {"": 1.0, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6}
+_PREFIX = {"m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6}
 _OHM = r"(?P<prefix>[mkMK]?)(?:[Oo][Hh][Mm][Ss]?|\u03a9|\u03c9)"
 _QUANTITY = re.compile(
-    rf"(?P<number>\d*[.,]?\d+(?:[eE][-+]?\d+)?|\d+[.,])\s*(?:{_OHM})?(?![^\W\d_])(?P<remark>.*)", re.DOTALL
+    rf"(?P<number>\d*[.,]?\d+(?:[eE][-+]?\d+)?|\d+[.,])\s*(?:{_OHM}(?![^\W\d_])(?P<remark>.*))?", re.DOTALL
 )
-"""A number, its unit of resistance, and what follows."""
+"""A number, and its unit of resistance, behind which a remark may follow."""
 
 
 def stated_load(source: LogSource, table: LogTable) -> tuple[float | None, str, list[Finding]]:
@@ -32,10 +32,8 @@ def stated_load(source: LogSource, table: LogTable) -> tuple[float | None, str, 
     findings = []
     written = load_column(source.headers)
     if written is not None:
-        loads = np.unique(table.values[written]).tolist()
-        if np.isnan(loads).all():  # readers of columns take inf for no number
-            texts = source.load([], written).stamps
-            loads = [] if texts is None or isinstance(texts, np.ndarray) else [_ohm(text) for text in set(texts)]
+        texts = table.texts.get(written)
+        loads = np.unique(table.values[written]).tolist() if texts is None else [*map(_ohm, set(texts))]
         if len(loads) == 1 and loads[0] is not None and is_load(loads[0]):
             return loads[0], f"column {LOAD_HEADER} of the log", []
         message = f"column {LOAD_HEADER} does not hold one load in all rows"
@@ -45,7 +43,7 @@ def stated_load(source: LogSource, table: LogTable) -> tuple[float | None, str, 
         unit = re.search(f"{_OHM}$", letters)
         if letters[: unit.start() if unit else None].casefold() not in _LOAD_KEYS:
             continue
-        ohm = _ohm(value, unit.group("prefix") if unit else "")
+        ohm = _ohm(value, unit["prefix"] if unit else "")
         if ohm is not None:
             return ohm, f"property {key} of the file", []
         message = (
@@ -73,8 +71,9 @@ def _ohm(value: str | float, prefix: str = "") -> float | None:
     found = _QUANTITY.fullmatch(text)
     if found is None or re.fullmatch(r"[1-9]\d*,\d{3}", found["number"]):  # a decimal comma or one of thousands
         return None
-    named, remark = found["prefix"] is not None, found["remark"].strip()
-    if remark and (not named or re.search(rf"\d\s*{_OHM}", remark)):
+    if re.search(rf"\d\s*{_OHM}", found["remark"] or ""):
         return None
-    ohm = float(found["number"].replace(",", ".")) * _PREFIX[found["prefix"] if named else prefix]
+    ohm = float(found["number"].replace(",", ".")) * _PREFIX.get(
+        prefix if found["prefix"] is None else found["prefix"], 1.0
+    )
     return ohm if 0.0 < ohm < math.inf else None

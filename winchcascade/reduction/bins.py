@@ -22,7 +22,7 @@ MAX_BINS = 20_000
 """Maximum number of bins of generator speed: more show an error in a rig file."""
 
 TORQUE = "torque"
-"""Key of the torque of the PTO shaft among the quantities that a bin averages."""
+"""Name of the torque of the PTO shaft among the quantities that a bin averages."""
 
 STORES = ("rotor", "spring", "capacitor")
 """Where energy is stored between the torque sensor and the load while the speed changes: the spring is that of the shaft."""
@@ -33,21 +33,17 @@ the noise averages out in a bin, as its changes add up to the difference of the 
 
 
 class Bin(msgspec.Struct, frozen=True):
-    """One bin of generator speed [rpm]: samples in it, and of each stage's power mean and standard error [W].
+    """One bin of generator speed [rpm]: samples in it, and means by name: of the power of each stage [W], of the `TORQUE` [N m]
+    and of the powers that go into `STORES` while the speed changes [W]: P_mech - P_gen less these is a loss.
 
-    `torque` is averaged in the same way [N m]. `stored` are the mean powers that go into `STORES` while the speed changes [W]:
-    the difference of the powers of shaft and DC link less these is a loss. The standard error is s/sqrt(n) of the samples as
-    if they were independent; it is None for a single sample.
+    The standard error is s/sqrt(n) of the samples as if they were independent; a single sample has none.
     """
 
     rpm_low: float
     rpm_high: float
     count: int
-    power: Mapping[str, float | None]
-    standard_error: Mapping[str, float | None]
-    torque: float | None = None
-    torque_standard_error: float | None = None
-    stored: Mapping[str, float | None] = {}
+    mean: Mapping[str, float]
+    standard_error: Mapping[str, float]
 
     def __getattr__(self, name: str) -> float | None:
         """Mean power of a stage as an attribute, such as `power_line`, as of `Metrics`; None for one that is not known. [W]
@@ -56,7 +52,7 @@ class Bin(msgspec.Struct, frozen=True):
         50.0
         """
         if name.startswith("power_"):
-            return self.power.get(name.removeprefix("power_"))
+            return self.mean.get(name.removeprefix("power_"))
         raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
 
 
@@ -69,17 +65,13 @@ def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | Plat
     """
     driven = np.zeros(run.t.size, dtype=bool)
     clutch, torque = rig.drivetrain.one_way_clutch, run.channels.get("torque")
-    ends = [
-        plateau.braking if clutch and torque is None and plateau is not None else cycle.payout_end
-        for cycle, plateau in zip(cycles, plateaus, strict=True)
-    ]
-    begins, stops = run.t.searchsorted([cycle.onset for cycle in cycles]), run.t.searchsorted(ends, side="right")
-    for first, last in zip(begins.tolist(), stops.tolist(), strict=True):
-        driven[first:last] = True
-        if clutch and torque is not None and first < last:
-            pulls = torque[first:last] >= rig.thresholds.tau_engaged
-            rising = int(pulls.argmax())  # 0 where nothing pulls
-            driven[first + rising : last] = pulls[rising:]
+    for cycle, plateau in zip(cycles, plateaus, strict=True):
+        end = plateau.braking if clutch and torque is None and plateau is not None else cycle.payout_end
+        rows = slice(int(run.t.searchsorted(cycle.onset)), int(run.t.searchsorted(end, side="right")))
+        driven[rows] = True
+        if clutch and torque is not None:
+            pulls = torque[rows] >= rig.thresholds.tau_engaged
+            driven[rows] = pulls | ~np.logical_or.accumulate(pulls) if pulls.any() else pulls
     for before, after in all_gaps(run, rig.cascade.channels):
         driven[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = False
     return driven
@@ -99,30 +91,10 @@ def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
     return None
 
 
-def storing(t: Signal, x: Signal, constant: float) -> Signal:
-    """Power into a store of the energy constant x^2 / 2, (n,), negative where the store gives energy back. [W]
-
-    J omega domega/dt of a rotor, tau dtau/dt / k of a spring, C V dV/dt of a capacitor.
-
-    Parameters
-    ----------
-    t, x : (n,) stamps [s] and the signal
-    constant : J [kg m2], 1 / k [rad/(N m)] or C [F], for the unit of the signal
-
-    Examples
-    --------
-    >>> t = np.linspace(0.0, 5.0, 101)
-    >>> storing(t, 3.0 * t, 2.0).round(6)[50]  # 2 times 7.5 times 3
-    np.float64(45.0)
-    """
-    if t.size < 2:
-        return np.zeros_like(x)
-    smooth = local_quadratic(t, x, STORED_WITHIN)
-    return np.asarray(constant * smooth * np.gradient(smooth, t))
-
-
 def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Signal]:
     """Powers that go into `STORES`, (n,), of those whose signal is logged and whose number is known. [W]
+
+    J omega domega/dt of a rotor, tau dtau/dt / k of a spring, C V dV/dt of a capacitor; negative where it gives energy back.
 
     Parameters
     ----------
@@ -131,14 +103,17 @@ def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Signa
     """
     stated = rig.drivetrain.inertia_rotor, rig.drivetrain.k_shaft, rig.dc_link.c_dc
     inertia, k_shaft, c_dc = numbers or (None if number is None else number.value for number in stated)
-    found, speed, channels = {}, generator_speed(run, rig), run.channels
-    if speed is not None and inertia is not None:
-        signal, rpm = speed
-        found["rotor"] = storing(run.t, signal, inertia * (rpm * math.pi / 30.0) ** 2)
-    if TORQUE in channels and k_shaft:
-        found["spring"] = storing(run.t, channels[TORQUE], 1.0 / k_shaft)
-    if "vdc" in channels and c_dc is not None:
-        found["capacitor"] = storing(run.t, channels["vdc"], c_dc)
+    speed, rpm = generator_speed(run, rig) or (None, 0.0)
+    stores = {
+        "rotor": (speed, None if inertia is None else inertia * (rpm * math.pi / 30.0) ** 2),
+        "spring": (run.channels.get(TORQUE), 1.0 / k_shaft if k_shaft else None),
+        "capacitor": (run.channels.get("vdc"), c_dc),
+    }
+    found = {}
+    for store, (signal, constant) in stores.items():
+        if signal is not None and constant is not None and run.t.size > 1:
+            smooth = local_quadratic(run.t, signal, STORED_WITHIN)
+            found[store] = constant * smooth * np.gradient(smooth, run.t)
     return found
 
 
@@ -159,23 +134,21 @@ def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plat
             f"{run.name}: {maximum:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
             f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
         )
-    averaged: dict[str, Stream | None] = {s.name: s.stream(run.channels, rig.r_drum) for s in rig.cascade.stages}
-    averaged[TORQUE] = run.channels[TORQUE].__getitem__ if TORQUE in run.channels else None
-    averaged |= {store: watts.__getitem__ for store, watts in stored_powers(run, rig).items()}
+    streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
+    averaged = {name: watts for name, watts in streams.items() if watts is not None}
+    signals = {name: run.channels[name] for name in (TORQUE,) if name in run.channels} | stored_powers(run, rig)
+    averaged |= {name: x.__getitem__ for name, x in signals.items()}
     return bin_powers(speed, rpm, engaged(run, cycles, plateaus, rig), averaged, rig.thresholds.rpm_bin)
 
 
-def bin_powers(
-    speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Stream | None], width: float
-) -> tuple[Bin, ...]:
+def bin_powers(speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Stream], width: float) -> tuple[Bin, ...]:
     """Average each power in bins of generator speed; bins without a sample are left out.
 
     Parameters
     ----------
     speed, rpm : (n,) signal, and the factor that turns it into generator speed [rpm]
     driven : (n,) samples that count
-    powers : of each stage, as a function of the rows of the log, None for one that is not measured [W]; under `TORQUE`
-        the torque [N m], under the names of `STORES` what is stored [W]
+    powers : what is averaged, by name, as functions of the rows of the log
     width : of a bin [rpm]
     """
     rows = np.flatnonzero(driven)
@@ -186,22 +159,15 @@ def bin_powers(
     number -= low
     count = np.bincount(number)
     n = np.maximum(count, 1)
-    mean: dict[str, list[float]] = {}
-    error: dict[str, list[float]] = {}
+    means, errors = {}, {}
     for name, stream in powers.items():
-        if stream is not None:
-            x = stream(rows)
-            average, square = np.bincount(number, x) / n, np.bincount(number, x * x) / n
-            mean[name] = average.tolist()
-            error[name] = np.sqrt(np.maximum(square - average * average, 0.0) / np.maximum(n - 1, 1)).tolist()
-    stages = [name for name in powers if name not in (TORQUE, *STORES)]
+        x = stream(rows)
+        average, square = np.bincount(number, x) / n, np.bincount(number, x * x) / n
+        means[name] = average.tolist()
+        errors[name] = np.sqrt(np.maximum(square - average * average, 0.0) / np.maximum(n - 1, 1)).tolist()
     bins = []
-    for k, samples in enumerate(count.tolist()):
-        if samples:
-            of = {name: x[k] for name, x in mean.items()}
-            u = {name: x[k] for name, x in error.items()} if samples > 1 else {}
-            powers_of, errors_of = ({name: found.get(name) for name in stages} for found in (of, u))
-            stored = {store: of.get(store) for store in STORES}
-            edges = (low + k) * width, (low + k + 1) * width
-            bins.append(Bin(*edges, samples, powers_of, errors_of, of.get(TORQUE), u.get(TORQUE), stored))
+    for k in np.flatnonzero(count).tolist():
+        mean = {name: x[k] for name, x in means.items()}
+        error = {name: x[k] for name, x in errors.items()} if count[k] > 1 else {}
+        bins.append(Bin((low + k) * width, (low + k + 1) * width, int(count[k]), mean, error))
     return tuple(bins)

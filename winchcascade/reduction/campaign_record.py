@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
+from msgspec.structs import asdict
 
 from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, origin_record
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage
@@ -105,51 +106,41 @@ class CampaignRecord(msgspec.Struct, frozen=True):
 
 
 def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
-    """Summarise the result of one log.
-
-    Parameters
-    ----------
-    log : path of the log
-    """
+    """Summarise the result of one log, of which the path is given too."""
+    means = ("data", "window", "mean", "standard_uncertainty", "interval_95", "max_deviation_percent")
     return LogSummary(
         name=name,
         log=log,
         fault=None,
         result=f"runs/{name}.json",
-        table=record.log.table,
-        load_ohm=record.log.load_ohm,
-        open_circuit=record.log.open_circuit,
+        **{entry: getattr(record.log, entry) for entry in ("table", "load_ohm", "open_circuit", "simulated")},
+        **{entry: getattr(record, entry) for entry in means},
         plateau_speed_mps=record.plateau_speed,
-        simulated=record.log.simulated,
-        data=record.data,
-        window=record.window,
         rig=record.rig_name,
         cycles=len(record.cycles),
         complete=sum(c.complete for c in record.cycles),
         findings=tuple(sorted({finding.kind for finding in record.quality})),
         finding_count=len(record.quality),
         removed_share=sum(finding.removed_share for finding in record.quality),
-        mean=record.numbers("mean"),
-        standard_uncertainty=record.numbers("standard_uncertainty"),
-        interval_95=record.intervals,
-        max_deviation_percent=record.numbers("max_deviation_percent"),
         stages=UNSET if record.stages is UNSET else record.stages.order,
     )
 
 
+def configured_cascade(stages: Iterable[str]) -> Cascade:
+    """The cascade of stages that rig files state by name; that of the paper without any."""
+    found = tuple(BUILT_IN.get(name) or Stage(name, ()) for name in dict.fromkeys(stages))
+    return Cascade(found, configured=True) if found else PAPER
+
+
 def cascade_of(runs: Iterable[LogSummary]) -> Cascade:
     """Cascade of a campaign: that of the paper where no rig file states its stages, else all stages of its logs."""
-    orders = [run.stages for run in runs if run.stages is not UNSET]
-    names = dict.fromkeys(name for order in orders for name in order)
-    return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in names), configured=True) if names else PAPER
+    return configured_cascade(name for run in runs for name in run.stages or ())
 
 
 def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
     """Read the record of a campaign that this version wrote."""
-    runs = tuple(
-        msgspec.convert(run, LogSummary) if run["fault"] is None else msgspec.convert(run, FailedLog)
-        for run in record["runs"]
-    )
+    kinds = {True: LogSummary, False: FailedLog}
+    runs = tuple(msgspec.convert(run, kinds[run["fault"] is None]) for run in record["runs"])
     between = tuple((one["run"], msgspec.convert(one, FindingRecord)) for one in record["between_logs"])
     waves = msgspec.convert(record["waves"], CampaignWavesRecord) if "waves" in record else UNSET
     return CampaignRecord(record["title"], record["state"], runs, between, waves)
@@ -166,9 +157,8 @@ def campaign_json(campaign: CampaignRecord) -> dict[str, object]:
     rules = {rule: len(found) for rule, found in window_rules(runs).items()}
     ranking, eta, best = rank_loads(runs), cascade_of(runs).overall, None
     if ranking.best is not None:
-        run = ranking.best.run
-        best = {"load_ohm": run.load_ohm, "run": run.name, "metric": eta}
-        best |= {"value": run.mean[eta], "probability": ranking.best.likely}
+        run, likely = ranking.best.run, ranking.best.likely
+        best = {"load_ohm": run.load_ohm, "run": run.name, "metric": eta, "value": run.mean[eta], "probability": likely}
     return {
         "schema": CAMPAIGN_SCHEMA,
         "version": __version__,
@@ -181,7 +171,7 @@ def campaign_json(campaign: CampaignRecord) -> dict[str, object]:
         "state": campaign.state,
         "runs": campaign.runs,
         **({} if campaign.waves is UNSET else {"waves": campaign.waves}),
-        "between_logs": [{"run": name, **msgspec.structs.asdict(finding)} for name, finding in campaign.between],
+        "between_logs": [{"run": name, **asdict(finding)} for name, finding in campaign.between],
     }
 
 
@@ -234,15 +224,6 @@ def window_rules(runs: Sequence[LogSummary]) -> dict[str, list[LogSummary]]:
     return {rule: [run for run in runs if rule_of(run) == rule] for rule in dict.fromkeys(map(rule_of, runs))}
 
 
-def unlike_motion(runs: Sequence[LogSummary]) -> tuple[LogSummary, LogSummary] | None:
-    """The slowest and the fastest log with a load, if their plateau speeds differ by more than `SPEED_ALIKE`."""
-    known = [(run.plateau_speed_mps, k) for k, run in enumerate(runs) if run.load_ohm and not run.open_circuit]
-    ends = sorted((speed, k) for speed, k in known if speed is not None)
-    if not ends or ends[-1][0] <= (1.0 + SPEED_ALIKE) * ends[0][0]:
-        return None
-    return runs[ends[0][1]], runs[ends[-1][1]]
-
-
 class Best(NamedTuple):
     """The log of the highest eta_pto, the probability that its load is the best, the best log of the next load, and how many
     logs the best load has.
@@ -262,6 +243,18 @@ class LoadRanking(NamedTuple):
     speeds: tuple[float, float] | None
 
 
+def unlike_motion(runs: Sequence[LogSummary]) -> str:
+    """The plateau speeds of the slowest and the fastest log with a load and what follows, if they differ by more than
+    `SPEED_ALIKE`; else "".
+    """
+    known = [(run.plateau_speed_mps, run.load_ohm) for run in runs if run.load_ohm and not run.open_circuit]
+    ends = sorted((speed, load) for speed, load in known if speed is not None)
+    if not ends or ends[-1][0] <= (1.0 + SPEED_ALIKE) * ends[0][0]:
+        return ""
+    speeds = " to ".join(f"{speed:.2f} m/s at {load:g} ohm" for speed, load in (ends[0], ends[-1]))
+    return f"plateau speeds differ, {speeds}; loads are compared at one motion, within {100 * SPEED_ALIKE:g} %"
+
+
 def rank_loads(runs: Sequence[LogSummary]) -> LoadRanking:
     """The best load of some logs, if their plateau speeds are within `SPEED_ALIKE`; an open circuit is not compared.
 
@@ -276,14 +269,14 @@ def rank_loads(runs: Sequence[LogSummary]) -> LoadRanking:
     known = [speed for speed in speeds if speed is not None]
     ends = (min(known), max(known)) if known else None
     loads = np.array([run.load_ohm for run in given], dtype=float)
-    if len(set(loads.tolist())) < 2:
-        return LoadRanking(None, "no two loads have an efficiency with its uncertainty", ends)
-    if len(known) < len(speeds):
+    reason = unlike_motion(given)
+    if None in speeds:
         lacking = given[speeds.index(None)].load_ohm
-        return LoadRanking(None, f"plateau speed unknown at {lacking:g} ohm; loads are compared at one motion", ends)
-    unlike = unlike_motion(given)
-    if unlike is not None:
-        return LoadRanking(None, motion_words(*unlike), ends)
+        reason = f"plateau speed unknown at {lacking:g} ohm; loads are compared at one motion"
+    if len(set(loads.tolist())) < 2:
+        reason = "no two loads have an efficiency with its uncertainty"
+    if reason:
+        return LoadRanking(None, reason, ends)
     mean = np.array([run.mean[eta] for run in given])
     u = np.array([run.standard_uncertainty[eta] for run in given])
     drawn = mean + u * np.random.default_rng(LOAD_SEED).standard_normal((LOAD_DRAWS, len(given)))
@@ -292,9 +285,3 @@ def rank_loads(runs: Sequence[LogSummary]) -> LoadRanking:
     same = loads == loads[order[0]]
     following = given[next(k for k in order if not same[k])]
     return LoadRanking(Best(given[order[0]], float(share[same].sum()), following, int(same.sum())), "", ends)
-
-
-def motion_words(slow: LogSummary, fast: LogSummary) -> str:
-    """Plateau speeds of the slowest and the fastest of some logs with a load, and what follows from them."""
-    ends = " to ".join(f"{run.plateau_speed_mps:.2f} m/s at {run.load_ohm:g} ohm" for run in (slow, fast))
-    return f"plateau speeds differ, {ends}; loads are compared at one motion, within {100 * SPEED_ALIKE:g} %"

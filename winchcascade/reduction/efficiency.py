@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import TypeVar
 
 from winchcascade.core.cascade import PAPER, Cascade, field_of
 from winchcascade.core.errors import OptionError
@@ -10,11 +11,20 @@ from winchcascade.core.errors import OptionError
 METRICS, NET_METRICS, ALL_METRICS = PAPER.metrics, PAPER.net_metrics, PAPER.all_metrics
 """Metrics of the paper's cascade: of windows, of whole cycles, and both."""
 
-RATIOS, ALL_RATIOS = PAPER.ratios, PAPER.all_ratios
+RATIOS = PAPER.ratios
 """Efficiencies of the paper's cascade: what comes out over what goes in (Eq. 6)."""
 
 FIELDS = {name: field_of(name) for name in ALL_METRICS}
 """Metrics of the paper's cascade as written files call them: with their unit."""
+
+NOTHING = 1e-9
+"""An energy below this counts as zero: no sensor of a winch can distinguish it from zero. [J]"""
+
+DELIVERED_IDLE = 0.2
+"""A machine that delivers a smaller share of its energy than this runs as in an open circuit, whatever load is stated: its
+losses decide every ratio. [1]"""
+
+Value = TypeVar("Value")
 
 
 class Metrics(dict[str, float | None]):
@@ -64,17 +74,14 @@ class Metrics(dict[str, float | None]):
             raise OptionError(f"the log gives no {name}; its findings name what is missing.")
         return value
 
-    def fields(self, names: Iterable[str] = ALL_METRICS) -> dict[str, float | None]:
-        """Some metrics by their names in written files."""
-        return {field_of(name): self.get(name) for name in names}
 
+def named(of: Mapping[str, Value | None], names: Iterable[str] = ALL_METRICS) -> dict[str, Value | None]:
+    """What there is of some metrics by their names in written files, None for those that have none.
 
-NOTHING = 1e-9
-"""An energy below this counts as zero: no sensor of a winch can distinguish it from zero. [J]"""
-
-DELIVERED_IDLE = 0.2
-"""A machine that delivers a smaller share of its energy than this runs as in an open circuit, whatever load is stated: its
-losses decide every ratio. [1]"""
+    >>> named({"energy_line": 3.0}, ["energy_line", "eta_pto"])
+    {'energy_line_j': 3.0, 'eta_pto': None}
+    """
+    return {field_of(name): of.get(name) for name in names}
 
 
 def ratio(out: float | None, into: float | None) -> float | None:
@@ -83,9 +90,7 @@ def ratio(out: float | None, into: float | None) -> float | None:
     >>> ratio(3.0, 4.0), ratio(1.0, 0.0)
     (0.75, None)
     """
-    if out is None or into is None or into <= NOTHING:
-        return None
-    return out / into
+    return None if out is None or into is None or into <= NOTHING else out / into
 
 
 def not_negative(value: float | None) -> float | None:
@@ -104,9 +109,14 @@ def runs_idle(delivered: Sequence[float | None]) -> bool:
 
 
 def metrics(
-    energy: Mapping[str, float | None], duration: float, *, open_circuit: bool, cascade: Cascade = PAPER
-) -> tuple[Metrics, dict[str, float]]:
-    """Put one cycle's metrics together (Eqs 5 and 6).
+    energy: Mapping[str, float | None],
+    duration: float,
+    *,
+    open_circuit: bool,
+    cascade: Cascade = PAPER,
+    negative: bool = False,
+) -> Metrics:
+    """Put the metrics of one cycle together (Eqs 5 and 6).
 
     Parameters
     ----------
@@ -114,24 +124,17 @@ def metrics(
     duration : length of the window [s]
     open_circuit : nothing is delivered, so eta_gen and eta_pto are no efficiencies of the machine; nor is any ratio to an
         energy of exactly zero, as of a shaft at rest
-
-    Returns
-    -------
-    the metrics, and the ratios outside 0 to 1, by name. One above 1 is a result with an uncertainty and stands in the metrics
-    too; one below 0 is no efficiency and None in them.
+    negative : keep ratios below 0 too, which are no efficiencies; one above 1 is a result with an uncertainty
     """
     values = Metrics(energy, cascade.all_metrics)
     for stage in cascade.names:
         joule = energy[f"energy_{stage}"]
         values[f"power_{stage}"] = None if joule is None or duration <= 0 else joule / duration
-    odd = {}
     for name, (out, into) in cascade.ratios.items():
         idle = energy[out] == 0.0 or (open_circuit and cascade.undelivered(name))
         value = None if idle else ratio(energy[out], energy[into])
-        if value is not None and not 0.0 <= value <= 1.0:
-            odd[name] = value
-        values[name] = not_negative(value)
-    return values, odd
+        values[name] = value if negative else not_negative(value)
+    return values
 
 
 def ensemble_mean(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metrics:
@@ -143,28 +146,24 @@ def ensemble_mean(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metric
     >>> ensemble_mean([Metrics(eta_trans=0.5), Metrics(eta_trans=0.75)]).eta_trans
     0.625
     """
-    columns = _columns(cycles, cascade)
-    return Metrics({name: sum(x) / len(x) if x else None for name, x in columns.items()}, cascade.all_metrics)
+    means = {name: sum(x) / len(x) if x else None for name, x in _columns(cycles, cascade).items()}
+    return Metrics(means, cascade.all_metrics)
 
 
 def largest_deviation(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metrics:
     """Largest deviation of any cycle from the mean, in percent of the mean (Sec. 3.2); None for fewer than two. [%]"""
-    mean, columns = ensemble_mean(cycles, cascade), _columns(cycles, cascade)
-    deviations = {m: 100.0 * max(abs(x - mean.value(m)) for x in columns[m]) for m in columns if len(columns[m]) > 1}
-    return Metrics({m: d / abs(mean.value(m)) if mean[m] else None for m, d in deviations.items()}, cascade.all_metrics)
+    columns = {name: x for name, x in _columns(cycles, cascade).items() if len(x) > 1}
+    means = {name: sum(x) / len(x) for name, x in columns.items()}
+    largest = {name: max(abs(value - means[name]) for value in x) for name, x in columns.items()}
+    percent = {name: 100.0 * x / abs(means[name]) if means[name] else None for name, x in largest.items()}
+    return Metrics(percent, cascade.all_metrics)
 
 
 def total(cycles: Sequence[Metrics], duration: float, *, open_circuit: bool, cascade: Cascade = PAPER) -> Metrics:
-    """Summed energies, their mean powers over all windows together, and the ratios of the sums.
-
-    Parameters
-    ----------
-    duration : length of all windows [s]
-    """
+    """Summed energies, their mean powers over all windows together [s], and the ratios of the sums."""
     sums = {name: sum(x) if x else None for name, x in _columns(cycles, cascade).items()}
-    found, _ = metrics(sums, duration, open_circuit=open_circuit, cascade=cascade)
-    for name, (out, into) in cascade.net_ratios.items():
-        found[name] = ratio(sums[out], sums[into])
+    found = metrics(sums, duration, open_circuit=open_circuit, cascade=cascade)
+    found.update({name: ratio(sums[out], sums[into]) for name, (out, into) in cascade.net_ratios.items()})
     return found
 
 

@@ -9,7 +9,6 @@ predict a log.
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from itertools import combinations
 from typing import NamedTuple
 
 import msgspec
@@ -28,8 +27,8 @@ ETA_DISTANCE_MIN = 0.01
 MIN_OTHERS = 3
 """Minimum number of logs for each one that lies far from the others; with more of these the usual value is unclear."""
 
-MAX_PAIRED = 30
-"""Maximum number of logs of which pairs are tried: of more the others outvote two that were swapped."""
+MAX_TRIED = 30
+"""Maximum number of logs each of which is tried as the one that explains why any lies apart; of more the others outvote it."""
 
 PHYSICAL_MIN = 1e-6
 """No rig has a load, a speed or a power below this, nor a load above its inverse. [ohm, m/s, W]"""
@@ -75,12 +74,12 @@ class _Rows(NamedTuple):
 
 
 class _Distance(NamedTuple):
-    """Some logs against the law that the others give: how far 1 / efficiency lies off, and what their speed explains of that,
-    (m,) each; the probability that chance alone separates them so far, and the square by which the others agree better.
+    """A log against the law that the others give: how far 1 / efficiency lies off, and what its speed explains of that; the
+    probability that chance alone separates it so far, and the square by which the others agree better without it.
     """
 
-    off: Signal
-    allowed: Signal
+    off: float
+    allowed: float
     chance: float
     square: float
 
@@ -88,8 +87,7 @@ class _Distance(NamedTuple):
 def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
     """Find the logs whose efficiency lies far from the others; open circuits, and what no rig has, take no part.
 
-    One log at a time is left out and predicted from the others, then two where no single one explains it, as of two logs that
-    were swapped. Significance is that of all these comparisons together.
+    One log at a time is left out and predicted from the others. Significance is that of all these comparisons together.
     """
     loaded = [log for log in logs if log.load is None or PHYSICAL_MIN < log.load < 1.0 / PHYSICAL_MIN]
     given = {
@@ -100,25 +98,32 @@ def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
     found: list[Apart] = []
     for metric in tested:
         for kind in dict.fromkeys(log.kind for log in given[metric]):
-            found += _apart(metric, [log for log in given[metric] if log.kind == kind], len(tested))
+            found += _apart(metric, [log for log in given[metric] if log.kind == kind], ALPHA / len(tested))
     return found
 
 
-def _apart(metric: str, logs: Sequence[LogEfficiency], metrics: int) -> list[Apart]:
-    if metric != "eta_trans":
-        logs = [log for log in logs if log.load is not None]
-    left, rows = list(range(len(logs))), _rows(metric, logs)
+def _apart(metric: str, logs: Sequence[LogEfficiency], alpha: float) -> list[Apart]:
+    """The logs of one kind that lie apart with a probability of chance below `alpha`, the furthest first.
+
+    Of the logs that explain alone why any lies apart, the one counts without which the others agree best. That need not be the
+    least probable one: a wrong log spoils the prediction of the log beside it, and its own speed may explain more of its
+    distance.
+    """
+    logs = [log for log in logs if metric == "eta_trans" or log.load is not None]
+    rows, left = _rows(metric, logs), list(range(len(logs)))
     found: list[Apart] = []
     while rows is not None and len(found) < max(len(logs) // MIN_OTHERS, 1):
-        chosen, others = _most_apart(rows, left, metrics)
-        if not chosen:
+        far = _significant(rows, left, alpha)
+        if not far:
             break
-        left = [k for k in left if k not in chosen]
-        for k in chosen:
-            distance, y = _distance(rows, left, (k,)), float(rows.y[k] * rows.sd[k])
-            expected, allowed = 1.0 / (y - float(distance.off[0])), float(distance.allowed[0]) / y**2
-            or_else = tuple(logs[n].name for n in others)
-            found.append(Apart(logs[k].name, metric, 1.0 / y, expected, allowed, or_else))
+        tried = left if len(left) <= MAX_TRIED else []
+        alone = [k for k in tried if not _significant(rows, [n for n in left if n != k], alpha)]
+        apart = {k: _distance(rows, [n for n in left if n != k], k) for k in alone or far}
+        best = max(apart, key=lambda k: round(apart[k].square, 6))  # the first of those that explain it equally well
+        left.remove(best)
+        y, others = float(rows.y[best] * rows.sd[best]), tuple(logs[k].name for k in alone if k != best)
+        expected, allowed = 1.0 / (y - apart[best].off), apart[best].allowed / y**2
+        found.append(Apart(logs[best].name, metric, 1.0 / y, expected, allowed, others))
     return found
 
 
@@ -143,52 +148,26 @@ def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
     return _Rows(sd, 1.0 / eta / sd, np.log(v) / sd, terms / sd[:, None], 1.0 - eta)
 
 
-def _distance(rows: _Rows, left: Sequence[int], out: Sequence[int]) -> _Distance:
-    """Compare some logs, of those that are left, with what all others predict; chance alone where these give no law."""
+def _significant(rows: _Rows, left: Sequence[int], alpha: float) -> list[int]:
+    """The logs, of those that are left, that lie apart from the others by more than chance allows."""
+    if len(left) <= rows.terms.shape[1]:
+        return []
+    return [k for k in left if _distance(rows, [n for n in left if n != k], k).chance * len(left) < alpha]
+
+
+def _distance(rows: _Rows, by: Sequence[int], k: int) -> _Distance:
+    """Compare a log with what others predict; chance alone where these give no law."""
     from scipy.special import fdtrc
 
-    by, of = [k for k in left if k not in out], list(out)
     inverse = np.linalg.pinv(rows.terms[by], rcond=PHYSICAL_MIN)  # terms that go together, as at one speed, count once
-    weights = rows.terms[of] @ inverse
-    known = np.abs(weights @ rows.terms[by] - rows.terms[of]).max() <= PHYSICAL_MIN * np.abs(rows.terms[of]).max()
-    off, moved = (x[of] - weights @ x[by] for x in (rows.y, rows.ln_v))
-    allowed = rows.lost[of] * np.abs(moved) * rows.y[of] * rows.sd[of]
-    beyond = np.maximum(np.abs(off) - allowed, 0.0) * np.sign(off)
-    variance = np.eye(len(of)) + weights @ weights.T
+    weights = rows.terms[k] @ inverse
+    known = np.abs(weights @ rows.terms[by] - rows.terms[k]).max() <= PHYSICAL_MIN * np.abs(rows.terms[k]).max()
+    off, moved = (float(x[k] - weights @ x[by]) for x in (rows.y, rows.ln_v))
+    allowed = float(rows.lost[k] * abs(moved) * rows.y[k] * rows.sd[k])
+    beyond, variance = max(abs(off) - allowed, 0.0), 1.0 + float(weights @ weights)
     rest = rows.y[by] - rows.terms[by] @ (inverse @ rows.y[by])
     freedom = PRIOR + len(by) - rows.terms.shape[1]
-    f = beyond @ np.linalg.solve(variance, beyond) / len(of) / ((PRIOR + rest @ rest) / freedom)
-    far = known and bool(np.all(np.abs(beyond) / (rows.y[of] ** 2 * rows.sd[of]) >= ETA_DISTANCE_MIN))
-    square = float(off @ np.linalg.solve(variance, off)) if known else 0.0
-    chance = float(fdtrc(len(of), freedom, f)) if far else 1.0
-    return _Distance(off * rows.sd[of], allowed * rows.sd[of], chance, square)
-
-
-def _significant(rows: _Rows, left: Sequence[int], metrics: int) -> dict[tuple[int, ...], float]:
-    """The logs that lie apart from the others by more than chance allows, each alone, or two where no single one does, and the
-    square by which the others agree better without them."""
-    if len(left) <= rows.terms.shape[1]:
-        return {}
-    single: dict[tuple[int, ...], _Distance] = {(k,): _distance(rows, left, (k,)) for k in left}
-    found = {logs: d.square for logs, d in single.items() if d.chance * len(left) * metrics < ALPHA}
-    if found or not 2 * MIN_OTHERS <= len(left) <= MAX_PAIRED:
-        return found
-    pairs = {pair: _distance(rows, left, pair) for pair in combinations(left, 2)}
-    best = min(pairs, key=lambda pair: pairs[pair].chance)
-    return {best: pairs[best].square} if pairs[best].chance * len(pairs) * metrics < ALPHA else {}
-
-
-def _most_apart(rows: _Rows, left: Sequence[int], metrics: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The log, or the two, that lie furthest from the others, and the logs without which nothing would; empty if none.
-
-    Of the logs that explain it alone, the one counts without which the others agree best. That need not be the least probable
-    one: a wrong log spoils the prediction of the log beside it, and its own speed may explain more of its distance.
-    """
-    found = _significant(rows, left, metrics)
-    if not found:
-        return (), ()
-    few = left if len(left) <= MAX_PAIRED else []
-    alone = [k for k in few if not _significant(rows, [n for n in left if n != k], metrics)]
-    squares = {(k,): _distance(rows, left, (k,)).square for k in alone} or found
-    best = max(squares, key=lambda logs: round(squares[logs], 6))  # the first of those that explain it equally well
-    return best, tuple(k for k in alone if (k,) != best)
+    f = beyond**2 / variance / float((PRIOR + rest @ rest) / freedom)
+    far = known and beyond / float(rows.y[k] ** 2 * rows.sd[k]) >= ETA_DISTANCE_MIN
+    chance = float(fdtrc(1, freedom, f)) if far else 1.0
+    return _Distance(off * float(rows.sd[k]), allowed * float(rows.sd[k]), chance, off**2 / variance if known else 0.0)

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import integrals, integrals_of
@@ -51,35 +52,31 @@ def find_net_spans(phased: PhasedRun) -> list[NetSpan]:
     found = []
     for k, (cycle, moved) in enumerate(zip(phased.cycles, travel_in(run, spans), strict=True)):
         last = k == len(phased.cycles) - 1 and phased.next_onset is None
-        reason = None
-        if "force" not in run.channels:
-            reason = "the log has no line tension"
-        elif run.open_circuit:
-            reason = "net energies are not evaluated in open circuit"
-        elif cycle.begins_inside:
-            reason = "the log begins inside the payout"
-        elif cycle.hold is None:
-            reason = "the log ends inside the payout"
-        elif cycle.haul_in is None:
-            reason = "no haul-in follows"
-        elif last and not (at_rest and cycle.haul_in[1] <= rest):
-            reason = "the log ends before the line is at rest after the haul-in"
-        elif abs(moved) > NET_TRAVEL_MAX * abs(phased.travel[k]):
-            reason = f"the line ends more than {NET_TRAVEL_MAX:.0%} of its stroke from where it began"
+        stroke, haul_in_end = abs(phased.travel[k]), np.inf if cycle.haul_in is None else cycle.haul_in[1]
+        reasons = {
+            "the log has no line tension": "force" not in run.channels,
+            "net energies are not evaluated in open circuit": run.open_circuit,
+            "the log begins inside the payout": cycle.begins_inside,
+            "the log ends inside the payout": cycle.hold is None,
+            "no haul-in follows": cycle.haul_in is None,
+            "the log ends before the line is at rest after the haul-in": last and not (at_rest and haul_in_end <= rest),
+            f"the line ends more than {NET_TRAVEL_MAX:.0%} of its stroke from where it began": abs(moved)
+            > NET_TRAVEL_MAX * stroke,
+        }
         begin, end = spans[k].tolist()
-        found.append(NetSpan(begin, end, moved, reason))
+        found.append(NetSpan(begin, end, moved, next((why for why, so in reasons.items() if so), None)))
     return found
 
 
 def spans_of(windows: Sequence[Window], cycles: Sequence[Cycle], nets: Sequence[NetSpan]) -> dict[str, Signal]:
     """Begin and end of the spans of all cycles by name, (k, 2) each [s]; without length for a cycle that is not whole."""
-    whole = [c.haul_in if n.reason is None else None for c, n in zip(cycles, nets, strict=True)]
-    found = {
-        "window": [(w.onset, w.cutoff) for w in windows],
-        "payout": [(c.onset, c.payout_end if haul_in else c.onset) for c, haul_in in zip(cycles, whole, strict=True)],
-        "haul_in": [haul_in or (c.onset, c.onset) for c, haul_in in zip(cycles, whole, strict=True)],
-        "cycle": [(n.begin, n.end if haul_in else n.begin) for n, haul_in in zip(nets, whole, strict=True)],
-    }
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in ("window", "payout", "haul_in", "cycle")}
+    for window, cycle, net in zip(windows, cycles, nets, strict=True):
+        whole = cycle.haul_in if net.reason is None else None
+        found["window"].append((window.onset, window.cutoff))
+        found["payout"].append((cycle.onset, cycle.payout_end if whole else cycle.onset))
+        found["haul_in"].append(whole or (cycle.onset, cycle.onset))
+        found["cycle"].append((net.begin, net.end if whole else net.begin))
     return {name: np.array(spans).reshape(-1, 2) for name, spans in found.items()}
 
 
@@ -98,14 +95,15 @@ def net_metrics(joules: Mapping[str, float | None], span: NetSpan) -> tuple[dict
     """
     net = joules.get("net")
     if span.reason is None and net is not None and net <= 0.0:
-        span = msgspec.structs.replace(span, reason="the net energy of the line is not positive")
+        span = replace(span, reason="the net energy of the line is not positive")
     if span.reason is not None or "net" not in joules:
         return {}, span
-    values = {f"energy_{name}": joules[name] for name in ("payout", "returned", "net", "gen_cycle")}
     eta = ratio(joules["gen_cycle"], net)
-    if eta is None or eta >= 0.0:
-        return values | {"eta_net": eta}, span
-    return values | {"eta_net": None}, msgspec.structs.replace(span, reason="E_gen / E_net is below 0")
+    if eta is not None and eta < 0.0:
+        eta, span = None, replace(span, reason="E_gen / E_net is below 0")
+    return {f"energy_{name}": joules[name] for name in ("payout", "returned", "net", "gen_cycle")} | {
+        "eta_net": eta
+    }, span
 
 
 class Energies(msgspec.Struct, frozen=True):
@@ -130,12 +128,6 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
     known = {name: power.stream(run.channels, rig.r_drum) for name, power in powers.items() if power is not None}
     whole = integrals_of(run.t, list(known.values()), np.concatenate(list(spans.values())))
     of_stages = dict(zip(known, whole.reshape(len(known), len(spans), len(windows)), strict=True))
-    of_span = {span: k for k, span in enumerate(spans)}
-    moved = dict.fromkeys(spans, np.zeros(len(windows)))  # at an onset the line hardly moves
-    if phased.rule != "payout":  # what moves onset or plateau moves the cutoff that depends on it
-        onset, cutoff = spans["window"].T
-        instants = onset if isinstance(phased.rule, float) else cutoff - limits.settle
-        moved["window"] = instant_error(run, phased.v_smooth, instants)
     joules: dict[str, list[float] | None] = dict.fromkeys(cascade.parts)
     bridged: dict[str, tuple[float, ...]] = {}
     faults: dict[str, dict[int, str]] = {"its window": {}, "the cycle": {}}
@@ -143,12 +135,16 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
         power = powers[stage]
         if power is None:
             continue
-        energy, gaps = of_stages[stage][of_span[span]], gaps_of(run, power.channels)
+        energy, gaps = of_stages[stage][[*spans].index(span)], gaps_of(run, power.channels)
         joules[name] = (SIGN.get(name, 1.0) * energy).tolist()
         idle = stage in ELECTRICAL and run.open_circuit  # no current flows: any of it is a large share
         if len(gaps) and not idle:
-            watts = known[stage](slice(None))
-            changed = energy_error(run.t, watts, gaps, spans[span], moved[span])
+            watts, moved = known[stage](slice(None)), np.zeros(len(windows))  # at an onset the line hardly moves
+            if span == "window" and phased.rule != "payout":  # what moves onset or plateau moves the cutoff
+                onset, cutoff = spans["window"].T
+                instants = onset if isinstance(phased.rule, float) else cutoff - limits.settle
+                moved = instant_error(run, phased.v_smooth, instants)
+            changed = energy_error(run.t, watts, gaps, spans[span], moved)
             bridged[name] = tuple(changed.tolist())
             # the net energy of a reciprocating machine may be small
             flow = energy if rig.phases.by_motion else integrals(run.t, np.abs(watts).__getitem__, spans[span])
@@ -156,8 +152,8 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
             place = "its window" if span == "window" else "the cycle"
             faults[place] = gap_faults(name, place, gaps, spans[span], share, limits) | faults[place]
     return Energies(
-        [Window(w.onset, w.cutoff, w.fault or faults["its window"].get(k)) for k, w in enumerate(windows)],
-        [NetSpan(n.begin, n.end, n.travel, n.reason or faults["the cycle"].get(k)) for k, n in enumerate(nets)],
+        [replace(w, fault=w.fault or faults["its window"].get(k)) for k, w in enumerate(windows)],
+        [replace(n, reason=n.reason or faults["the cycle"].get(k)) for k, n in enumerate(nets)],
         joules,
         bridged,
     )

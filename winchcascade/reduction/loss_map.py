@@ -19,8 +19,7 @@ import math
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import error_sources, student
-from winchcascade.core.rig_file import Rig
+from winchcascade.core.accuracy import student
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.reduction.loss_points import LossPoints, columns_at
 
@@ -103,61 +102,57 @@ class LossMap(msgspec.Struct, frozen=True):
     u_energy: float
 
 
-def make_loss_map(points: LossPoints, rig: Rig) -> LossMap:
-    """Fit the surface to some points and lay it onto a table within their hull.
-
-    Parameters
-    ----------
-    rig : states the accuracies of the sensors, which the intervals contain; what it does not state counts as exact
-    """
-    surface = fit_surface(points, rig)
-    hull = convex_hull(points.torque, points.speed)
-    torque = np.linspace(float(points.torque.min()), float(points.torque.max()), BREAKPOINTS)
-    speed = np.linspace(float(points.speed.min()), float(points.speed.max()), BREAKPOINTS)
+def make_loss_map(points: LossPoints) -> LossMap:
+    """Fit the surface to some points and lay it onto a table within their hull."""
+    surface = fit_surface(points)
+    torque, speed = (np.linspace(float(x.min()), float(x.max()), BREAKPOINTS) for x in (points.torque, points.speed))
     grid = np.stack(np.meshgrid(torque, speed, indexing="ij"), axis=-1)
-    inside = within(hull, grid[..., 0], grid[..., 1])
+    corners, inside = convex_hull(np.column_stack((points.torque, points.speed)), grid)
     columns = columns_at(grid[..., 0], grid[..., 1])
     u = np.sqrt(np.maximum(np.einsum("...i,ij,...j", columns, surface.covariance, columns), 0.0))
-    energy, u_energy = _energy(points, surface, rig)
+    residual = (points.loss - points.columns @ surface.values) * points.duration
+    _, place = np.unique(points.cycle, return_inverse=True)
+    shifts = points.errors[:, :, 0].T @ points.duration
     return LossMap(
         points=points,
         surface=surface,
-        hull=hull,
+        hull=corners,
         torque=torque,
         speed=speed,
         loss=np.where(inside, columns @ surface.values, np.nan),
         u_loss=np.where(inside, u, np.nan),
-        energy=energy,
-        u_energy=u_energy,
+        energy=float(points.loss @ points.duration),
+        u_energy=math.hypot(*np.bincount(place, weights=residual), *shifts) if surface.freedom else math.nan,
     )
 
 
-def fit_surface(points: LossPoints, rig: Rig) -> Surface:
+def fit_surface(points: LossPoints) -> Surface:
     """Fit the surface by least squares, with as many of its columns as the points distinguish.
 
-    Parameters
-    ----------
-    rig : states the accuracies of the sensors
+    What is known of the sensors widens the intervals; those of which the rig file states no accuracy count as exact.
     """
-    kept = [k for k in range(len(TERMS)) if np.any(points.columns[:, k])]
+    any_at = [k for k in range(len(TERMS)) if np.any(points.columns[:, k])]
+    kept = any_at[:]
     while len(kept) > 1 and condition_number(points.columns[:, kept]) > CONDITION_MAX:
         kept.pop()
     x, by = points.columns[:, kept], "log" if np.unique(points.log).size >= 3 else "cycle"
     fitted = _solve(x, points.loss)
     residual = points.loss - x @ fitted
     covariance, freedom = _scatter(x, residual, points.cycle)
-    for wrong in _with_errors(points, rig):
-        step = _solve(wrong.columns[:, kept], wrong.loss) - fitted
+    for error in points.errors.swapaxes(0, 1):
+        step = _solve(x + error[:, 1:][:, kept], points.loss + error[:, 0]) - fitted
         covariance = covariance + np.outer(step, step)
     values, whole = np.zeros(len(TERMS)), np.zeros((len(TERMS), len(TERMS)))
     values[kept], whole[np.ix_(kept, kept)] = fitted, covariance
     names, found = list(TERMS), []
     for k, (term, unit) in enumerate(TERMS.items()):
-        value, half = float(values[k]), student(freedom) * math.sqrt(whole[k, k]) if freedom else math.nan
-        ends = (value - half, value + half) if math.isfinite(half) else (None, None)
-        column = Coefficient(term, unit, value, *ends)
-        others = tuple(names[n] for n in kept) if np.any(points.columns[:, k]) else ()
-        found.append(column if k in kept else Coefficient(term, unit, contained_in=others))
+        if k in kept:
+            value, half = float(values[k]), student(freedom) * math.sqrt(whole[k, k]) if freedom else math.nan
+            ends = (value - half, value + half) if math.isfinite(half) else (None, None)
+            found.append(Coefficient(term, unit, value, *ends))
+        else:
+            others = tuple(names[n] for n in kept) if k in any_at else ()
+            found.append(Coefficient(term, unit, contained_in=others))
     return Surface(
         coefficients=tuple(found),
         values=values,
@@ -224,47 +219,26 @@ def _scatter(x: Signal, residual: Signal, cycle: Index) -> tuple[Signal, int]:
     return scores @ scores.T * (numbers.size / (numbers.size - 1.0) * (n - 1.0) / (n - p)), numbers.size - 1
 
 
-def _with_errors(points: LossPoints, rig: Rig) -> list[LossPoints]:
-    """The points as they would be with each sensor wrong by one standard uncertainty of its zero or gain."""
-    sources = [s for name, sensor in rig.sensors.items() if name in points.means for s in error_sources(name, sensor)]
-    return [points.with_error(s.channel, s.part, s.u) for s in sources]
-
-
-def _energy(points: LossPoints, surface: Surface, rig: Rig) -> tuple[float, float]:
-    """Energy lost in all points together, and its standard uncertainty, NaN where no scatter shows. [J]"""
-    energy = float(points.loss @ points.duration)
-    if surface.freedom == 0:
-        return energy, math.nan
-    residual = (points.loss - points.columns @ surface.values) * points.duration
-    _, place = np.unique(points.cycle, return_inverse=True)
-    shifts = [float((wrong.loss - points.loss) @ points.duration) for wrong in _with_errors(points, rig)]
-    return energy, math.hypot(*np.bincount(place, weights=residual), *shifts)
-
-
 EDGE = 1e-9
 """A place that lies outside of the hull by less than this share of its extent lies on its edge. [1]"""
 
 
-def convex_hull(x: Signal, y: Signal) -> Signal:
-    """Corners of the convex hull of points, (k, 2), anticlockwise from the least x; two ends for points on a line.
+def convex_hull(points: Signal, places: Signal) -> tuple[Signal, Mask]:
+    """Corners of the convex hull of points, (k, 2), anticlockwise from the least x, and whether places, (..., 2), lie in it.
 
-    >>> convex_hull(np.array([0.0, 2.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.5, 2.0])).tolist()
-    [[0.0, 0.0], [2.0, 0.0], [1.0, 2.0]]
+    Of points on a line the corners are the two ends, and no place lies in it.
+
+    >>> square, inside = convex_hull(np.array([[0.0, 0.0], [2, 0], [1, 2], [1, 0.5]]), np.array([[1.0, 1.0], [0.0, 2.0]]))
+    >>> square.tolist(), inside.tolist()
+    ([[0.0, 0.0], [2.0, 0.0], [1.0, 2.0]], [True, False])
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    corners = np.unique(np.column_stack((x, y)), axis=0)
+    corners = np.unique(points, axis=0)
     try:
-        found = corners[ConvexHull(corners).vertices]
+        hull = ConvexHull(corners)
     except QhullError:  # too few points, or all of them on a line
-        return corners[:: max(1, len(corners) - 1)]
-    return np.roll(found, -int(np.lexsort(found.T[::-1])[0]), axis=0)
-
-
-def within(hull: Signal, x: Signal, y: Signal) -> Mask:
-    """Whether places lie in a convex hull or on its edge; none lies in a hull without area."""
-    inside = np.full(np.shape(x), len(hull) > 2)
-    extent = float(np.prod(np.ptp(hull, axis=0)))
-    for a, b in zip(hull, np.roll(hull, -1, axis=0), strict=True):
-        inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) >= -EDGE * extent
-    return inside
+        return corners[:: max(1, len(corners) - 1)], np.zeros(places.shape[:-1], dtype=bool)
+    beyond = (places @ hull.equations[:, :2].T + hull.equations[:, 2]).max(axis=-1)
+    found = corners[hull.vertices]
+    return np.roll(found, -int(np.lexsort(found.T[::-1])[0]), axis=0), beyond <= EDGE * np.ptp(corners)

@@ -13,12 +13,12 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import Part
+from winchcascade.core.accuracy import error_sources
 from winchcascade.core.cascade import Cascade, Power
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.integrate import means, means_of, stretches_of
+from winchcascade.core.integrate import means_of, stretches_of
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Index, Run, Signal
+from winchcascade.core.run import Index, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.bins import engaged
 from winchcascade.reduction.gap_error import all_gaps
@@ -59,8 +59,7 @@ class LossPoints(msgspec.Struct, frozen=True):
     power_in, power_out : mean powers of these two [W]
     stored : rate at which rotor, shaft spring and capacitor take up energy [W]
     columns : (k, 5) means of the columns of the surface
-    means : of each channel that the powers are made of, SI units
-    made_of : of which channels the two powers are made
+    errors : (k, s, 6) what each of s errors of the sensors, of one standard uncertainty, changes of loss [W] and columns
     duration : of each point [s]
     cycle, log : numbers of the cycle and the log of each point; of one log the cycles count on
     logs : names of the logs
@@ -74,8 +73,7 @@ class LossPoints(msgspec.Struct, frozen=True):
     power_out: Signal
     stored: Signal
     columns: Signal
-    means: Mapping[str, Signal]
-    made_of: tuple[Power, Power]
+    errors: Signal
     duration: Signal
     cycle: Index
     log: Index
@@ -87,48 +85,22 @@ class LossPoints(msgspec.Struct, frozen=True):
         """Power that is lost at each point. [W]"""
         return self.power_in - self.power_out - self.stored
 
-    def with_error(self, channel: str, part: Part, size: float) -> LossPoints:
-        """The points as they would be if a channel read too much by a share of itself, or by a constant in its unit."""
-        error = size * self.means[channel] if part == "gain" else np.full(self.torque.size, size)
-        powers = [self.power_in, self.power_out]
-        for k, made_of in enumerate(self.made_of):
-            for term in made_of.terms:
-                if channel in term.channels:
-                    r_drum = np.abs(self.means["velocity"]) / self.speed if term.by_radius else 1.0
-                    others = [self.means[name] for name in term.channels if name != channel]
-                    powers[k] = powers[k] + term.constant * error * math.prod(others) / r_drum
-        logged = self.means.get("speed", self.means.get("velocity"))
-        turns = 1.0 if logged is None else np.sign(logged)  # a speed below zero is counted as above zero
-        torque, speed = self.torque, self.speed
-        if channel == "torque":
-            torque = torque + error * turns * _counted(self.made_of[self.stages.index("mech")])
-        elif channel == "speed":
-            speed = speed + error * turns
-        elif channel == "velocity" and "speed" not in self.means:
-            speed = speed * (1.0 + error / self.means[channel])
-        columns = self.columns + columns_at(torque, speed) - columns_at(self.torque, self.speed)
-        return msgspec.structs.replace(
-            self, torque=torque, speed=speed, power_in=powers[0], power_out=powers[1], columns=columns
-        )
 
-
-ROWS = ("torque", "speed", "power_in", "power_out", "stored", "columns", "duration", "cycle", "log")
+ROWS = ("torque", "speed", "power_in", "power_out", "stored", "columns", "errors", "duration", "cycle", "log")
 """Fields of some points that have a row for each."""
 
 
 def joined(parts: Sequence[LossPoints]) -> LossPoints:
     """Points of several logs of one rig together."""
-    past = np.cumsum([0, *(int(part.cycle.max()) + 1 for part in parts)])
+    past = np.cumsum([0, *(int(part.cycle.max()) + 1 for part in parts)]).tolist()
     parts = [
-        msgspec.structs.replace(part, cycle=part.cycle + int(past[k]), log=np.full(part.log.size, k))
+        msgspec.structs.replace(part, cycle=part.cycle + past[k], log=np.full(part.log.size, k))
         for k, part in enumerate(parts)
     ]
-    shared = set.intersection(*(set(part.means) for part in parts))
     left_out: Counter[str] = sum((Counter(part.left_out) for part in parts), Counter())
     return msgspec.structs.replace(
         parts[0],
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ROWS},
-        means={name: np.concatenate([p.means[name] for p in parts]) for name in parts[0].means if name in shared},
         logs=tuple(name for part in parts for name in part.logs),
         left_out=dict(left_out),
     )
@@ -153,61 +125,90 @@ def stages_of_loss(cascade: Cascade) -> tuple[str, str]:
 def loss_points(reduction: Reduction) -> LossPoints:
     """Operating points of one log: its steps, or blocks of its payouts in which the clutch drives the generator.
 
+    Points at which the shaft rests, or at which it changes its speed with an inertia that is unknown, are left out.
+
     Raises
     ------
     RigError : the cascade has no stages without storage between them
     LogError : the log lacks a power, or no point is left
     """
-    run, rig, t = reduction.run, reduction.rig, reduction.run.t
+    run, rig = reduction.run, reduction.rig
     stages = stages_of_loss(rig.cascade)
-    made_of = {s.name: s.power(run.channels, rig.r_drum) for s in rig.cascade.stages if s.name in stages}
-    into, out, speed = made_of[stages[0]], made_of[stages[1]], _shaft_speed(run, rig)
-    if into is None or out is None or speed is None:
-        lacking = [name for name in stages if made_of[name] is None] or ["speed of the shaft"]
+    powers = {s.name: power for s in rig.cascade.stages if (power := s.power(run.channels, rig.r_drum)) is not None}
+    lacking = [name for name in stages if name not in powers]
+    if "speed" not in run.channels and ("velocity" not in run.channels or rig.r_drum is None):
+        lacking = lacking or ["speed of the shaft"]
+    if lacking:
         raise LogError(f"{run.name}: no loss map, as the log lacks {' and '.join(lacking)}; log the channels of it.")
-    powers = [power.stream(run.channels, rig.r_drum) for power in (into, out)]
-    torque = run.channels.get("torque")
-    if torque is None:
-        turning = np.abs(speed) > TURNING
-        torque = np.where(turning, powers[stages.index("mech")](slice(None)) / np.where(turning, speed, 1.0), 0.0)
-    torque = torque * _counted((into, out)[stages.index("mech")])
     spans, cycle = _spans(reduction)
-    length, sign = np.ptp(spans, axis=1), np.where(speed < 0.0, -1.0, 1.0)
-    columns = [column.__getitem__ for column in columns_at(torque * sign, np.abs(speed)).T]
-    mean_torque, mean_speed = means_of(t, [torque.__getitem__, speed.__getitem__], spans)
-    power_in, power_out = means_of(t, powers, spans)
-    names = dict.fromkeys((*into.channels, *out.channels, "speed" if "speed" in run.channels else "velocity"))
-    found = LossPoints(
+    between = powers[stages[0]], powers[stages[1]]
+    found, length = _points(reduction, between, run.channels, spans), np.ptp(spans, axis=1)
+    change = np.ptp(_at_ends(reduction, _shaft_speed(run.channels, rig), spans), axis=1)
+    unsteady = (change > SPEED_CHANGE_MAX * found[:, 1] * length) & (rig.drivetrain.inertia_rotor is None)
+    resting = found[:, 1] < TURNING
+    reasons = {"shaft at rest": resting, "speed changes and inertia_rotor is unknown": unsteady & ~resting}
+    left_out = {reason: int(of.sum()) for reason, of in reasons.items() if of.any()}
+    good = ~resting & ~unsteady
+    if not good.any():
+        why = "; ".join(f"{count} with {reason}" for reason, count in left_out.items()) or "no cycle is complete"
+        raise LogError(
+            f"{run.name}: no operating point for a loss map ({why}); expected steps or payouts in which the shaft turns."
+        )
+    found, spans, errors = found[good], spans[good], []
+    for source in (source for name, sensor in rig.sensors.items() for source in error_sources(name, sensor)):
+        wrong = dict(run.channels)
+        if (x := wrong.get(source.channel)) is not None:
+            wrong[source.channel] = x * (1.0 + source.u) if source.part == "gain" else x + source.u
+        changed = _points(reduction, between, wrong, spans) - found
+        errors.append(np.column_stack((changed[:, 2] - changed[:, 3] - changed[:, 4], changed[:, 5:])))
+    torque, speed, power_in, power_out, stored = found.T[:5]
+    return LossPoints(
         stages=stages,
-        torque=mean_torque * np.where(mean_speed < 0.0, -1.0, 1.0),
-        speed=np.abs(mean_speed),
+        torque=torque,
+        speed=speed,
         power_in=power_in,
         power_out=power_out,
-        stored=_stored(run, rig, speed, spans) / length,
-        columns=means_of(t, columns, spans).T,
-        means={name: means(t, run.channels[name].__getitem__, spans) for name in names},
-        made_of=(into, out),
-        duration=length,
-        cycle=cycle,
-        log=np.zeros(len(spans), dtype=np.intp),
+        stored=stored,
+        columns=found[:, 5:],
+        errors=np.reshape(errors, (-1, len(found), 6)).swapaxes(0, 1),
+        duration=length[good],
+        cycle=cycle[good],
+        log=np.zeros(len(found), dtype=np.intp),
         logs=(run.name,),
-        left_out={},
+        left_out=left_out,
     )
-    return _usable(found, np.ptp(_at_ends(run, rig, speed, spans), axis=1), rig)
 
 
-def _shaft_speed(run: Run, rig: Rig) -> Signal | None:
-    """Speed of the shaft with the torque sensor, (n,) [rad/s]: as logged, else of the drum; None where neither is known."""
-    if "speed" in run.channels:
-        return run.channels["speed"]
-    if "velocity" in run.channels and rig.r_drum is not None:
-        return run.channels["velocity"] / rig.r_drum
-    return None
+def _points(reduction: Reduction, powers: tuple[Power, Power], channels: Mapping[str, Signal], spans: Signal) -> Signal:
+    """Torque, speed, power in, power out, stored power and the columns of the surface over spans, (k, 10), by some channels."""
+    t, rig = reduction.run.t, reduction.rig
+    speed = _shaft_speed(channels, rig)
+    watts = [power.stream(channels, rig.r_drum)(slice(None)) for power in powers]
+    mech = stages_of_loss(rig.cascade).index("mech")
+    turning = np.abs(speed) > TURNING
+    torque = np.where(turning, watts[mech] / np.where(turning, speed, 1.0), 0.0)
+    torque = channels.get("torque", torque)
+    # A rig file may count a logged torque with the other sign, by that of the power of the shaft made of it.
+    counted = next((term.constant for term in powers[mech].terms if "torque" in term.channels), 1.0)
+    torque = torque * math.copysign(1.0, counted)
+    columns = columns_at(torque * np.where(speed < 0.0, -1.0, 1.0), np.abs(speed)).T
+    means = means_of(t, [x.__getitem__ for x in (torque, speed, *watts, *columns)], spans)
+    turned = np.where(means[1] < 0.0, -1.0, 1.0)
+    parts = rig.drivetrain.inertia_rotor, rig.drivetrain.gear_ratio, rig.drivetrain.k_shaft, rig.dc_link.c_dc
+    rotor, gear, spring, capacitor = (None if number is None else number.value for number in parts)
+    stores = [((rotor or 0.0) * (1.0 if gear is None else gear) ** 2, speed)]  # as the shaft feels the inertia
+    if spring and "torque" in channels:
+        stores.append((1.0 / spring, channels["torque"]))
+    if capacitor is not None and "vdc" in channels and "gen" in stages_of_loss(rig.cascade):
+        stores.append((capacitor, channels["vdc"]))
+    energy = [0.5 * size * np.diff(_at_ends(reduction, x, spans) ** 2, axis=1)[:, 0] for size, x in stores]
+    stored = np.sum(energy, axis=0) / np.ptp(spans, axis=1)
+    return np.column_stack((means[0] * turned, np.abs(means[1]), means[2], means[3], stored, means[4:].T))
 
 
-def _counted(power: Power) -> float:
-    """Sign by which a rig file counts a logged torque: that of the power of the shaft made of it."""
-    return next((math.copysign(1.0, term.constant) for term in power.terms if "torque" in term.channels), 1.0)
+def _shaft_speed(channels: Mapping[str, Signal], rig: Rig) -> Signal:
+    """Speed of the shaft with the torque sensor, (n,): as logged, else of the drum. [rad/s]"""
+    return channels["speed"] if "speed" in channels else channels["velocity"] / (rig.r_drum or math.nan)
 
 
 def _spans(reduction: Reduction) -> tuple[Signal, Index]:
@@ -237,58 +238,16 @@ def _apart(rig: Rig) -> bool:
     return not rig.phases.by_motion and rig.phases.source != "waves"
 
 
-def _stored(run: Run, rig: Rig, speed: Signal, spans: Signal) -> Signal:
-    """Change of the energy of rotor, shaft spring and DC-link capacitor over each span, (k,) [J]; 0 for what is not known."""
-    spring, capacitor = rig.drivetrain.k_shaft, rig.dc_link.c_dc
-    stores = [(_shaft_inertia(rig) or 0.0, speed)]
-    if spring is not None and spring.value > 0.0 and "torque" in run.channels:
-        stores.append((1.0 / spring.value, run.channels["torque"]))
-    if capacitor is not None and "vdc" in run.channels and "gen" in stages_of_loss(rig.cascade):
-        stores.append((capacitor.value, run.channels["vdc"]))
-    squares = [(size, _at_ends(run, rig, x, spans) ** 2) for size, x in stores]
-    return np.asarray(sum(0.5 * size * (ends[:, 1] - ends[:, 0]) for size, ends in squares))
-
-
-def _at_ends(run: Run, rig: Rig, x: Signal, spans: Signal) -> Signal:
+def _at_ends(reduction: Reduction, x: Signal, spans: Signal) -> Signal:
     """A signal at the ends of each span, smoothed, (k, 2).
 
     Cycles that are points of their own are smoothed each for itself: beside a step of a dynamometer lies another speed.
     """
-    if not _apart(rig):
-        return np.interp(spans, run.t, local_quadratic(run.t, x, SMOOTHING))
+    t = reduction.run.t
+    if not _apart(reduction.rig):
+        return np.interp(spans, t, local_quadratic(t, x, SMOOTHING))
     ends = np.empty(spans.shape)
-    for k, (first, last) in enumerate(np.searchsorted(run.t, spans).tolist()):
+    for k, (first, last) in enumerate(np.searchsorted(t, spans).tolist()):
         of = slice(first, last + 1)
-        ends[k] = np.interp(spans[k], run.t[of], local_quadratic(run.t[of], x[of], SMOOTHING))
+        ends[k] = np.interp(spans[k], t[of], local_quadratic(t[of], x[of], SMOOTHING))
     return ends
-
-
-def _shaft_inertia(rig: Rig) -> float | None:
-    """Inertia between torque sensor and machine as the shaft feels it, None where it is unknown. [kg m2]"""
-    rotor, gear = rig.drivetrain.inertia_rotor, rig.drivetrain.gear_ratio
-    return None if rotor is None else rotor.value * (1.0 if gear is None else gear.value) ** 2
-
-
-def _usable(points: LossPoints, change: Signal, rig: Rig) -> LossPoints:
-    """Points at which the shaft turns, and does so steadily where its inertia is unknown; LogError without any.
-
-    Parameters
-    ----------
-    change : of the speed within each point, (k,) [rad/s]
-    """
-    resting = points.speed < TURNING
-    unsteady = ~resting & (change > SPEED_CHANGE_MAX * points.speed * points.duration) & (_shaft_inertia(rig) is None)
-    reasons = {"shaft at rest": resting, "speed changes and inertia_rotor is unknown": unsteady}
-    left_out = {reason: int(of.sum()) for reason, of in reasons.items() if of.any()}
-    good = ~resting & ~unsteady
-    if not good.any():
-        why = "; ".join(f"{count} with {reason}" for reason, count in left_out.items()) or "no cycle is complete"
-        raise LogError(
-            f"{points.logs[0]}: no operating point for a loss map ({why}); expected steps or payouts in which the shaft turns."
-        )
-    return msgspec.structs.replace(
-        points,
-        **{name: getattr(points, name)[good] for name in ROWS},
-        means={name: x[good] for name, x in points.means.items()},
-        left_out=left_out,
-    )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
-from winchcascade.core.cascade import BUILT_IN
+from winchcascade.core.cascade import BUILT_IN, PAPER
 from winchcascade.core.integrate import extremes, integrals, integrals_of, means_of
 from winchcascade.core.quantity import KGCM2
 from winchcascade.core.run import Signal
@@ -19,6 +19,7 @@ WRITTEN = {
     "begin": "begin_s", "braking": "braking_s", "duration": "duration_s", "travel": "travel_m", "speed": "speed_mps",
     "speed_max": "speed_max_mps", "force": "force_n", "force_min": "force_min_n", "torque": "torque_nm",
     "energy_line": "energy_line_j", "power_line": "power_line_w", "power_mech": "power_mech_w", "power_gen": "power_gen_w",
+    "positive": "positive_j", "negative": "negative_j",
 }  # fmt: skip
 """Names of the fields in written files, which have the units in them."""
 
@@ -43,13 +44,6 @@ class PayoutSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
     travel: float | None
     speed_max: float | None
     plateau: PlateauSummary | None
-
-
-def mean_plateau_speed(payouts: Iterable[PayoutSummary]) -> float | None:
-    """Mean speed of the plateaus of some payouts, None where there is none. [m/s]"""
-    speeds = [payout.plateau.speed for payout in payouts if payout.plateau is not None]
-    known = [speed for speed in speeds if speed is not None]
-    return sum(known) / len(known) if known else None
 
 
 class HoldSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
@@ -78,10 +72,8 @@ class OperatingPoint(msgspec.Struct, frozen=True, rename=WRITTEN):
     torque: float | None
 
 
-class BothWays(msgspec.Struct, frozen=True, rename={"positive": "positive_j", "negative": "negative_j"}):
-    """Energies of one stage in a whole cycle, while its power is positive and while it is negative; the second is negative.
-    Their difference is the integral of the magnitude. [J]
-    """
+class BothWays(msgspec.Struct, frozen=True, rename=WRITTEN):
+    """Energies of one stage in a whole cycle while its power is positive, and while it is negative, which are negative. [J]"""
 
     positive: float
     negative: float
@@ -97,8 +89,15 @@ class PhaseSummary(msgspec.Struct, frozen=True):
     payout: PayoutSummary
     hold: HoldSummary | None
     haul_in: HaulInSummary | None
-    point: OperatingPoint | msgspec.UnsetType = msgspec.UNSET
-    both_ways: Mapping[str, BothWays] | msgspec.UnsetType = msgspec.UNSET
+    point: OperatingPoint | UnsetType = UNSET
+    both_ways: Mapping[str, BothWays] | UnsetType = UNSET
+
+
+def mean_plateau_speed(payouts: Iterable[PayoutSummary]) -> float | None:
+    """Mean speed of the plateaus of some payouts, None where there is none. [m/s]"""
+    speeds = [payout.plateau.speed for payout in payouts if payout.plateau is not None]
+    known = [speed for speed in speeds if speed is not None]
+    return sum(known) / len(known) if known else None
 
 
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
@@ -106,51 +105,57 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     run, cycles, known = phased.run, phased.cycles, "velocity" in phased.run.channels
     flat = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in phased.plateaus]
     phases = flat, [c.hold for c in cycles], [c.haul_in for c in cycles]
-    spans = np.array(
-        [(c.onset, c.onset) if span is None else span for of in phases for c, span in zip(cycles, of, strict=True)]
-    ).reshape(-1, 2)
-    powers = tuple(f"power_{stage}" for stage in ("line", "mech", "gen"))
-    means = _means(phased, ("velocity", "force", "torque", "pressure", *powers), spans)
-    hauls, flows = spans[2 * len(cycles) :], _both_ways(phased)
-    points: list[OperatingPoint | msgspec.UnsetType] = [msgspec.UNSET] * len(cycles)
-    if not phased.rig.phases.by_motion and {"speed", "torque"} & run.channels.keys():
-        rows = _means(phased, ("speed", "torque"), whole_cycles(phased))
-        rpm = [None if of["speed"] is None else of["speed"] * 30.0 / math.pi for of in rows]
-        points = [OperatingPoint(speed, of["torque"]) for speed, of in zip(rpm, rows, strict=True)]
+    nowhere = [(c.onset, c.onset) for c in cycles]
+    spans = np.array([span or at for of in phases for span, at in zip(of, nowhere, strict=True)]).reshape(-1, 2)
+    powers = [f"power_{stage}" for stage in PAPER.names]
+    means = _means(phased, ["velocity", "force", "torque", "pressure", *powers], spans)
+    hauls = spans[2 * len(cycles) :]
     top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
     minimum = extremes(run.t, run.channels["force"], hauls)[0].tolist() if "force" in run.channels else None
     line = BUILT_IN["line"].stream(run.channels, None)
     energy = None if line is None else integrals(run.t, line, hauls).tolist()
-    found = []
+    points, flows, found = _points(phased), _both_ways(phased), []
     for k, (c, p) in enumerate(zip(cycles, phased.plateaus, strict=True)):
         on_plateau, held, hauled = means[k :: len(cycles)]
         plateau, hold, haul_in = None, None, None
         if p is not None:
-            begin, braking = spans[k].tolist()
             speed = p.speed if known and on_plateau["velocity"] is None else on_plateau["velocity"]
             of_channels = [on_plateau[name] for name in ("force", "torque", *powers)]
+            begin, braking = spans[k].tolist()
             plateau = PlateauSummary(begin, braking, speed, *of_channels)
         if c.hold is not None:
             pressure = None if held["pressure"] is None else held["pressure"] / KGCM2
-            hold = HoldSummary(round(c.hold[1] - c.hold[0], 9), held["force"], held["torque"], pressure)
+            hold = HoldSummary(_length(*c.hold), held["force"], held["torque"], pressure)
         if c.haul_in is not None:
-            speed, force = top[k] if known else None, minimum[k] if minimum else None
-            haul_in = HaulInSummary(
-                round(c.haul_in[1] - c.haul_in[0], 9), speed, hauled["force"], force, energy[k] if energy else None
-            )
-        travel, speed_max = phased.travel[k], phased.speed_max[k] if known else None
-        duration = round(c.payout_end - c.onset, 9)  # without the error of the subtraction of stamps
-        payout = PayoutSummary(duration, travel if math.isfinite(travel) else None, speed_max, plateau)
+            lowest, joules = (None if of is None else of[k] for of in (minimum, energy))
+            haul_in = HaulInSummary(_length(*c.haul_in), top[k] if known else None, hauled["force"], lowest, joules)
+        travel = phased.travel[k] if math.isfinite(phased.travel[k]) else None
+        speed_max = phased.speed_max[k] if known else None
+        payout = PayoutSummary(_length(c.onset, c.payout_end), travel, speed_max, plateau)
         found.append(PhaseSummary(payout, hold, haul_in, points[k], flows[k]))
     return found
 
 
-def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | msgspec.UnsetType]:
+def _length(begin: float, end: float) -> float:
+    """Length of a span without the error of the subtraction of stamps. [s]"""
+    return round(end - begin, 9)
+
+
+def _points(phased: PhasedRun) -> Sequence[OperatingPoint | UnsetType]:
+    """Operating points of cycles that are spans, unset for others."""
+    if phased.rig.phases.by_motion or not {"speed", "torque"} & phased.run.channels.keys():
+        return [UNSET] * len(phased.cycles)
+    rows = _means(phased, ["speed", "torque"], whole_cycles(phased))
+    rpm = [None if of["speed"] is None else of["speed"] * 30.0 / math.pi for of in rows]
+    return [OperatingPoint(speed, of["torque"]) for speed, of in zip(rpm, rows, strict=True)]
+
+
+def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | UnsetType]:
     """Energies of the stages of each whole cycle by the sign of the power; unset for payouts and the stages of the paper."""
     run, rig = phased.run, phased.rig
-    found: list[dict[str, BothWays]] = [{} for _ in phased.cycles]
     if rig.phases.by_motion and not rig.cascade.configured:
-        return [msgspec.UNSET] * len(found)
+        return [UNSET] * len(phased.cycles)
+    found: list[dict[str, BothWays]] = [{} for _ in phased.cycles]
     for stage in rig.cascade.stages:
         watts = stage.watts(run.channels, rig.r_drum)
         if watts is not None:
@@ -160,12 +165,12 @@ def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | msgspec.Unse
     return found
 
 
-def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[dict[str, Any]]:
+def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[dict[str, float | None]]:
     """Time means of channels and powers in each window by name; None for what is not measured and for a mean over no time."""
     run, cascade = phased.run, phased.rig.cascade
     powers = {f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum) for stage in cascade.stages}
     streams = {name: x.__getitem__ for name, x in run.channels.items()} | {k: x for k, x in powers.items() if x}
     known = [name for name in names if name in streams]
     rows = means_of(run.t, [streams[name] for name in known], windows).T.tolist()
-    nothing = dict.fromkeys(names)
+    nothing: dict[str, float | None] = dict.fromkeys(names)
     return [nothing | {name: x for name, x in zip(known, row, strict=True) if math.isfinite(x)} for row in rows]

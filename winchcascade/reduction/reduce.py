@@ -175,18 +175,16 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
 def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
     """Metrics of a run within each of some windows, (k, 2) [s]; None where the run cannot give one.
 
-    A ratio above 1 is given as it is, as the error of a model with effects is to be known.
+    A ratio above 1 or below 0 is given as it is, as the error of a model with effects is to be known.
     """
     streams = {f"energy_{stage.name}": stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     known = {name: watts for name, watts in streams.items() if watts is not None}
-    columns = integrals_of(run.t, list(known.values()), windows).tolist()
-    energy = dict.fromkeys(streams) | dict(zip(known, columns, strict=True))
-    found = []
-    for k, (begin, end) in enumerate(windows.tolist()):
-        joules = {name: None if column is None else column[k] for name, column in energy.items()}
-        got, odd = metrics(joules, end - begin, open_circuit=run.open_circuit, cascade=rig.cascade)
-        found.append(Metrics(got | odd, got.known))
-    return found
+    columns, nothing = integrals_of(run.t, list(known.values()), windows), dict.fromkeys(streams)
+    energies = [nothing | dict(zip(known, joules, strict=True)) for joules in columns.T.tolist()]
+    return [
+        metrics(energy, end - begin, open_circuit=run.open_circuit, cascade=rig.cascade, negative=True)
+        for energy, (begin, end) in zip(energies, windows.tolist(), strict=True)
+    ]
 
 
 def require_payouts(reduction: Reduction) -> None:
@@ -227,23 +225,17 @@ def _results(
     phased: PhasedRun, summaries: Sequence[PhaseSummary], energy: Energies, findings: list[Finding]
 ) -> list[CycleResult]:
     """Put the cycles together; incomplete ones are added to the findings."""
-    results = []
+    results, stages = [], phased.rig.cascade.names
     of_cycles = zip(phased.cycles, energy.windows, energy.nets, summaries, strict=True)
     for k, (cycle, window, net, summary) in enumerate(of_cycles):
-        number = phased.first + k
+        number, length = phased.first + k, window.cutoff - window.onset
         joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
         of_cycle, net = net_metrics(joules, net)
-        values, _ = metrics(
-            {f"energy_{stage}": joules[stage] for stage in phased.rig.cascade.names} | of_cycle,
-            window.cutoff - window.onset,
-            open_circuit=phased.run.open_circuit,
-            cascade=phased.rig.cascade,
-        )
+        of_cycle |= {f"energy_{stage}": joules[stage] for stage in stages}
+        values = metrics(of_cycle, length, open_circuit=phased.run.open_circuit, cascade=phased.rig.cascade)
         if window.fault is not None:
             rows, message = phased.rows(window.onset, window.cutoff), f"cycle {number} is incomplete: {window.fault}"
-            incomplete = Finding(
-                "incomplete_cycle", message, "listed, left out of the mean", removed=rows.stop - rows.start
-            )
-            findings.append(replace(incomplete, start=window.onset, end=window.cutoff))
+            span = {"start": window.onset, "end": window.cutoff, "removed": rows.stop - rows.start}
+            findings.append(Finding("incomplete_cycle", message, "listed, left out of the mean", **span))
         results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
     return results

@@ -1,23 +1,38 @@
-"""The record of a reduction, which is the content of its JSON: written by `reduce` and `batch`, read by `check` and `compare`.
+"""The JSON of a reduction: written by `reduce` and `batch`, read by `check` and `compare`.
 
-Versions before the present one lack some of it: what has a default here.
+It joins a `Reduction` and its `Uncertainty`. `RunRecord` declares of it what other commands read: other entries are not looked
+at, and what earlier versions lack has a default.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from winchcascade.core.campaign_file import origin_record
+from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.errors import OptionError
-from winchcascade.core.run import Repairs
+from winchcascade.core.files import json_bytes
+from winchcascade.core.quantity import si_unit
+from winchcascade.core.run import Finding
+from winchcascade.core.version import __version__
+from winchcascade.reduction.bins import STORES, TORQUE, Bin
+from winchcascade.reduction.efficiency import ALL_METRICS, named, ratio
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import PhaseSummary, mean_plateau_speed
-from winchcascade.reduction.wave_energies import WaveEnergies
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.uncertainty import Uncertainty, shares, uncertainty
+from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 
 REDUCTION_SCHEMA: Literal["winchcascade/reduction/1"] = "winchcascade/reduction/1"
+
+MAX_SPANS = 100
+"""Maximum number of places of a repair in the record."""
 
 Interval95 = tuple[float, float]
 """Ends of a 95 % interval, in the unit of its metric."""
@@ -29,34 +44,22 @@ NotNegative = dict[str, Annotated[float, msgspec.Meta(ge=0.0)] | None]
 """As `Numbers`, for uncertainties and deviations."""
 
 
+# ------------------------------------------------------------------------------------------------------------- what is read
 class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The log of a run: where it is, what it holds, its stated load, and Vdc / Idc as measured with its standard uncertainty.
-
-    `simulated` is null for a log that was not simulated.
-    """
+    """The log of a run; `simulated` is null for a log that was not simulated."""
 
     path: str
     table: str | None = None
     sha256: str
     samples: int
-    fs_hz: float
     load_ohm: Annotated[float, msgspec.Meta(gt=0.0)] | None
-    load_source: str
-    load_measured_ohm: float | None = None
-    load_measured_u_ohm: float | None = None
     open_circuit: bool
     simulated: bool | None
-    about: str | None
-    repairs: Repairs = "on"
 
     @property
     def load(self) -> float | None:
         """The load, inf for an open circuit, None for none or an unknown one. [ohm]"""
         return math.inf if self.open_circuit else self.load_ohm
-
-
-MAX_SPANS = 100
-"""Maximum number of places of a repair in the record."""
 
 
 class FindingRecord(msgspec.Struct, frozen=True):
@@ -89,100 +92,47 @@ class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
     phase_summary: PhaseSummary
     window: dict[str, float]
     net_span: NetSpan | None = None
-    energy_line_j: float | None
-    energy_mech_j: float | None
-    energy_gen_j: float | None
-    power_line_w: float | None
-    power_mech_w: float | None
-    power_gen_w: float | None
-    eta_trans: float | None
-    eta_gen: float | None
-    eta_pto: float | None
-    energy_payout_j: float | None = None
-    energy_returned_j: float | None = None
-    energy_net_j: float | None = None
-    energy_gen_cycle_j: float | None = None
-    eta_net: float | None = None
+    numbers: Numbers
     standard_uncertainty: Numbers
     sensors_by_limits: Numbers = {}
-    stages: Numbers | UnsetType = UNSET
-
-    @property
-    def numbers(self) -> Numbers:
-        """Metrics of the cycle by their names, those of configured stages among them."""
-        own = {name: getattr(self, name) for name in _METRICS}
-        return own | (self.stages or {})
-
-
-_METRICS = tuple(name for name in CycleRecord.__struct_fields__ if name.startswith(("energy_", "power_", "eta_")))
-"""Fields of a cycle that are metrics."""
 
 
 class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """One row of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance.
+    """One row of the budget of the sensors. The row of the bridged gaps has no part, basis and standard uncertainty.
 
     `basis` is what the error is known by: a sensor has either that of its calibration in place or those of its accuracy.
-    The row of the bridged gaps has a contribution and a share alone.
     """
 
     source: str
-    part: str | UnsetType = UNSET
-    unit: str | UnsetType = UNSET
-    distribution: str | UnsetType = UNSET
-    basis: str | UnsetType = UNSET
-    limit: float | UnsetType | None = UNSET
-    standard_uncertainty: float | UnsetType = UNSET
-    origin: str | UnsetType | None = msgspec.field(name="from", default=UNSET)
+    part: str | None = None
+    basis: str | None = None
+    standard_uncertainty: float | None = None
     contribution: Numbers
-    share: Numbers
 
 
 class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors.
+    """Parts of the uncertainty of the means.
 
     `sensors_by_limits` is, for a check of a printed table, what the accuracies of the sensors that are calibrated in place
     would leave of the means; empty without such sensors.
     """
 
-    seed: int
-    draws: int
-    stated: dict[str, str | None]
     sensors: Numbers
     sensors_by_limits: Numbers = {}
     repeatability: Numbers
-    monte_carlo: Numbers
-    interval_95_sensors: dict[str, Interval95 | None]
-    degrees_of_freedom: Numbers
     budget: tuple[BudgetRecord, ...] = ()
-    taken_as_exact: tuple[str, ...]
     without_accuracy: tuple[str, ...]
-    undetermined: tuple[str, ...]
 
 
 class StagesRecord(msgspec.Struct, frozen=True):
-    """Numbers of the stages that a rig file configures, by name.
-
-    `power` states of which channels the power of a stage is made, null where the log does not have them; `efficiency` from
-    which stage to which an efficiency leads. `energy_out_j` is what flows with the cascade in all complete cycles, from onset
-    to next onset, `energy_back_j` what flows against it, negative. `efficiency_out` are the ratios of what flows with the
-    cascade, `efficiency_back` those of what flows back, which comes in at the second stage.
-    """
+    """Stages that a rig file configures, and of which channels the power of each is made, null where the log lacks them."""
 
     order: tuple[str, ...]
     power: dict[str, str | None]
-    efficiency: dict[str, tuple[str, str]]
-    mean: Numbers
-    max_deviation_percent: Numbers
-    standard_uncertainty: Numbers
-    interval_95: dict[str, Interval95 | None]
-    total: Numbers
-    energy_out_j: Numbers = {}
-    energy_back_j: Numbers = {}
-    efficiency_out: Numbers = {}
-    efficiency_back: Numbers = {}
 
 
-Part = Literal["mean", "max_deviation_percent", "standard_uncertainty", "total"]
+MEANS = ("mean", "max_deviation_percent", "standard_uncertainty", "interval_95", "total")
+"""Entries of the JSON that hold numbers of the metrics; those of configured stages stand under `stages`."""
 
 
 class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -193,7 +143,6 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     schema: Literal["winchcascade/reduction/1"]
-    version: str
     data: dict[str, bool | str | None] = {}
     log: LogRecord
     rig: dict[str, Any] | str
@@ -221,16 +170,6 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
         """Mean speed of the plateaus of the complete cycles, None where there is none. [m/s]"""
         return mean_plateau_speed(cycle.phase_summary.payout for cycle in self.cycles if cycle.complete)
 
-    @property
-    def intervals(self) -> dict[str, Interval95 | None]:
-        """95 % intervals of the metrics by their names, those of configured stages among them."""
-        return self.interval_95 | (self.stages.interval_95 if self.stages else {})
-
-    def numbers(self, part: Part) -> Numbers:
-        """Numbers of the metrics by their names, those of configured stages among them."""
-        own: Numbers = getattr(self, part)
-        return own | (getattr(self.stages, part) if self.stages else {})
-
 
 def run_record(content: bytes, where: str) -> RunRecord:
     """Read the JSON of a reduction.
@@ -244,9 +183,202 @@ def run_record(content: bytes, where: str) -> RunRecord:
     OptionError : this is no reduction
     """
     try:
-        return msgspec.json.decode(content, type=RunRecord)
+        return _record(msgspec.json.decode(content, type=dict[str, Any]))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
         raise OptionError(
             f"{where}: is no JSON of a reduction ({fault}); expected the schema {REDUCTION_SCHEMA}, as `winchcascade "
             "reduce LOG --json FILE` writes. Reduce its log again."
         ) from None
+
+
+def read_results(results: Mapping[str, Path]) -> Iterator[tuple[str, RunRecord]]:
+    """Results of logs, JSON files, one after the other, with the names of the logs."""
+    for name, path in results.items():
+        yield name, run_record(path.read_bytes(), name)
+
+
+def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> RunRecord:
+    """What other commands read of the JSON of a reduction."""
+    return _record(reduction_entries(reduction, found))
+
+
+def _record(entries: dict[str, Any]) -> RunRecord:
+    """The record of the entries of a JSON; numbers of configured stages join the others, those of a cycle stand together.
+
+    Raises
+    ------
+    msgspec.ValidationError : they are not those of a reduction
+    """
+    stages, cycles = entries.get("stages"), entries.get("cycles")
+    if isinstance(stages, dict):
+        pairs = {name: (entries.get(name), stages.get(name)) for name in MEANS}
+        entries = entries | {k: a | b for k, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
+    if isinstance(cycles, list):
+        entries = entries | {"cycles": [_with_numbers(one) if isinstance(one, dict) else one for one in cycles]}
+    return msgspec.convert(entries, RunRecord)
+
+
+def _with_numbers(cycle: dict[str, Any]) -> dict[str, Any]:
+    """The entries of a cycle with the numbers of its metrics together."""
+    numbers = {name: number for name, number in cycle.items() if name.startswith(("energy_", "power_", "eta_"))}
+    stages = cycle.get("stages")
+    return cycle | {"numbers": numbers | stages if isinstance(stages, dict) else numbers}
+
+
+# ---------------------------------------------------------------------------------------------------------- what is written
+def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:
+    """The reduction of one log as JSON, schema `winchcascade/reduction/1`, with its uncertainty, made here if not given."""
+    return json_bytes(reduction_entries(reduction, found))
+
+
+def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) -> dict[str, Any]:
+    """Entries of the JSON of a reduction with its uncertainty, made here if not given."""
+    found = found or uncertainty(reduction)
+    run, rig, known, measured = reduction.run, reduction.rig, found.budget, reduction.measured_load
+    cascade, names = rig.cascade, tuple(dict.fromkeys((*ALL_METRICS, *rig.cascade.metrics)))
+    *means, (total, sums) = _means(reduction, found).items()
+    record = {
+        "schema": REDUCTION_SCHEMA,
+        "version": __version__,
+        "data": origin_record(run.origin),
+        "log": {
+            "path": run.path,
+            "table": run.table,
+            "sha256": run.sha256,
+            "samples": run.samples,
+            "fs_hz": run.fs,
+            "load_ohm": None if run.open_circuit else run.load,
+            "load_source": run.load_source,
+            "load_measured_ohm": measured and measured.ohm,
+            "load_measured_u_ohm": measured and measured.u,
+            "open_circuit": run.open_circuit,
+            "simulated": run.simulated or None,
+            "about": run.about or None,
+            "repairs": run.repairs,
+        },
+        "rig": {"name": rig.name, "assumed": rig.assumed, "r_drum_m": rig.r_drum},
+        "window": reduction.window,
+        "quality": [finding_record(finding, run.samples) for finding in reduction.quality],
+        "cycles": [
+            {
+                "cycle": cycle.cycle,
+                "complete": cycle.complete,
+                "phases": cycle.phases.spans,
+                "phase_summary": cycle.summary,
+                "window": {
+                    "onset_s": cycle.window.onset,
+                    "cutoff_s": cycle.window.cutoff,
+                    "duration_s": round(cycle.window.cutoff - cycle.window.onset, 9),
+                },
+                "net_span": cycle.net,
+                **named(cycle.metrics),
+                "standard_uncertainty": named(u, names),
+                "sensors_by_limits": named(by_limits, names) if by_limits else {},
+                **({"stages": named(cycle.metrics, cascade.metrics)} if cascade.configured else {}),
+            }
+            for cycle, u, by_limits in zip(reduction.cycles, known.cycles, known.cycles_by_limits, strict=True)
+        ],
+        **dict(means),
+        "uncertainty": {
+            "seed": found.seed,
+            "draws": found.draws,
+            "stated": named(found.method, names),
+            "sensors": named(known.sensors, names),
+            "sensors_by_limits": named(known.by_limits, names) if known.by_limits else {},
+            "repeatability": named(known.repeatability, names),
+            "monte_carlo": named(found.drawn, names),
+            "interval_95_sensors": named(found.interval_95_sensors, names),
+            "degrees_of_freedom": named(known.freedom, names),  # JSON writes null for an infinite number
+            "budget": _budget(reduction, found, names),
+            "taken_as_exact": known.exact,
+            "without_accuracy": known.unknown,
+            "undetermined": [*named(dict.fromkeys(known.undetermined), known.undetermined)],
+        },
+        total: sums,
+        "bins": [_bin(one, cascade) for one in reduction.bins],
+    }
+    if cascade.configured:
+        record["stages"] = _stages(reduction, found)
+    if rig.phases.source != "velocity":
+        record["cycles_from"] = rig.phases.source
+    waves = waves_of(reduction)
+    return record if waves is None else record | {"waves": waves}
+
+
+def _means(reduction: Reduction, found: Uncertainty, names: Collection[str] = ALL_METRICS) -> dict[str, Any]:
+    """Means over the cycles with what is known of them, and sums, of some metrics."""
+    return {
+        "mean": named(reduction.mean, names),
+        "max_deviation_percent": named(reduction.max_deviation_percent, names),
+        "standard_uncertainty": named(found.standard, names),
+        "interval_95": named(found.interval_95, names),
+        "total": named(reduction.total, names),
+    }
+
+
+def _stages(reduction: Reduction, found: Uncertainty) -> dict[str, Any]:
+    """Numbers of the stages that a rig file configures.
+
+    `energy_out_j` is what flows with the cascade in all complete cycles, from onset to next onset, `energy_back_j` what flows
+    against it, negative. `efficiency_out` are the ratios of what flows with the cascade, `efficiency_back` those of what flows
+    back, which comes in at the second stage.
+    """
+    run, rig, cascade = reduction.run, reduction.rig, reduction.rig.cascade
+    powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in cascade.stages}
+    out = {name: both.positive for name, both in reduction.both_ways.items()}
+    back = {name: -both.negative for name, both in reduction.both_ways.items()}
+    delivered = {e: pair for e, pair in cascade.pairs.items() if not (run.open_circuit and cascade.undelivered(e))}
+    return {
+        "order": cascade.names,
+        "power": {name: power and power.text for name, power in powers.items()},
+        "efficiency": cascade.pairs,
+        **_means(reduction, found, cascade.metrics),
+        "energy_out_j": out,
+        "energy_back_j": {name: -joule for name, joule in back.items()},
+        "efficiency_out": {eta: ratio(out.get(b), out.get(a)) for eta, (a, b) in delivered.items()},
+        "efficiency_back": {eta: ratio(back.get(a), back.get(b)) for eta, (a, b) in delivered.items()},
+    }
+
+
+def _budget(reduction: Reduction, found: Uncertainty, names: Collection[str]) -> list[dict[str, Any]]:
+    """Rows of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance."""
+    channels, mean, rows = reduction.rig.known_channels, found.budget.mean, []
+    for row in found.budget.rows:
+        of: dict[str, Any] = {"source": "bridged gaps"}
+        if (source := row.source) is not None:
+            of = {"source": source.channel, "part": source.part}
+            of["unit"] = "1" if source.part == "gain" else si_unit(channels[source.channel].dimension)
+            of |= {"distribution": source.shape, "basis": source.basis, "limit": source.limit}
+            of |= {"standard_uncertainty": source.u, "from": source.origin}
+        rows.append(of | {"contribution": named(row.of, names), "share": named(shares(row.of, mean), names)})
+    return rows
+
+
+def finding_record(finding: Finding, samples: int) -> FindingRecord:
+    """One finding of a log with a given number of samples."""
+    repair, repaired = finding.repaired, None
+    if repair is not None:
+        repaired = {"what": repair.what, "applied": repair.applied, "samples": repair.samples}
+        repaired |= {"places": len(repair.spans), "spans_s": repair.spans[:MAX_SPANS]}
+    return FindingRecord(
+        finding.kind, finding.channel, finding.start, finding.end, finding.count, finding.action, finding.message,
+        finding.lost_share(samples), repaired,
+    )  # fmt: skip
+
+
+def _bin(of: Bin, cascade: Cascade) -> dict[str, Any]:
+    """One bin of generator speed: mean powers and torque with their standard errors, and the powers that are stored meanwhile.
+
+    Those go into the rotor, the spring of the shaft and the capacitor of the DC link while the speed changes, null where the
+    rig file states no inertia, stiffness or capacitance. The loss between shaft and DC link is P_mech - P_gen less these.
+    """
+
+    def both(fields: Mapping[str, str]) -> dict[str, float | None]:
+        ends = ("", of.mean), ("_standard_error", of.standard_error)
+        return {f"{field}{end}": part.get(name) for name, field in fields.items() for end, part in ends}
+
+    row: dict[str, Any] = {"rpm_low": of.rpm_low, "rpm_high": of.rpm_high, "count": of.count}
+    row |= both({stage: f"power_{stage}_w" for stage in PAPER.names} | {TORQUE: "torque_nm"})
+    row |= {f"power_{store}_w": of.mean.get(store) for store in STORES}
+    own = {"stages": both({stage: f"power_{stage}_w" for stage in cascade.names})}
+    return row | (own if cascade.configured else {})

@@ -11,9 +11,11 @@ the errors evenly, so that 8191 draws determine an interval better than 20 000 i
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from itertools import combinations
+from statistics import NormalDist
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -22,12 +24,12 @@ from numpy.typing import NDArray
 
 from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
 from winchcascade.core.arguments import SEED_NUMBER, check_arguments
-from winchcascade.core.cascade import Cascade, Power, Stream
+from winchcascade.core.cascade import Stream, Term
 from winchcascade.core.errors import check_type
-from winchcascade.core.integrate import integrals_of, quantiles_in_place
+from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig, Sensor
-from winchcascade.core.run import Index, Mask, Run, Signal
-from winchcascade.reduction.efficiency import NET_METRICS, NOTHING, Metrics
+from winchcascade.core.run import Index, Run, Signal
+from winchcascade.reduction.efficiency import NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
 
@@ -44,9 +46,6 @@ IMAGINARY_STEP = 1e-30
 NORMAL_REACH = 3.0
 """Largest normal error that is considered, in standard uncertainties."""
 
-GAIN_REACH = 0.9
-"""Smallest error of a gain, as a share of one, with which a reading is no measurement."""
-
 LINEAR_WITHIN = 0.02
 """Where the standard uncertainties of draws and budget differ by more than this share, that of the draws is stated."""
 
@@ -57,11 +56,18 @@ DRAWS, MULTIPLIER = 8191, 3483
 """Number of draws of all errors, and the multiplier of their lattice: of 400 one with the smallest errors of the intervals of
 150 sums of 2 to 12 errors. The ends of an interval are then known to 1 % of its width."""
 
-Errors = Mapping[tuple[str, str], NDArray[Any]]
-"""Errors by channel and part, (n, 1) each, real or complex: n draws, or n sources one after the other."""
+SHARES = (np.arange(DRAWS) + 0.5) / DRAWS
+"""Shares of its distribution that lie below the draws of an error, in rising order. [1]"""
 
-NOWHERE = ("", "")
-"""Place of no error among errors: zeros."""
+ANGLES = 1 << 15
+"""Number of angles at which Student's distribution is tabulated."""
+
+Terms = tuple[tuple[tuple[str, ...], int], ...]
+"""Channels of each term of a power, and the power of the stated drum radius that the term is proportional to."""
+
+Weights = Mapping[str, Mapping[str, Signal]]
+"""Of each metric, by the energies that it is made of, the change of the metric of a cycle with that energy, (k,); NaN for a
+cycle without the metric. Of an efficiency what comes out stands first, then what goes in."""
 
 Method = Literal["gum", "monte_carlo"]
 
@@ -122,62 +128,55 @@ class Uncertainty(msgspec.Struct, frozen=True):
     interval_95_sensors: Mapping[str, Interval]
 
 
+# ---------------------------------------------------------------------------------------------------- the model of errors
 class Energy(msgspec.Struct, frozen=True, dict=True):
-    """One energy in k spans for any errors of the channels that the terms of its power are made of.
+    """One energy in k spans, as the sum of some integrals times `factors` that the errors of its channels decide.
 
     Parameters
     ----------
-    terms : channels of each term of the power, and the power of the stated drum radius that it is proportional to
-    integrals : (m, k), of the `integrands`, and the change by thinning the log per unit of the error of the sampling
+    integrals : (r, k), of the `integrands`, and last the change by thinning the log per unit of the error of the sampling
     t : (k,) length of the spans [s]
-    bridged : (k,) standard uncertainty by gaps, independent from span to span [J]
+    gaps : (k,) standard uncertainty by bridged gaps, independent from span to span [J]
     """
 
-    name: str
-    terms: tuple[tuple[tuple[str, ...], int], ...]
+    terms: Terms
     integrals: Signal
     t: Signal
-    bridged: Signal
+    gaps: Signal
 
     @cached_property
     def joules(self) -> Signal:
         """Energies as reduced, (k,). [J]"""
-        return np.asarray(self.without({NOWHERE: np.zeros((1, 1))})[0])
+        return np.asarray(factors(self.terms, (), np.empty((0, 1)))[:, 0] @ self.integrals)
 
     @property
     def channels(self) -> set[str]:
         """Channels of all terms."""
         return {name for channels, _ in self.terms for name in channels}
 
-    def without(self, errors: Errors) -> NDArray[Any]:
-        """Energy that channels without these errors would have given, (n, k): what is read too high has to be taken off. [J]"""
-        *integrals, sampled = self.integrals
-        rows = iter(integrals)
-        joules = errors[NOWHERE] + sampled * errors.get((SAMPLING, "gain"), 0.0)
-        joules = joules + self.bridged * errors.get((self.name, "gap"), 0.0)
-        for channels, radius_power in self.terms:
-            factor = (1.0 + errors.get((R_DRUM, "gain"), 0.0)) ** -radius_power
-            for name in channels:
-                factor = factor / (1.0 + errors.get((name, "gain"), 0.0))
-            for zeros in _subsets(channels):
-                row, keys = next(rows), [(name, "zero") for name in zeros]
-                if all(key in errors for key in keys):
-                    joules = joules + row * math.prod((-errors[key] for key in keys), start=factor)
-        return np.asarray(joules)
 
-    def times(self, factors: Signal, rows: Index) -> Energy:
-        """Some spans, each times a factor."""
-        scaled = {name: getattr(self, name)[..., rows] * factors for name in ("integrals", "t", "bridged")}
-        return msgspec.structs.replace(self, **scaled)
+def factors(terms: Terms, sources: Sequence[ErrorSource], errors: NDArray[Any]) -> NDArray[Any]:
+    """What the integrals of an energy are multiplied by to get it as channels without these errors would have given it.
 
-    def total(self, factor: float = 1.0) -> Energy:
-        """Sum of the spans times a factor, as one span."""
-        return msgspec.structs.replace(
-            self,
-            integrals=factor * self.integrals.sum(axis=1, keepdims=True),
-            t=factor * self.t.sum(keepdims=True),
-            bridged=np.array([factor * math.sqrt(self.bridged @ self.bridged)]),
-        )
+    Parameters
+    ----------
+    errors : (m, n) of each source in n cases, real or complex; those of a sensor and its acquisition system add up
+
+    Returns
+    -------
+    (r, n) of each of the `integrands`, (x - zero_x)(y - zero_y) / ((1 + gain_x)(1 + gain_y)) multiplied
+    out, and of the sampling
+    """
+    of: dict[tuple[str, str], NDArray[Any]] = defaultdict(lambda: np.zeros(errors.shape[1]))
+    for source, error in zip(sources, errors, strict=True):
+        of[source.channel, source.part] = of[source.channel, source.part] + error
+    found = []
+    for channels, radius_power in terms:
+        scale = (1.0 + of[R_DRUM, "gain"]) ** -radius_power
+        for name in channels:
+            scale = scale / (1.0 + of[name, "gain"])
+        found += [math.prod((-of[name, "zero"] for name in zeros), start=scale) for zeros in _subsets(channels)]
+    return np.stack([*found, of[SAMPLING, "gain"]])
 
 
 @cache
@@ -186,81 +185,48 @@ def _subsets(channels: tuple[str, ...]) -> list[tuple[str, ...]]:
     return [some for size in range(len(channels) + 1) for some in combinations(channels, size)]
 
 
-def integrands(run: Run, power: Power, r_drum: float | None) -> list[Stream]:
-    """What (x - zero_x)(y - zero_y) of each term multiplies out to, without the zeros: of each subset of channels the rest."""
+class ErrorModel(msgspec.Struct, frozen=True):
+    """The measured energies by their names in the parts of the cascade, and the m sources of uncertainty of all spans; with the
+    weights of all metrics whose channels have a known accuracy.
+    """
 
-    def stream(factor: float, names: Collection[str]) -> Stream:
-        columns = [run.channels[name] for name in names]
-        return lambda part: math.prod((column[part] for column in columns), start=np.full(run.t[part].shape, factor))
-
-    return [
-        stream(term.scale(r_drum), [name for name in term.channels if name not in zeros])
-        for term in power.terms
-        for zeros in _subsets(term.channels)
-    ]
-
-
-class Ratio(NamedTuple):
-    """A metric in k cycles for any errors: an energy, over the relative energy that goes in for an efficiency."""
-
-    out: Energy
-    into: Energy | None
-
-    def without(self, errors: Errors) -> NDArray[Any]:
-        """The metric without these errors, (n, k)."""
-        out = self.out.without(errors)
-        return out if self.into is None else out / self.into.without(errors) * self.into.joules
-
-    def mean(self) -> Ratio:
-        """Mean of the cycles: of a ratio exact to the first order of the errors, and beyond where the cycles are alike."""
-        share = 1.0 / self.out.t.size
-        return Ratio(self.out.total(share), None if self.into is None else self.into.total(share))
-
-
-class ErrorModel(msgspec.Struct, frozen=True, dict=True):
-    """The measured energies by their names in the parts of the cascade, and the m sources of uncertainty that act on them."""
-
-    cascade: Cascade
     energies: Mapping[str, Energy]
     sources: tuple[ErrorSource, ...]
+    weights: Weights = {}
 
-    def errors(self, values: NDArray[Any]) -> Errors:
-        """Errors by values of each source, (m, n): those of a sensor and its acquisition system add up."""
-        found = {NOWHERE: np.zeros((values.shape[1], 1))}
-        for source, value in zip(self.sources, values, strict=True):
-            key = source.channel, source.part
-            found[key] = found.get(key, found[NOWHERE]) + value[:, None]
-        return found
+    @property
+    def lacking(self) -> dict[str, tuple[str, ...]]:
+        """Channels of each energy for which the rig file states no accuracy, without those that count as exact."""
+        stated = {source.channel for source in self.sources}.union(TAKEN_AS_EXACT)
+        return {name: tuple(sorted(energy.channels - stated)) for name, energy in self.energies.items()}
 
-    @cached_property
-    def steps(self) -> Errors:
-        """A small imaginary share of one standard uncertainty of one source after the other."""
-        return self.errors(1j * IMAGINARY_STEP * np.diag(np.array([source.u for source in self.sources])))
+    @property
+    def terms(self) -> set[Terms]:
+        """Terms of all energies, of which those of one stage have the same."""
+        return {energy.terms for energy in self.energies.values()}
 
-    def changes(self, of: Energy | Ratio) -> Signal:
-        """Change with one standard uncertainty of each source, (m, k)."""
-        return np.asarray(of.without(self.steps).imag / IMAGINARY_STEP)
-
-    def ratio(self, metric: str, rows: Index) -> Ratio:
-        """A metric of some cycles that have it."""
-        out, *into = (self.energies[name] for name in parts_of(self.cascade, metric))
-        if into:
-            joules = into[0].joules[rows]
-            eta = np.maximum(out.joules[rows] / joules, NOTHING)
-            return Ratio(out.times(1.0 / joules, rows), into[0].times(eta / joules, rows))
-        power = metric.startswith("power_")
-        return Ratio(out.times(1.0 / out.t[rows] if power else np.ones(rows.size), rows), None)
-
-
-def parts_of(cascade: Cascade, metric: str) -> tuple[str, ...]:
-    """Energies of the parts of the cascade that a metric is made of; what an efficiency divides by comes last."""
-    names = cascade.all_ratios.get(metric, (metric.replace("power_", "energy_"),))
-    return tuple(name.removeprefix("energy_") for name in names)
+    def changes(self) -> dict[str, Signal]:
+        """Change of each energy with one standard uncertainty of each source, (m, k), by complex steps. [J]"""
+        steps = 1j * IMAGINARY_STEP * np.diag([source.u for source in self.sources])
+        slopes = {terms: factors(terms, self.sources, steps).imag / IMAGINARY_STEP for terms in self.terms}
+        return {name: slopes[energy.terms].T @ energy.integrals for name, energy in self.energies.items()}
 
 
 def error_model(reduction: Reduction) -> ErrorModel:
-    """Integrate what the energies of a reduction are made of, and list their sources of uncertainty."""
-    rig, energies = reduction.rig, _energies(reduction)
+    """Integrate what the energies of all cycles are made of, and list their sources of uncertainty."""
+    rig, cycles = reduction.rig, reduction.cycles
+    spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
+    nothing, names = np.zeros(len(cycles)), [*spans]
+    of_stage = integrated(reduction, np.concatenate([*spans.values()]))
+    energies = {}
+    for part, (stage, span) in rig.cascade.parts.items():
+        if stage in of_stage and any(c.metrics[f"energy_{part}"] is not None for c in cycles):
+            terms, joules = of_stage[stage]
+            joules = SIGN.get(part, 1.0) * np.split(joules, len(spans), axis=1)[names.index(span)]
+            sampled, gaps = reduction.sampled.get(part, nothing), reduction.bridged.get(part, nothing)
+            energies[part] = Energy(
+                terms, np.vstack((joules, sampled)), np.ptp(spans[span], axis=1), np.array(gaps) / math.sqrt(3.0)
+            )
     sources = _of_sensors(rig.sensors, energies)
     radius = rig.winch.r_drum
     on_radius = any(radius_power for energy in energies.values() for _, radius_power in energy.terms)
@@ -269,36 +235,33 @@ def error_model(reduction: Reduction) -> ErrorModel:
         basis: Basis = "limits" if radius.rectangular else "standard_uncertainty"
         limit = math.sqrt(3.0) * u if radius.rectangular else None
         sources.append(ErrorSource(R_DRUM, "gain", u, limit, radius.source, basis))
-    joules = {name: abs(float(energy.joules.sum())) for name, energy in energies.items()}
-    thinned = [abs(float(energies[name].integrals[-1].sum())) / x for name, x in joules.items() if x > NOTHING]
-    if share := max(thinned, default=0.0):
+    sums = [(abs(e.integrals[-1].sum()), abs(e.joules.sum())) for e in energies.values()]
+    if share := max((float(thinned / joules) for thinned, joules in sums if joules > NOTHING), default=0.0):
         origin = "reduction of every second and third sample"
         sources.append(ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling"))
         for energy in energies.values():
             energy.integrals[-1] /= share
-    sources += [ErrorSource(name, "gap", 1.0) for name, energy in energies.items() if energy.bridged.any()]
-    return ErrorModel(rig.cascade, energies, tuple(sources))
+    model = ErrorModel(energies, tuple(sources))
+    return msgspec.structs.replace(model, weights=_weights(reduction, model))
 
 
-def _energies(reduction: Reduction) -> dict[str, Energy]:
-    """Integrals of the energies that the log has, over the window and the whole of every cycle."""
-    run, rig, cycles, found = reduction.run, reduction.rig, reduction.cycles, {}
-    spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
-    powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
-    on_drum, nothing = _is_on_drum(run, rig), np.zeros(len(cycles))
-    for part, (stage, span) in rig.cascade.parts.items():
-        power = powers[stage]
-        if power is None or all(c.metrics[f"energy_{part}"] is None for c in cycles):
-            continue
-        whole = SIGN.get(part, 1.0) * integrals_of(run.t, integrands(run, power, rig.r_drum), spans[span])
-        found[part] = Energy(
-            name=part,
-            # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega is not.
-            terms=tuple((t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms),
-            integrals=np.vstack((whole, reduction.sampled.get(part, nothing))),
-            t=np.ptp(spans[span], axis=1),
-            bridged=np.array(reduction.bridged.get(part, nothing)) / math.sqrt(3.0),
-        )
+def integrated(reduction: Reduction, spans: Signal) -> dict[str, tuple[Terms, Signal]]:
+    """Terms of the power of each measured stage; and integrals over k spans, (r - 1, k), of what (x - zero_x)(y - zero_y) of
+    each term multiplies out to, without the zeros: of each subset of its channels the rest.
+    """
+    run, rig = reduction.run, reduction.rig
+    powers = {s.name: power for s in rig.cascade.stages if (power := s.power(run.channels, rig.r_drum)) is not None}
+
+    def stream(term: Term, zeros: Sequence[str]) -> Stream:
+        columns, scale = [run.channels[name] for name in term.channels if name not in zeros], term.scale(rig.r_drum)
+        return lambda part: math.prod((x[part] for x in columns), start=np.full(run.t[part].shape, scale))
+
+    streams = [stream(t, zeros) for power in powers.values() for t in power.terms for zeros in _subsets(t.channels)]
+    rows, on_drum, found = iter(integrals_of(run.t, streams, spans)), _is_on_drum(run, rig), {}
+    for name, power in powers.items():
+        # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega is not.
+        terms = tuple((t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms)
+        found[name] = terms, np.array([next(rows) for t in power.terms for _ in _subsets(t.channels)])
     return found
 
 
@@ -316,25 +279,24 @@ def _of_sensors(sensors: Mapping[str, Sensor], energies: Mapping[str, Energy]) -
     return [source for name in channels for source in error_sources(name, sensors[name])]
 
 
-def without_accuracy(model: ErrorModel) -> dict[str, tuple[str, ...]]:
-    """Channels of each energy for which the rig file states no accuracy, without those that count as exact."""
-    stated = {s.channel for s in model.sources if s.part != "gap"}.union(TAKEN_AS_EXACT)
-    return {name: tuple(sorted(energy.channels - stated)) for name, energy in model.energies.items()}
-
-
-def _undetermined(model: ErrorModel, complete: Mask, metrics: Sequence[str]) -> tuple[str, ...]:
-    """Metrics where the errors could take away all of the energy that they divide by, or of one plus a gain."""
-    sources = [s for s in model.sources if s.part != "gap"]
-    maximum = np.array([NORMAL_REACH * s.u if s.limit is None else s.limit for s in sources])
-    u, is_gain = np.array([s.u for s in sources]), np.array([s.part == "gain" for s in sources], dtype=bool)
-    reach, gains = {}, {}
-    for name, energy in model.energies.items():
-        shares = np.abs(model.changes(energy)[: u.size]) / np.maximum(np.abs(energy.joules), NOTHING)
-        share = shares[:, complete & (energy.t > 0)].max(axis=1, initial=0.0)
-        reach[name], gains[name] = float(maximum / u @ share), float(maximum[is_gain & (share > 0.0)].sum())
-    parts = {m: parts_of(model.cascade, m) for m in metrics}
-    divided = {m for m, names in parts.items() if len(names) > 1 and reach[names[1]] >= 1.0}
-    return tuple(m for m in metrics if m in divided or any(gains[name] >= GAIN_REACH for name in parts[m]))
+# ------------------------------------------------------------------------------------------------- the budget by the GUM
+def _weights(reduction: Reduction, model: ErrorModel) -> Weights:
+    """The weights of all metrics whose channels have a known accuracy."""
+    cascade, energies, found = reduction.rig.cascade, model.energies, {}
+    known = {name for name, channels in model.lacking.items() if not channels}
+    for metric in cascade.all_metrics:
+        names = cascade.all_ratios.get(metric, (metric.replace("power_", "energy_"),))
+        out, *into = (name.removeprefix("energy_") for name in names)
+        if known.issuperset({out, *into}):
+            given = np.array([c.metrics[metric] is not None for c in reduction.cycles], dtype=bool)
+            if into:
+                joules = np.where(given, energies[into[0]].joules, np.nan)
+                eta = np.maximum(energies[out].joules / joules, NOTHING)
+                found[metric] = {out: 1.0 / joules, into[0]: -eta / joules}
+            else:
+                span = energies[out].t if metric.startswith("power_") else 1.0
+                found[metric] = {out: np.where(given, 1.0, np.nan) / span}
+    return found
 
 
 def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
@@ -345,65 +307,52 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     model : of this reduction, if it is made already
     """
     model = model or error_model(reduction)
-    names, lacking = model.cascade.all_metrics, without_accuracy(model)
-    measured = {name for name, channels in lacking.items() if not channels}
-    given = [m for m in names if reduction.mean[m] is not None]
-    stated = [m for m in names if measured.issuperset(parts_of(model.cascade, m))]
+    names, sensors, energies = reduction.rig.cascade.all_metrics, reduction.rig.sensors, model.energies
+    in_place = {n: s for n, s in sensors.items() if s.u_zero is not None or s.u_gain is not None}
+    bare = {n: msgspec.structs.replace(s, u_zero=None, u_gain=None) for n, s in in_place.items()}
+    own, limits = len(model.sources), _of_sensors(bare, energies)
+    changes = ErrorModel(energies, (*model.sources, *limits)).changes()
+    reach = np.array([NORMAL_REACH if s.limit is None else s.limit / s.u for s in model.sources])
     complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    undetermined = _undetermined(model, complete, [m for m in stated if m in given])
-    stated = [m for m in stated if m not in undetermined]
-    parts, cycles = _contributions(reduction, model, stated)
-    rows: dict[ErrorSource | None, dict[str, float]] = {}
-    for k, source in enumerate(model.sources):  # gaps of all energies make one row
-        row = rows.setdefault(source if source.part != "gap" else None, {})
-        row.update({m: math.hypot(row.get(m, 0.0), x[k]) for m, x in parts.items()})
+    cycles, cycles_by_limits = ([Metrics({}, names) for _ in reduction.cycles] for _ in range(2))
+    given = [m for m in names if reduction.mean[m] is not None]
+    parts, by_limits, undetermined = {}, {}, []
+    for metric, of in model.weights.items():
+        counted = complete & np.isfinite(next(iter(of.values())))
+        divisors = list(of)[1:] if metric in given else []
+        taken = [reach @ np.abs(changes[name][:own]) >= np.abs(energies[name].joules) for name in divisors]
+        if np.any(taken and taken[0] & counted):
+            undetermined.append(metric)
+            continue
+        moved = np.asarray(sum(w * changes[name] for name, w in of.items()))
+        gaps = np.sqrt(sum((w * energies[name].gaps) ** 2 for name, w in of.items()))
+        for found, part in ((cycles, np.vstack((moved[:own], gaps))), (cycles_by_limits, moved[own:])):
+            for cycle, u in zip(found, np.sqrt((part**2).sum(axis=0)).tolist(), strict=True):
+                if len(part) and math.isfinite(u):
+                    cycle[metric] = u
+        if metric in given:
+            means = np.abs(moved[:, counted].sum(axis=1)) / counted.sum()
+            parts[metric] = [*means[:own].tolist(), float(np.linalg.norm(gaps[counted])) / float(counted.sum())]
+            by_limits[metric] = math.hypot(*means[own:])
+    sources = [*model.sources, *([None] if any(energy.gaps.any() for energy in energies.values()) else [])]
     values = {m: [c.metrics.value(m) for c in reduction.complete if c.metrics[m] is not None] for m in given}
     repeated = {m: x for m, x in values.items() if reduction.rig.phases.repeats and len(x) > 1}
     scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in repeated.items()}
-    sensors = {m: math.hypot(*x) for m, x in parts.items()}
-    mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
-    in_place = {n: s for n, s in reduction.rig.sensors.items() if s.u_zero is not None or s.u_gain is not None}
-    bare = {n: msgspec.structs.replace(s, u_zero=None, u_gain=None) for n, s in in_place.items()}
-    limited = msgspec.structs.replace(model, sources=tuple(_of_sensors(bare, model.energies)))
-    by_limits, cycles_by_limits = _contributions(reduction, limited, stated if limited.sources else ())
-    used = {name for energy in model.energies.values() for name in energy.channels}
+    mean = {m: math.hypot(*x, scatter.get(m, 0.0)) for m, x in parts.items()}
+    used, lacking = {name for energy in energies.values() for name in energy.channels}, model.lacking.values()
     return Budget(
-        rows=tuple(BudgetRow(source, Metrics(of, names)) for source, of in rows.items()),
-        sensors=Metrics(sensors, names),
+        rows=tuple(BudgetRow(s, Metrics({m: x[k] for m, x in parts.items()}, names)) for k, s in enumerate(sources)),
+        sensors=Metrics({m: math.hypot(*x) for m, x in parts.items()}, names),
         repeatability=Metrics(scatter, names),
         mean=Metrics(mean, names),
         freedom=Metrics({m: _freedom(u, scatter.get(m, 0.0), len(values[m])) for m, u in mean.items()}, names),
-        cycles=cycles,
-        by_limits=Metrics({m: math.hypot(*x) for m, x in by_limits.items()}, names),
-        cycles_by_limits=cycles_by_limits,
+        cycles=tuple(cycles),
+        by_limits=Metrics(by_limits if limits else {}, names),
+        cycles_by_limits=tuple(cycles_by_limits),
         exact=tuple(sorted(used.intersection(TAKEN_AS_EXACT) - {s.channel for s in model.sources})),
-        unknown=tuple(sorted({channel for channels in lacking.values() for channel in channels})),
-        undetermined=undetermined,
+        unknown=tuple(sorted({channel for channels in lacking for channel in channels})),
+        undetermined=tuple(undetermined),
     )
-
-
-def _cycles_with(reduction: Reduction, metric: str, counted: Mask | bool = True) -> Index:
-    """Cycles, of those that are counted, that have a metric."""
-    return np.flatnonzero(np.array([c.metrics[metric] is not None for c in reduction.cycles], dtype=bool) & counted)
-
-
-def _contributions(
-    reduction: Reduction, model: ErrorModel, metrics: Sequence[str]
-) -> tuple[dict[str, Signal], tuple[Metrics, ...]]:
-    """Change of the mean of each metric with each of m sources, (m,), and the uncertainties of every cycle."""
-    complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    alone = np.array([source.part == "gap" for source in model.sources], dtype=bool)  # in each cycle
-    parts, cycles = {}, [Metrics({}, model.cascade.all_metrics) for _ in reduction.cycles]
-    for metric in metrics:
-        rows = _cycles_with(reduction, metric)
-        changes = model.changes(model.ratio(metric, rows))
-        for k, u in zip(rows.tolist(), np.sqrt((changes**2).sum(axis=0)).tolist(), strict=True):
-            cycles[k][metric] = u
-        if reduction.mean[metric] is not None:
-            counted = changes[:, complete[rows]]
-            added = np.where(alone, np.sqrt((counted**2).sum(axis=1)), np.abs(counted.sum(axis=1)))
-            parts[metric] = added / counted.shape[1]
-    return parts, tuple(cycles)
 
 
 def _freedom(combined: float, scatter: float, n: int) -> float:
@@ -411,6 +360,7 @@ def _freedom(combined: float, scatter: float, n: int) -> float:
     return math.inf if scatter <= 1e-9 * combined else (n - 1) * (combined / scatter) ** 4
 
 
+# ------------------------------------------------------------------------------------------ draws by JCGM 101 and intervals
 def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     """State the uncertainty of the means of a reduction: budget by the GUM, intervals by draws of all errors.
 
@@ -437,44 +387,83 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
     check_arguments("uncertainty", ("seed", seed, SEED_NUMBER))
     model = error_model(reduction)
-    known, names = budget(reduction, model), model.cascade.all_metrics
-    of_sources = zip(model.sources, *(of[1:] for of in _lattice(seed, 1 + len(model.sources))), strict=True)
-    values = [s.u * normal if s.limit is None else s.limit * (2.0 * below - 1.0) for s, below, normal in of_sources]
-    errors = model.errors(np.array(values).reshape(-1, DRAWS))
-    complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    drawn, whole, alone = {}, {}, {}
+    known, names = budget(reduction, model), reduction.rig.cascade.all_metrics
+    gaps = next((row.of for row in known.rows if row.source is None), Metrics())
+    places = _lattice(seed, 2 + len(model.sources))
+    scales = {terms: _drawn_factors(seed, model.sources, terms) for terms in model.terms}
+    drawn, stated, whole, alone = {}, {}, {}, {}
     method: dict[str, Method] = {}
-    for metric in known.mean:
-        rows, scatter = _cycles_with(reduction, metric, complete), known.repeatability[metric] or 0.0
-        x = model.ratio(metric, rows).mean().without(errors)[:, 0]
-        drawn[metric] = math.hypot(float(np.std(x)), scatter)
-        agree = abs(drawn[metric] - known.mean.value(metric)) <= LINEAR_WITHIN * drawn[metric]
-        method[metric] = "gum" if agree else "monte_carlo"
-        repeated = x + scatter * _student(seed, rows.size - 1) if scatter else x.copy()
-        alone[metric], whole[metric] = (Interval(*quantiles_in_place(of, (0.025, 0.975))) for of in (x, repeated))
-    stated = {m: known.mean[m] if way == "gum" else drawn[m] for m, way in method.items()}
+    for metric, u in known.mean.items():
+        counted = [c.complete and c.metrics[metric] is not None for c in reduction.cycles]
+        mean = _drawn_mean(model, model.weights[metric], counted, scales)
+        mean += gaps.value(metric) * _normal()[places[-1]] if gaps else 0.0
+        scatter = known.repeatability[metric] or 0.0
+        apart = mean - mean.mean()
+        drawn[metric] = math.hypot(math.sqrt(apart @ apart / DRAWS), scatter)
+        agree = abs(drawn[metric] - (u or 0.0)) <= LINEAR_WITHIN * drawn[metric]
+        method[metric], stated[metric] = ("gum", u) if agree else ("monte_carlo", drawn[metric])
+        alone[metric] = _interval(mean)
+        whole[metric] = _interval(mean + scatter * _student(sum(counted) - 1)[places[0]]) if scatter else alone[metric]
     return Uncertainty(known, seed, DRAWS, Metrics(drawn, names), Metrics(stated, names), method, whole, alone)
 
 
-@lru_cache(maxsize=4)
-def _lattice(seed: int, errors: int) -> tuple[Signal, Signal]:
-    """Share of its distribution that lies below each draw of each error, (errors, draws), evenly between 0 and 1; the standard
-    normal values of these shares. They are kept for the next log of a campaign, which has the same sensors.
-    """
-    from scipy.special import ndtri
+def _drawn_mean(
+    model: ErrorModel, weights: Mapping[str, Signal], counted: Sequence[bool], scales: Mapping[Terms, Signal]
+) -> Signal:
+    """Mean of a metric over the cycles that count for drawn errors, (draws,).
 
+    That of an efficiency is exact to the first order of the errors, and beyond where the cycles are alike.
+    """
+    found: list[Signal] = []
+    for name, weight in weights.items():
+        energy, share = model.energies[name], np.where(counted, weight, 0.0) / sum(counted)
+        joules = np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])
+        found.append(joules / (share @ energy.joules) if found else joules)
+    return found[0] / found[1] if len(found) > 1 else found[0]
+
+
+def _interval(draws: Signal) -> Interval:
+    """Interval that holds 95 % of the draws, between two draws by linear interpolation."""
+    ordered, place = np.sort(draws), 0.025 * (DRAWS - 1)
+    k, share = int(place), place % 1.0
+    low, high = (x[k] + share * (x[k + 1] - x[k]) for x in (ordered, ordered[::-1]))
+    return Interval(float(low), float(high))
+
+
+@lru_cache(maxsize=4)
+def _lattice(seed: int, errors: int) -> Index:
+    """Place of each draw of each error in `SHARES`, (errors, draws), kept for the next log of a campaign."""
     shifts, draw = np.random.default_rng(seed).integers(DRAWS, size=(errors, 1)), np.arange(DRAWS)
     steps = np.array([pow(MULTIPLIER, k, DRAWS) for k in range(errors)])[:, None]
-    below = ((draw * steps + shifts) % DRAWS + 0.5) / DRAWS
-    return below, ndtri(below)
+    return np.asarray((draw * steps + shifts) % DRAWS)
 
 
-@lru_cache(maxsize=4)
-def _student(seed: int, freedom: int) -> Signal:
-    """Values of Student's distribution at the first error of the lattice, (draws,), kept for logs of as many cycles."""
-    from scipy.special import stdtrit
+@lru_cache(maxsize=8)
+def _drawn_factors(seed: int, sources: tuple[ErrorSource, ...], terms: Terms) -> Signal:
+    """The `factors` for drawn errors, (r, draws), kept for the next log of a campaign, which has the same sources."""
+    errors = [
+        s.u * _normal()[place] if s.limit is None else s.limit * (2.0 * SHARES[place] - 1.0)
+        for s, place in zip(sources, _lattice(seed, 2 + len(sources))[1:-1], strict=True)
+    ]
+    return np.asarray(factors(terms, sources, np.reshape(errors, (-1, DRAWS))))
 
-    return np.asarray(stdtrit(freedom, _lattice(seed, 1)[0][0]))
+
+@cache
+def _normal() -> Signal:
+    """Values of a standard normal variable below which `SHARES` of it lie, (draws,); scipy takes longer to import."""
+    return np.array([*map(NormalDist().inv_cdf, SHARES.tolist())])
+
+
+@lru_cache(maxsize=8)
+def _student(freedom: int) -> Signal:
+    """Values of Student's variable below which `SHARES` of it lie, (draws,), to 1e-4.
+
+    It is sqrt(freedom) times the tangent of an angle of the density cos(angle)^(freedom - 1).
+    """
+    angle = np.linspace(-math.pi / 2.0, math.pi / 2.0, ANGLES)
+    density = np.cos(angle) ** (freedom - 1)
+    below = np.cumsum(density) - 0.5 * (density + density[0])
+    return np.asarray(math.sqrt(freedom) * np.tan(np.interp(SHARES, below / below[-1], angle)))
 
 
 def shares(part: Metrics, whole: Metrics) -> Metrics:
@@ -484,9 +473,3 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
     0.36
     """
     return Metrics({m: (a / b) ** 2 for m, a in part.items() if a is not None and (b := whole[m])}, whole.known)
-
-
-def budgeted(mean: Metrics) -> list[str]:
-    """Metrics whose budget is shown: efficiencies, then energies of the window."""
-    etas = [m for m in mean if m.startswith("eta")]
-    return [*etas, *(m for m in mean if m.startswith("energy") and m not in NET_METRICS)]

@@ -9,17 +9,15 @@ budget, linearly, and added: a zero or a gain is the same in all waves, so that 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import Shape, student
 from winchcascade.core.run import Signal
-from winchcascade.reduction.efficiency import not_negative, ratio
 
-BOOTSTRAP_DRAWS = 4000
-BOOTSTRAP_SEED = 20260101
+BOOTSTRAP = {"draws": 4000, "seed": 20260101}
 """Draws of the bootstrap and the seed of its random numbers: the same data give the same interval."""
 
 MIN_WAVES = 8
@@ -28,35 +26,11 @@ MIN_WAVES = 8
 SIGNIFICANT = 2.0
 """Number of standard deviations below which an autocorrelation counts as zero (Politis and White 2004, Sec. 3.2: about 2)."""
 
-RECORD_MIN = 1e-9
-"""No record is shorter. [s]"""
-
-_AT_ONCE = 2_000_000
+BLOCKS_AT_ONCE = 2_000_000
 """Blocks that are drawn at a time: memory does not grow with the number of waves."""
 
 Errors = Sequence[tuple[float, Shape]]
 """Change of a ratio with one standard uncertainty of each source of the sensors, and the shape of that error."""
-
-
-class EnergyError(msgspec.Struct, frozen=True):
-    """What one standard uncertainty of a source changes of the energies of all waves together, and of the record, by stage. [J]
-
-    `shared`: of a sensor, and so the same in all stages; else each stage has its own, as of bridged gaps.
-    """
-
-    source: str
-    part: str
-    shape: Shape
-    shared: bool
-    energy: Mapping[str, float]
-    record: Mapping[str, float] = msgspec.field(default_factory=dict)
-
-    def of_ratio(self, into: tuple[str, float], out: tuple[str, float]) -> float:
-        """Change of an efficiency with it; the stages by name and energy [J]. [1]"""
-        up = self.energy.get(out[0], 0.0) / into[1]
-        down = out[1] / into[1] * self.energy.get(into[0], 0.0) / into[1]
-        return up - down if self.shared else math.hypot(up, down)
-
 
 WRITTEN_RATIO = {
     "interval": "interval_95", "block": "block_waves", "u_waves": "standard_uncertainty_waves",
@@ -82,74 +56,52 @@ class RatioOfSums(msgspec.Struct, frozen=True, rename=WRITTEN_RATIO):
 
 
 def ratio_of_sums(
-    into: Signal, out: Signal, *, counts: Sequence[int] = (), errors: Errors | None = None
-) -> RatioOfSums:
-    """Efficiency of many waves together, with its 95 % interval.
-
-    Parameters
-    ----------
-    into, out : (k,) energies of the waves in order of time [J]
-    counts : waves of each log, in order, where they are of several: no block leads from one log into another
-    errors : None where an accuracy is unknown
-    """
-    value = not_negative(ratio(float(out.sum()), float(into.sum())))
-    return _with_interval(value, (into, out), 1.0, counts or [into.size], errors)
-
-
-def mean_power(
-    record: tuple[float, float],
-    waves: tuple[Signal, Signal] | None,
+    value: float | None,
+    x: Signal,
+    y: Signal,
     *,
+    share: float = 1.0,
     counts: Sequence[int] = (),
     errors: Errors | None = None,
 ) -> RatioOfSums:
-    """Mean power of a record, with its 95 % interval: its waves are resampled, what lies between them is kept.
+    """Give a value its 95 % interval by waves and sensors.
 
     Parameters
     ----------
-    record : duration [s] and energy [J]
-    waves : periods [s] and energies [J] of its waves in order of time; None where the energies of some are unknown
-    counts, errors : as of `ratio_of_sums`, errors of the power [W]
+    value : the ratio of the sums of y and x; of a record with waves in it that ratio makes a share of the value
+    x, y : (k,) of the waves in order of time, such as energies that go in and come out [J], or periods [s] and energies
+    share : the share of the value that the waves make, which alone is resampled [1]
+    counts : waves of each log, in order, where they are of several: no block leads from one log into another
+    errors : of the value by the sensors; None where an accuracy is unknown
     """
-    periods, joules = waves or (np.empty(0), np.empty(0))
-    share = float(periods.sum()) / max(record[0], RECORD_MIN)
-    return _with_interval(ratio(record[1], record[0]), (periods, joules), share, counts or [periods.size], errors)
-
-
-def _with_interval(
-    value: float | None, of: tuple[Signal, Signal], share: float, counts: Sequence[int], errors: Errors | None
-) -> RatioOfSums:
-    """A value of which the ratio of the sums of two series makes a share, with its interval."""
     u_sensors = None if errors is None else math.hypot(*(size for size, _ in errors))
-    x, y = of
     if value is None or x.size < MIN_WAVES:
         return RatioOfSums(value, u_sensors=u_sensors)
-    rng, measured = np.random.default_rng(BOOTSTRAP_SEED), float(y.sum()) / float(x.sum())
-    logs = [log for log in np.split(np.array(of), np.cumsum(counts)[:-1], axis=1) if log.size]
+    rng, measured = np.random.default_rng(BOOTSTRAP["seed"]), float(y.sum()) / float(x.sum())
+    logs = [log for log in np.split(np.array((x, y)), np.cumsum(counts)[:-1], axis=1) if log.size]
     blocks = [block_length(log[1] - measured * log[0]) for log in logs]
     sums = np.sum([_resampled(log, block, rng) for log, block in zip(logs, blocks, strict=True)], axis=0)
     # Few blocks scatter less than what they are drawn from, and their scatter is known by few.
     freedom = max(1, sum(math.ceil(log.shape[1] / block) for log, block in zip(logs, blocks, strict=True)) - 1)
     around = share * math.sqrt(1.0 + 1.0 / freedom) * (sums[1] / sums[0] - measured)
     drawn = value + around * (student(freedom) / student(math.inf))
+    root = math.sqrt(3.0)
     for size, shape in errors or ():  # independent of which waves came
-        root = math.sqrt(3.0)
-        drawn += size * (
-            rng.standard_normal(BOOTSTRAP_DRAWS) if shape == "normal" else rng.uniform(-root, root, BOOTSTRAP_DRAWS)
-        )
+        normal = shape == "normal"
+        drawn += size * (rng.standard_normal(drawn.size) if normal else rng.uniform(-root, root, drawn.size))
     low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
     return RatioOfSums(value, (low, high), max(blocks), float(np.std(around)), u_sensors)
 
 
 def _resampled(x: Signal, block: int, rng: np.random.Generator) -> Signal:
-    """Sums of resampled blocks of the columns of some rows, (rows, BOOTSTRAP_DRAWS)."""
+    """Sums of resampled blocks of the columns of some rows, (rows, draws)."""
     n = x.shape[1]
     lengths = np.full(math.ceil(n / block), block)
     lengths[-1] = n - block * (lengths.size - 1)
     summed = np.concatenate((np.zeros((x.shape[0], 1)), np.cumsum(np.tile(x, 2), axis=1)), axis=1)
-    found, step = [], max(1, _AT_ONCE // lengths.size)
-    for begin in range(0, BOOTSTRAP_DRAWS, step):
-        starts = rng.integers(0, n, (min(step, BOOTSTRAP_DRAWS - begin), lengths.size))
+    found, step = [], max(1, BLOCKS_AT_ONCE // lengths.size)
+    for begin in range(0, BOOTSTRAP["draws"], step):
+        starts = rng.integers(0, n, (min(step, BOOTSTRAP["draws"] - begin), lengths.size))
         found.append((summed[:, starts + lengths] - summed[:, starts]).sum(axis=2))
     return np.concatenate(found, axis=1)
 

@@ -1,4 +1,4 @@
-"""Energies of irregular waves: of each and of the whole record, of one log or of several, as they are written."""
+"""Energies of irregular waves: of each and of the whole record, of one log or of a campaign, as they are written."""
 
 from __future__ import annotations
 
@@ -11,28 +11,48 @@ from typing import Any
 import msgspec
 import numpy as np
 from msgspec import UNSET
+from msgspec.structs import asdict, replace
 
-from winchcascade.core.cascade import Stream, field_of
-from winchcascade.core.integrate import integrals, integrals_of
+from winchcascade.core.accuracy import ErrorSource, Shape
+from winchcascade.core.cascade import field_of
+from winchcascade.core.integrate import integrals
 from winchcascade.core.run import Signal
-from winchcascade.reduction.efficiency import NOTHING
+from winchcascade.reduction.efficiency import NOTHING, not_negative, ratio
 from winchcascade.reduction.gap_error import all_gaps, energy_error
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.uncertainty import Energy, error_model, integrands, without_accuracy
-from winchcascade.reduction.wave_bootstrap import (
-    BOOTSTRAP_DRAWS,
-    BOOTSTRAP_SEED,
-    RECORD_MIN,
-    EnergyError,
-    RatioOfSums,
-    mean_power,
-    ratio_of_sums,
-)
+from winchcascade.reduction.uncertainty import Energy, ErrorModel, error_model, integrated
+from winchcascade.reduction.wave_bootstrap import BOOTSTRAP, RatioOfSums, ratio_of_sums
+
+RECORD_MIN = 1e-9
+"""No record is shorter. [s]"""
+
+GAPS = "bridged gaps"
+"""Source of the errors by gaps, which each stage and each log has of its own."""
 
 WRITTEN_WAVES = {
     "power": "mean_power", "counts": "waves_of_logs", "errors": "sensors", "unknown": "without_accuracy",
 }  # fmt: skip
 """Names of the fields of waves in written files."""
+
+
+class EnergyError(msgspec.Struct, frozen=True):
+    """What one standard uncertainty of a source changes of the energies of all waves together, and of the record, by stage. [J]
+
+    `shared`: of a sensor, and so the same in all stages; else each stage has its own, as of bridged gaps.
+    """
+
+    source: str
+    part: str
+    shape: Shape
+    shared: bool
+    energy: Mapping[str, float]
+    record: Mapping[str, float] = {}
+
+    def of_ratio(self, into: str, out: str, energy: Mapping[str, Signal]) -> float:
+        """Change of the efficiency from one stage to another with it; `energy` is that of each wave by stage. [1]"""
+        taken, given = float(energy[into].sum()), float(energy[out].sum())
+        up, down = self.energy.get(out, 0.0) / taken, given / taken * self.energy.get(into, 0.0) / taken
+        return up - down if self.shared else math.hypot(up, down)
 
 
 class WaveEnergies(msgspec.Struct, frozen=True, kw_only=True, dict=True, rename=WRITTEN_WAVES):
@@ -46,7 +66,7 @@ class WaveEnergies(msgspec.Struct, frozen=True, kw_only=True, dict=True, rename=
     efficiency : of all waves together, by name
     waves, counts : number of waves, and of those of each log
     payout_unit : m, or rad for a shaft without a line
-    stages : of which every wave has the energy
+    stages : of which the waves have the energy
     errors : what the sources of uncertainty of the sensors change of the energies of all waves, and of the record
     unknown : channels of a stage without a stated accuracy, by stage
     each : number, travel of the positive half, period and energies of each wave, with units in the names; empty where left out
@@ -55,7 +75,7 @@ class WaveEnergies(msgspec.Struct, frozen=True, kw_only=True, dict=True, rename=
     record: dict[str, float]
     power: dict[str, RatioOfSums] = {}
     efficiency: dict[str, RatioOfSums] = {}
-    bootstrap: dict[str, int]
+    bootstrap: dict[str, int] = msgspec.field(default_factory=BOOTSTRAP.copy)
     waves: int
     counts: tuple[int, ...]
     payout_unit: str
@@ -99,13 +119,6 @@ class WaveEnergies(msgspec.Struct, frozen=True, kw_only=True, dict=True, rename=
         return {key[len("power_") : -len("_w")]: x for key, x in self.record.items() if key.startswith("power_")}
 
 
-class CampaignWavesRecord(WaveEnergies, frozen=True, kw_only=True, dict=True, rename=WRITTEN_WAVES):
-    """The block `waves` of the record of a campaign: all logs together, and each; single waves are in the results."""
-
-    logs: tuple[dict[str, Any], ...]
-    left_out: tuple[str, ...]
-
-
 def waves_of(reduction: Reduction) -> WaveEnergies | None:
     """Energies of the waves of a log where cycles are waves by the rig file; None where they are not."""
     return wave_energies(reduction) if reduction.rig.phases.source == "waves" else None
@@ -114,11 +127,8 @@ def waves_of(reduction: Reduction) -> WaveEnergies | None:
 def wave_energies(reduction: Reduction) -> WaveEnergies:
     """Energies of the waves of a log, or of any cycles of it."""
     run, rig, waves = reduction.run, reduction.rig, reduction.complete
-    energy = {
-        stage: np.array([c.metrics.value(f"energy_{stage}") for c in waves])
-        for stage in rig.cascade.names
-        if all(c.metrics[f"energy_{stage}"] is not None for c in waves)
-    }
+    model = error_model(reduction)
+    record, duration = _record(reduction, model)
     payout, unit = np.array([c.summary.payout.travel for c in waves], dtype=np.float64), "m"
     if not np.isfinite(payout).all() and "speed" in run.channels:  # a shaft without a line
         spans = np.array([(c.phases.onset, c.phases.payout_end) for c in waves]).reshape(-1, 2)
@@ -129,50 +139,94 @@ def wave_energies(reduction: Reduction) -> WaveEnergies:
         "cycle": [c.cycle for c in waves],
         f"payout_{unit}": payout.tolist(),
         "period_s": [end - begin for begin, end in ends],
-        **{field_of(f"energy_{stage}"): joules.tolist() for stage, joules in energy.items()},
+        **{field_of(f"energy_{s}"): [c.metrics.value(f"energy_{s}") for c in waves] for s in record},
     }
-    streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
-    measured = {name: watts for name, watts in streams.items() if watts is not None}
-    joules = dict(zip(measured, _over_record(reduction, [*measured.values()]).tolist(), strict=True))
-    errors, unknown = _sensor_errors(reduction, energy)
+    etas = [m for m in rig.cascade.ratios if not (run.open_circuit and rig.cascade.undelivered(m))]
     found = WaveEnergies(
-        record=_record(float(np.ptp(run.t)) - float(np.ptp(_long_gaps(reduction), axis=1).sum()), joules),
-        bootstrap={"draws": BOOTSTRAP_DRAWS, "seed": BOOTSTRAP_SEED},
+        record=_written(duration, {stage: float(energy.joules[0]) for stage, energy in record.items()}),
         waves=len(waves),
         counts=(len(waves),),
         payout_unit=unit,
-        stages=tuple(energy),
-        errors=errors,
-        unknown=unknown,
+        stages=tuple(record),
+        errors=tuple(_errors(reduction, model, record)),
+        unknown=ErrorModel(record, model.sources).lacking,
         each=tuple(dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)),
     )
-    etas = [m for m in rig.cascade.ratios if not (run.open_circuit and rig.cascade.undelivered(m))]
-    return _with_ratios(found, {name: rig.cascade.between(name) for name in etas})
+    return _with_ratios(found, {name: rig.cascade.pairs[name] for name in etas})
+
+
+def _record(reduction: Reduction, model: ErrorModel) -> tuple[dict[str, Energy], float]:
+    """Energy of each stage over the log without long gaps, as one span, and the length of that. [s]"""
+    run, rig = reduction.run, reduction.rig
+    gaps = all_gaps(run, rig.cascade.channels)
+    bridged = np.ptp(gaps, axis=1) <= rig.thresholds.gap_max
+    begins = np.maximum.accumulate([run.t[0], *gaps[~bridged, 1]])
+    pieces = np.column_stack((begins, [*gaps[~bridged, 0], run.t[-1]]))
+    pieces = pieces[pieces[:, 0] < pieces[:, 1]]
+    duration, found = float(np.ptp(pieces, axis=1).sum()), {}
+    for stage, (terms, joules) in integrated(reduction, pieces).items():
+        watts = next(s for s in rig.cascade.stages if s.name == stage).watts(run.channels, rig.r_drum)
+        missed = energy_error(run.t, np.asarray(watts), gaps[bridged], run.t[[[0, -1]]], np.zeros(1))
+        waves = model.energies.get(stage)
+        per_second = 0.0 if waves is None else waves.integrals[-1].sum() / max(float(waves.t.sum()), RECORD_MIN)
+        whole = np.append(joules.sum(axis=1), per_second * duration)[:, None]
+        found[stage] = Energy(terms, whole, np.array([duration]), missed / math.sqrt(3.0))
+    return found, duration
+
+
+def _errors(reduction: Reduction, model: ErrorModel, record: Mapping[str, Energy]) -> Iterable[EnergyError]:
+    """What the sources of uncertainty change of the energies of a log; a sensor and its acquisition system are one source."""
+    sources: dict[tuple[str, str], ErrorSource] = {}
+    for source in model.sources:
+        other = sources.get(key := (source.channel, source.part))
+        sources[key] = source if other is None else replace(source, u=math.hypot(other.u, source.u), limit=None)
+    together, complete = tuple(sources.values()), [c.complete for c in reduction.cycles]
+    waves, whole = ErrorModel(model.energies, together).changes(), ErrorModel(record, together).changes()
+    stages = [stage for stage in record if stage in waves]
+    for k, source in enumerate(together):
+        energy = {stage: float(waves[stage][k, complete].sum()) for stage in stages}
+        of_record = {stage: float(whole[stage][k, 0]) for stage in stages}
+        yield EnergyError(source.channel, source.part, source.shape, shared=True, energy=energy, record=of_record)
+    missed = {stage: float(np.linalg.norm(model.energies[stage].gaps[complete])) for stage in stages}
+    if any(model.energies[stage].gaps.any() for stage in stages):
+        of_record = {stage: float(record[stage].gaps[0]) for stage in stages}
+        yield EnergyError(GAPS, "", "normal", shared=False, energy=missed, record=of_record)
 
 
 def joined_waves(logs: Sequence[WaveEnergies]) -> WaveEnergies:
     """Energies of the waves of several logs together, of the same stages and with a payout in the same unit.
 
-    A source of uncertainty of a sensor is the same in all logs: the same instrument took them.
+    A source of uncertainty of a sensor is the same in all logs, as the same instrument took them; gaps are independent.
     """
     first, each = logs[0], chain.from_iterable(log.each for log in logs)
+    groups: dict[tuple[str, str], list[EnergyError]] = {}
+    for error in chain.from_iterable(log.errors for log in logs):
+        groups.setdefault((error.source, error.part), []).append(error)
+
+    def added(of: EnergyError, parts: Sequence[Mapping[str, float]]) -> dict[str, float]:
+        changes = {stage: [part.get(stage, 0.0) for part in parts] for stage in first.stages}
+        return {stage: sum(x) if of.shared else math.hypot(*x) for stage, x in changes.items()}
+
+    errors = [
+        replace(of[0], energy=added(of[0], [e.energy for e in of]), record=added(of[0], [e.record for e in of]))
+        for of in groups.values()
+    ]
     joules = {stage: sum(log.record_energy[stage] for log in logs) for stage in first.record_energy}
-    names = {stage: {name for log in logs for name in log.unknown.get(stage, ())} for stage in first.stages}
+    unknown = {stage: sorted({name for log in logs for name in log.unknown.get(stage, ())}) for stage in first.stages}
     found = WaveEnergies(
-        record=_record(sum(log.record_duration for log in logs), joules),
-        bootstrap=first.bootstrap,
+        record=_written(sum(log.record_duration for log in logs), joules),
         waves=sum(log.waves for log in logs),
         counts=tuple(n for log in logs for n in log.counts),
         payout_unit=first.payout_unit,
         stages=first.stages,
-        errors=_together(error for log in logs for error in log.errors),
-        unknown={stage: tuple(sorted(channels)) for stage, channels in names.items()},
+        errors=tuple(errors),
+        unknown={stage: tuple(channels) for stage, channels in unknown.items()},
         each=tuple(wave | {"cycle": k} for k, wave in enumerate(each, 1)),
     )
     return _with_ratios(found, first.pairs)
 
 
-def _record(duration: float, energy: Mapping[str, float]) -> dict[str, float]:
+def _written(duration: float, energy: Mapping[str, float]) -> dict[str, float]:
     """Duration [s], energies [J] and mean powers [W] of the record, by their names in written files."""
     power = {field_of(f"power_{stage}"): joule / duration for stage, joule in energy.items() if duration > 0.0}
     return {"duration_s": duration, **{field_of(f"energy_{stage}"): joule for stage, joule in energy.items()}, **power}
@@ -180,96 +234,76 @@ def _record(duration: float, energy: Mapping[str, float]) -> dict[str, float]:
 
 def _with_ratios(waves: WaveEnergies, pairs: Mapping[str, tuple[str, str]]) -> WaveEnergies:
     """The same with efficiencies of all waves together, by the stages that each leads from and to, and mean powers."""
-    efficiency, power, periods = {}, {}, waves.column("period_s")
+    efficiency, power = {}, {}
+    energy, periods, duration = waves.energy, waves.column("period_s"), max(waves.record_duration, RECORD_MIN)
+    known = {stage for stage in waves.stages if waves.unknown.get(stage) == ()}
     for name, (into, out) in pairs.items():
-        if into in waves.energy and out in waves.energy:
-            x, y = waves.energy[into], waves.energy[out]
-            sums = (into, float(x.sum())), (out, float(y.sum()))
-            known = not (waves.unknown.get(into) or waves.unknown.get(out)) and sums[0][1] > NOTHING
-            errors = [(e.of_ratio(*sums), e.shape) for e in waves.errors] if known else None
-            found = ratio_of_sums(x, y, counts=waves.counts, errors=errors)
-            efficiency[name] = msgspec.structs.replace(found, between=(into, out))
+        if into in energy and out in energy:
+            taken, given = float(energy[into].sum()), float(energy[out].sum())
+            errors = [(e.of_ratio(into, out, energy), e.shape) for e in waves.errors if taken > NOTHING]
+            found = ratio_of_sums(
+                not_negative(ratio(given, taken)), energy[into], energy[out], counts=waves.counts,
+                errors=errors if known >= {into, out} and taken > NOTHING else None,
+            )  # fmt: skip
+            efficiency[name] = replace(found, between=(into, out))
     for stage, joule in waves.record_energy.items():
-        known = waves.unknown.get(stage) == () and waves.record_duration > 0.0
-        errors = [(e.record.get(stage, 0.0) / waves.record_duration, e.shape) for e in waves.errors] if known else None
-        of = (periods, waves.energy[stage]) if stage in waves.energy else None
-        power[stage] = mean_power((waves.record_duration, joule), of, counts=waves.counts, errors=errors)
-    return msgspec.structs.replace(waves, efficiency=efficiency, power=power)
+        errors = [(e.record.get(stage, 0.0) / duration, e.shape) for e in waves.errors]
+        power[stage] = ratio_of_sums(
+            ratio(joule, waves.record_duration), periods, energy[stage], share=float(periods.sum()) / duration,
+            counts=waves.counts, errors=errors if stage in known and waves.record_duration > 0.0 else None,
+        )  # fmt: skip
+    return replace(waves, efficiency=efficiency, power=power)
 
 
-def _sensor_errors(
-    reduction: Reduction, stages: Iterable[str]
-) -> tuple[tuple[EnergyError, ...], dict[str, tuple[str, ...]]]:
-    """What the sources of uncertainty change of the energies of a log, and the channels without an accuracy, by stage."""
-    model = error_model(reduction)
-    rows = np.flatnonzero([c.complete for c in reduction.cycles])
-    energies = {stage: model.energies[stage] for stage in stages if stage in model.energies}
-    waves = {s: model.changes(e.times(np.ones(rows.size), rows).total())[:, 0] for s, e in energies.items()}
-    record = {s: model.changes(_of_record(reduction, s, e))[:, 0] for s, e in energies.items()}
-    found = []
-    for k, source in enumerate(model.sources):
-        of_gaps = source.part == "gap"
-        name, part = ("bridged gaps", "") if of_gaps else (source.channel, source.part)
-        changes = ({stage: float(x[k]) for stage, x in of.items()} for of in (waves, record))
-        found.append(EnergyError(name, part, source.shape, not of_gaps, *changes))
-    lacking = {stage: channels for stage, channels in without_accuracy(model).items() if stage in energies}
-    return _together(found), lacking
+# ------------------------------------------------------------------------------------------------------------ a campaign
+class CampaignWavesRecord(WaveEnergies, frozen=True, kw_only=True, dict=True, rename=WRITTEN_WAVES):
+    """The block `waves` of the record of a campaign: all logs together, and each; single waves are in the results."""
+
+    logs: tuple[dict[str, Any], ...]
+    left_out: tuple[str, ...]
 
 
-def _together(errors: Iterable[EnergyError]) -> tuple[EnergyError, ...]:
-    """Errors of the same source together: sums of what is shared, else the root of the sum of squares."""
-    groups: dict[tuple[str, str], list[EnergyError]] = {}
-    for error in errors:
-        groups.setdefault((error.source, error.part), []).append(error)
+class LogWaves(msgspec.Struct, frozen=True):
+    """The waves of one log: its name, its load [ohm], inf for an open circuit."""
 
-    def added(parts: Sequence[Mapping[str, float]], *, shared: bool) -> dict[str, float]:
-        of_stages = {stage: [part.get(stage, 0.0) for part in parts] for stage in dict.fromkeys(chain(*parts))}
-        return {stage: sum(joules) if shared else math.hypot(*joules) for stage, joules in of_stages.items()}
+    name: str
+    load: float | None
+    waves: WaveEnergies
 
-    return tuple(
-        msgspec.structs.replace(
-            group[0],
-            energy=added([e.energy for e in group], shared=group[0].shared),
-            record=added([e.record for e in group], shared=group[0].shared),
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What logs have in common whose waves can be taken together."""
+        return self.waves.payout_unit, *self.waves.stages, *self.waves.pairs.items()
+
+
+class CampaignWaves(msgspec.Struct, frozen=True):
+    """The waves of several logs together, those of each, and sentences on logs that are left out."""
+
+    together: WaveEnergies
+    logs: tuple[LogWaves, ...]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def record(self) -> CampaignWavesRecord:
+        """The waves of the campaign as they are written."""
+        each = tuple(
+            {"run": log.name, "load_ohm": log.load, "record": of.record, "efficiency": of.efficiency, "waves": of.waves}
+            for log, of in ((log, log.waves) for log in self.logs)
         )
-        for group in groups.values()
-    )
+        return CampaignWavesRecord(**asdict(self.together) | {"each": ()}, logs=each, left_out=self.left_out)
 
 
-def _of_record(reduction: Reduction, stage: str, waves: Energy) -> Energy:
-    """What gives the energy of a stage over the record for any errors of its channels, by what gives those of its waves."""
-    run, rig = reduction.run, reduction.rig
-    power = next(s for s in rig.cascade.stages if s.name == stage).power(run.channels, rig.r_drum)
-    if power is None:
-        return waves.total()
-    gaps = all_gaps(run, rig.cascade.channels)
-    short = gaps[np.ptp(gaps, axis=1) <= rig.thresholds.gap_max]  # which are bridged
-    missed = energy_error(
-        run.t, power.stream(run.channels, rig.r_drum)(slice(None)), short, run.t[[[0, -1]]], np.zeros(1)
-    )
-    duration = float(np.ptp(run.t)) - float(np.ptp(_long_gaps(reduction), axis=1).sum())
-    sampled = waves.integrals[-1].sum() * duration / max(float(waves.t.sum()), RECORD_MIN)
-    whole = _over_record(reduction, integrands(run, power, rig.r_drum))
-    return msgspec.structs.replace(
-        waves, integrals=np.append(whole, sampled)[:, None], t=np.array([duration]), bridged=missed / math.sqrt(3.0)
-    )
+def campaign_waves(of_logs: Iterable[LogWaves]) -> CampaignWaves | None:
+    """Combine the waves of logs of the same stages; None without any.
 
-
-def _over_record(reduction: Reduction, streams: Sequence[Stream]) -> Signal:
-    """Integrals of some signals over the log without long gaps, (m,)."""
-    t = reduction.run.t
-    parts = integrals_of(t, streams, np.vstack((t[[[0, -1]]], _long_gaps(reduction))))
-    return np.asarray(parts[:, 0] - parts[:, 1:].sum(axis=1))
-
-
-def _long_gaps(reduction: Reduction) -> Signal:
-    """Gaps that are left out of the record, without overlaps, (k, 2). [s]"""
-    gaps = all_gaps(reduction.run, reduction.rig.cascade.channels)
-    gaps = gaps[np.ptp(gaps, axis=1) > reduction.rig.thresholds.gap_max]
-    united: list[list[float]] = []
-    for begin, end in gaps.tolist():
-        if united and begin <= united[-1][1]:
-            united[-1][1] = max(united[-1][1], end)
-        else:
-            united.append([begin, end])
-    return np.array(united).reshape(-1, 2)
+    Open circuits are left out where other logs have a load: they deliver nothing, and would lower every ratio of sums.
+    """
+    logs = [*of_logs]
+    loaded = [log for log in logs if log.load != math.inf] or logs
+    if not loaded:
+        return None
+    alike = [log for log in loaded if log.kind == loaded[0].kind]
+    why = [(log, "its load is an open circuit") for log in logs if log not in loaded]
+    why += [(log, "its stages, or the unit of its payouts, are others") for log in loaded if log not in alike]
+    left_out = tuple(f"{log.name} is not among the waves together: {reason}." for log, reason in why)
+    return CampaignWaves(joined_waves([log.waves for log in alike]), tuple(logs), left_out)

@@ -18,8 +18,7 @@ from winchcascade.core.run import Run
 from winchcascade.core.store import make_one
 from winchcascade.core.viewed import Units
 from winchcascade.reduction.efficiency import FIELDS
-from winchcascade.reduction.run_record import REDUCTION_SCHEMA, RunRecord
-from winchcascade.report.records import reduction_record
+from winchcascade.reduction.run_record import REDUCTION_SCHEMA, RunRecord, reduction_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -148,17 +147,16 @@ def _flat_run(record: RunRecord) -> Row:
         "complete": sum(c.complete for c in record.cycles),
         "findings": len(record.quality),
     }
-    u, deviation = record.numbers("standard_uncertainty"), record.numbers("max_deviation_percent")
-    intervals = record.intervals
-    for field, mean in record.numbers("mean").items():
-        values = (mean, u[field], *(intervals[field] or (None, None)), deviation[field])
+    u, deviation = record.standard_uncertainty, record.max_deviation_percent
+    for field, mean in record.mean.items():
+        values = (mean, u[field], *(record.interval_95[field] or (None, None)), deviation[field])
         row |= {f"{field}{end}": value for end, value in zip(RUN_ENDS, values, strict=True)}
     return row
 
 
 def _flat_cycle(cycle: Row) -> Row:
     """A cycle in one row: nested names joined, phases as begin and end."""
-    row = {**cycle, **cycle["window"], **cycle.get("stages", {})}
+    row = {**cycle, **cycle["window"], **cycle["numbers"]}
     for phase, span in cycle["phases"].items():
         row[f"{phase}_begin_s"], row[f"{phase}_end_s"] = span or (None, None)
     summary = cycle["phase_summary"]

@@ -17,9 +17,16 @@ import msgspec
 from winchcascade.core.arguments import FLAG, PATH_OR_NONE, WATCH, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Watch
-from winchcascade.core.published_table import PrintedColumn, PublishedTable, Span, TableRow, load_text, unit_suffix
+from winchcascade.core.published_table import (
+    PrintedColumn,
+    PublishedTable,
+    Span,
+    TableRow,
+    load_table,
+    load_text,
+    unit_suffix,
+)
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.table_toml import load_table
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.tables.claims import ClaimVerdict, claim_verdict
 from winchcascade.tables.feasible import (

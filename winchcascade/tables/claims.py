@@ -5,22 +5,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
 from winchcascade.core.published_table import (
     DEVIATIONS,
-    BoundClaim,
     Claim,
-    LargestClaim,
     PrintedColumn,
     PublishedTable,
-    RisesClaim,
-    ShareClaim,
     Span,
     TableRow,
-    ValueClaim,
     load_text,
     same_load,
     unit_suffix,
@@ -41,12 +36,12 @@ class ClaimVerdict(msgspec.Struct, frozen=True):
 
 def claim_verdict(claim: Claim, table: PublishedTable, known: Repeatability) -> ClaimVerdict:
     """Compare one claim with the rows."""
-    return ClaimVerdict(claim, *_JUDGES[type(claim.statement)](claim.statement, table, known))
+    return ClaimVerdict(claim, *_JUDGES[claim.kind](claim, table, known))
 
 
-def _placed(claim: ValueClaim | ShareClaim, what: str) -> str:
+def _placed(claim: Claim, what: str) -> str:
     """Where a claim about one row applies, and what the text states."""
-    return f"{load_text(claim.load)}, {what}: the text states {claim.column.text(claim.value)}"
+    return f"{load_text(claim.load)}, {what}: the text states {claim.column.text(claim.number)}"
 
 
 def _without_row(place: str) -> tuple[Verdict, str]:
@@ -54,23 +49,23 @@ def _without_row(place: str) -> tuple[Verdict, str]:
     return "not_checkable", f"{place}, and the table has no row of this load."
 
 
-def _value(claim: ValueClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    place, row = _placed(claim, claim.metric), table.row(claim.load)
+def _value(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
+    place, row = _placed(claim, claim.metrics[0]), table.row(claim.load)
     if row is None:
         return _without_row(place)
-    said = claim.column.text(claim.value)
-    spans, span = table.spans(row), claim.column.span(claim.value)
-    if claim.metric in spans and span.meets(spans[claim.metric]):
-        return "confirmed", f"{place}, and the table prints {table.cell(row, claim.metric)}."
-    rest = {name: cell for name, cell in spans.items() if name != claim.metric}
-    left = allowed(rest, known.bounds, claim.metric)
-    if claim.metric not in spans:
+    said = claim.column.text(claim.number)
+    spans, span = table.spans(row), claim.column.span(claim.number)
+    if claim.metrics[0] in spans and span.meets(spans[claim.metrics[0]]):
+        return "confirmed", f"{place}, and the table prints {table.cell(row, claim.metrics[0])}."
+    rest = {name: cell for name, cell in spans.items() if name != claim.metrics[0]}
+    left = allowed(rest, known.bounds, claim.metrics[0])
+    if claim.metrics[0] not in spans:
         return _beside(place, left, span, claim.column)
-    cell = table.cell(row, claim.metric)
+    cell = table.cell(row, claim.metrics[0])
     table_fits, text_fits = (
-        is_feasible(rest | {claim.metric: one}, known.bounds) for one in (spans[claim.metric], span)
+        is_feasible(rest | {claim.metrics[0]: one}, known.bounds) for one in (spans[claim.metrics[0]], span)
     )
-    leaves = "" if left is None else f", which leaves {_text(left, table.columns[claim.metric])}"
+    leaves = "" if left is None else f", which leaves {_text(left, table.columns[claim.metrics[0]])}"
     if table_fits and not text_fits:
         reason = f". {cell} is consistent with the rest of its row{leaves}; {said} {_needs(claim, row, table)}"
     elif text_fits and not table_fits:
@@ -91,16 +86,16 @@ def _beside(place: str, left: Span | None, claimed: Span, column: PrintedColumn)
     return "contradicted", f"{place}, but the row allows {_text(left, column)}."
 
 
-def _needs(claim: ValueClaim, row: TableRow, table: PublishedTable) -> str:
+def _needs(claim: Claim, row: TableRow, table: PublishedTable) -> str:
     """Efficiencies and window that a claimed value requires, beside those that the row prints."""
-    value = claim.value * claim.column.factor
+    value = claim.number * claim.column.factor
     cells = {name: printed * table.columns[name].factor for name, printed in row.cells.items()}
-    kind, _, stage = claim.metric.partition("_")
+    kind, _, stage = claim.metrics[0].partition("_")
     needs = []
     for eta, pair in RATIOS.items():
         part, of = (name.replace("energy", kind) for name in pair)
-        if claim.metric in (part, of) and {part, of, eta} <= set(cells):
-            both = cells | {claim.metric: value}
+        if claim.metrics[0] in (part, of) and {part, of, eta} <= set(cells):
+            both = cells | {claim.metrics[0]: value}
             ratio = f"{both[part] / both[of]:.3f}" if both[of] > 0 else "without end"
             needs.append(f"{eta} {ratio} where {table.cell(row, eta)} is printed")
     other = cells.get(f"{'power' if kind == 'energy' else 'energy'}_{stage}", 0.0)
@@ -111,7 +106,7 @@ def _needs(claim: ValueClaim, row: TableRow, table: PublishedTable) -> str:
     return f"needs {', '.join(needs)}" if needs else "is not"
 
 
-def _share(claim: ShareClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
+def _share(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
     place, row = _placed(claim, f"{claim.part} out of {claim.of}"), table.row(claim.load)
     if row is None:
         return _without_row(place)
@@ -121,12 +116,12 @@ def _share(claim: ShareClaim, table: PublishedTable, known: Repeatability) -> tu
     if meant not in readings:
         return "not_checkable", f"{place}; the row does not state {meant}."
     texts = {eta: _text(found, claim.column) for eta, found in readings.items()}
-    fitting = [eta for eta in readings if claim.column.span(claim.value).meets(readings[eta])]
+    fitting = [eta for eta in readings if claim.column.span(claim.number).meets(readings[eta])]
     if meant in fitting:
         return "confirmed", f"{place}, and the row gives {texts[meant]} ({meant})."
     others = " or ".join(f"{eta}, {stages[eta][0]} out of {stages[eta][1]} ({texts[eta]})" for eta in fitting)
     sentence = f"{place}, but the row gives {texts[meant]} ({meant})"
-    return "contradicted", f"{sentence}; {claim.column.text(claim.value)} is {others}." if others else f"{sentence}."
+    return "contradicted", f"{sentence}; {claim.column.text(claim.number)} is {others}." if others else f"{sentence}."
 
 
 def _reading(eta: str, row: TableRow, table: PublishedTable, known: Repeatability) -> Span | None:
@@ -142,21 +137,21 @@ def _reading(eta: str, row: TableRow, table: PublishedTable, known: Repeatabilit
     return Span(min(s.low for s in found), max(s.high for s in found)) if found else None
 
 
-def _bound(claim: BoundClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    said = f"the text states {claim.side.replace('_', ' ')} {claim.column.text(claim.value)}"
-    if claim.metric in DEVIATIONS:
-        return _deviation(claim, table, known, f"{claim.metric}: {said}")
+def _bound(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
+    said = f"the text states {claim.kind.replace('_', ' ')} {claim.column.text(claim.number)}"
+    if claim.metrics[0] in DEVIATIONS:
+        return _deviation(claim, table, known, f"{claim.metrics[0]}: {said}")
     cells = [
-        (row, table.span(claim.metric, row.cells[claim.metric]))
+        (row, table.span(claim.metrics[0], row.cells[claim.metrics[0]]))
         for row in table.rows
-        if claim.metric in row.cells and (claim.load is None or same_load(row.load, claim.load))
+        if claim.metrics[0] in row.cells and (math.isnan(claim.load) or same_load(row.load, claim.load))
     ]
     if not cells:
-        return "not_checkable", f"{claim.metric}: {said}, and the table has no cell for it."
-    sign = 1.0 if claim.side == "at_most" else -1.0
-    limit = sign * claim.value * claim.column.factor + claim.column.rounding * claim.column.factor
+        return "not_checkable", f"{claim.metrics[0]}: {said}, and the table has no cell for it."
+    sign = 1.0 if claim.kind == "at_most" else -1.0
+    limit = sign * claim.number * claim.column.factor + claim.column.rounding * claim.column.factor
     row, span = max(cells, key=lambda cell: sign * (cell[1].low + cell[1].high))
-    place, cell = f"{load_text(row.load)}, {claim.metric}: {said}", table.cell(row, claim.metric)
+    place, cell = f"{load_text(row.load)}, {claim.metrics[0]}: {said}", table.cell(row, claim.metrics[0])
     nearest, farthest = sorted((sign * span.low, sign * span.high))
     if nearest > limit:
         return "contradicted", f"{place}, but the table prints {cell}."
@@ -165,18 +160,18 @@ def _bound(claim: BoundClaim, table: PublishedTable, known: Repeatability) -> tu
     return "not_checkable", f"{place}; the printed {cell} lies within its rounding of that."
 
 
-def _deviation(claim: BoundClaim, table: PublishedTable, known: Repeatability, said: str) -> tuple[Verdict, str]:
+def _deviation(claim: Claim, table: PublishedTable, known: Repeatability, said: str) -> tuple[Verdict, str]:
     """Judge a claimed deviation: a table of means confines it only by rows that need more scatter than that."""
-    name = next(d for d in DEVIATIONS if d == claim.metric)
+    name = next(d for d in DEVIATIONS if d == claim.metrics[0])
     printed = table.deviations.get(name)
-    if printed is not None and not printed[1].span(printed[0]).meets(claim.column.span(claim.value)):
+    if printed is not None and not printed[1].span(printed[0]).meets(claim.column.span(claim.number)):
         return "contradicted", f"{said}, but the table file gives {printed[1].text(printed[0])} as {name}_percent."
     odd = [load_text(row.load) for row in table.rows if not is_feasible(table.spans(row), known.bounds)]
     but = f" but {', '.join(odd)}" if odd else ""
     return "not_checkable", f"{said}; means alone cannot confirm it, and all rows{but} are consistent with it."
 
 
-def _largest(claim: LargestClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:  # noqa: ARG001
+def _largest(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:  # noqa: ARG001
     loads = " and ".join(load_text(load) for load in claim.loads)
     said = f"{', '.join(claim.metrics)}: the text states largest at {loads}"
     return _ordered(
@@ -184,7 +179,7 @@ def _largest(claim: LargestClaim, table: PublishedTable, known: Repeatability) -
     )
 
 
-def _rises(claim: RisesClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:  # noqa: ARG001
+def _rises(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:  # noqa: ARG001
     said = (
         f"{', '.join(claim.metrics)}: the text states rising from {load_text(claim.first)} to {load_text(claim.last)}"
     )
@@ -199,7 +194,7 @@ def _rises(claim: RisesClaim, table: PublishedTable, known: Repeatability) -> tu
 
 def _ordered(
     said: str,
-    claim: LargestClaim | RisesClaim,
+    claim: Claim,
     loads: Sequence[float],
     table: PublishedTable,
     pairs_of: Callable[[list[TableRow], list[TableRow]], Iterable[tuple[TableRow, TableRow]]],
@@ -234,10 +229,11 @@ def _text(span: Span, column: PrintedColumn) -> str:
     return f"{low if low == high else f'{low} to {high}'}{unit_suffix(column.unit)}"
 
 
-_JUDGES: Mapping[type[Any], Callable[[Any, PublishedTable, Repeatability], tuple[Verdict, str]]] = {
-    ValueClaim: _value,
-    ShareClaim: _share,
-    BoundClaim: _bound,
-    LargestClaim: _largest,
-    RisesClaim: _rises,
+_JUDGES: Mapping[str, Callable[[Claim, PublishedTable, Repeatability], tuple[Verdict, str]]] = {
+    "value": _value,
+    "part": _share,
+    "at_most": _bound,
+    "at_least": _bound,
+    "loads": _largest,
+    "first": _rises,
 }

@@ -93,7 +93,7 @@ def repeatability(table: PublishedTable) -> Repeatability:
 
     A printed deviation counts with its rounding: 18 % is anything below 18.5 %.
 
-    >>> from winchcascade.core.table_toml import load_table
+    >>> from winchcascade.core.published_table import load_table
     >>> round(repeatability(load_table("hsu2026-table2")).bounds.ratio, 6)
     0.003145
     """

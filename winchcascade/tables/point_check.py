@@ -117,11 +117,11 @@ def _of_log(log: Measured, record: RunRecord, cycles: Sequence[CycleRecord], *, 
     """The mean of the cycles of a log that repeat; of others sums and the ratios of these, of unknown uncertainty."""
     at = {**_at(cycles), "load": log.load, "cycle": 1.0 if len(cycles) == 1 else None}
     if not mean:
-        return replace(log, mean=_metrics(record.numbers("total")), deviation={}, uncertainty={}, limits={}, at=at)
+        return replace(log, mean=_metrics(record.total), deviation={}, uncertainty={}, limits={}, at=at)
     return replace(
         log,
-        mean=_metrics(record.numbers("mean")),
-        deviation=_metrics(record.numbers("max_deviation_percent")),
+        mean=_metrics(record.mean),
+        deviation=_metrics(record.max_deviation_percent),
         uncertainty=_metrics(record.uncertainty.sensors),
         limits=_metrics(record.uncertainty.sensors_by_limits),
         at=at,

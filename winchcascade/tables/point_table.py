@@ -16,9 +16,16 @@ import msgspec
 from msgspec import Meta
 
 from winchcascade.core.arguments import PATH, check_arguments
-from winchcascade.core.published_table import ENERGY_UNITS, PublishedTable, Span, TableError, unit_suffix
+from winchcascade.core.published_table import (
+    ENERGY_UNITS,
+    PublishedTable,
+    Span,
+    TableError,
+    Text,
+    load_table,
+    unit_suffix,
+)
 from winchcascade.core.quantity import find_unit, read_as
-from winchcascade.core.table_toml import Text, load_table
 from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
 from winchcascade.ingest.cells import decimal_sign, looks_like_a_number, number, split_row
 from winchcascade.ingest.formats.text import find_encoding

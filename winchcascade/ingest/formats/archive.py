@@ -20,7 +20,7 @@ GZIP = b"\x1f\x8b"
 MEMBERS_MAX = 10_000
 """Members of a zip archive; an archive of one test has a few."""
 
-_BLOCK_BYTES = 1 << 20
+_UNPACKED_BYTES = 1 << 20
 _NO_LETTER = re.compile(r"[^\w.() -]")
 _ASIDE = re.compile(
     r"(?:^|/)(?:__MACOSX/|\.[^/]*$|(?:readme|liesmich|lisezmoi|leeme|leggimi|licen[cs]e|lizenz|copying)[^/]*$)",
@@ -45,12 +45,12 @@ def unpack(path: Path, table: str | None, folder: Path) -> tuple[Path, str | Non
     LogError : the archive is damaged, encrypted, holds no log or several, or unpacks to too much
     """
     with (
-        damage_reported(path, "archive", "copy it again or unpack the log", called="archive"),
+        damage_reported(path, "archive", "copy it again or unpack the log"),
         _member(path, table) as (name, stream, inner),
     ):
-        log = folder / name
+        log = folder / (_NO_LETTER.sub("_", re.split(r"[/\\]", name)[-1])[-80:].strip(". ") or "log")
         with log.open("xb") as file:
-            while block := stream.read(_BLOCK_BYTES):
+            while block := stream.read(_UNPACKED_BYTES):
                 require_unpacked(path, file.tell() + len(block))
                 file.write(block)
     return log, inner
@@ -63,7 +63,7 @@ def _member(path: Path, table: str | None) -> Iterator[tuple[str, IO[bytes], str
         packed = file.read(len(GZIP)) == GZIP
     if packed:
         with gzip.open(path) as stream:
-            yield _safe(path.stem), stream, table  # type: ignore[misc]
+            yield path.stem, stream, table  # type: ignore[misc]
         return
     with zipfile.ZipFile(path) as archive:
         if len(archive.filelist) > MEMBERS_MAX:
@@ -77,10 +77,4 @@ def _member(path: Path, table: str | None) -> Iterator[tuple[str, IO[bytes], str
         if archive.getinfo(name).flag_bits & 1:
             raise LogError(f"{path.name}: {name} is encrypted; expected a log without a password; unpack it.")
         with archive.open(name) as member:
-            yield _safe(name), member, table if len(logs) == 1 else None
-
-
-def _safe(name: str) -> str:
-    """Last part of a name with nothing that leads to another folder, or that a system keeps for itself."""
-    last = _NO_LETTER.sub("_", re.split(r"[/\\]", name)[-1])[-80:].strip(". ")
-    return last if "." in last else f"{last or 'log'}.log"
+            yield name, member, table if len(logs) == 1 else None

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Hashable, Mapping, Sequence
-from functools import partial
+from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pyarrow as pa
-from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.dialects import Header, recognise
-from winchcascade.ingest.formats.parquet import table_of
-from winchcascade.ingest.source import LogSource, LogTable, reject_sheet
+from winchcascade.ingest.headers import Header, recognise
+from winchcascade.ingest.source import LogSource, arrow_table, reject_sheet, source_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,18 +33,34 @@ def open_frame(
     ------
     LogError : this is no frame, or a unit is of a column that it does not have
     """
+    import pandas as pd
+
+    units = units or {}
     if table is not None:
         reject_sheet(table, where)
-    columns = _columns(_checked(frame, where), dict(units or {}), where)
-    return LogSource(
-        headers=[header for header, _ in columns],
-        load=partial(_load, [values for _, values in columns]),
-        properties={
-            str(key): value if isinstance(value, str) else float(value)
-            for key, value in frame.attrs.items()
-            if isinstance(value, str | int | float)
-        },
-    )
+    if not isinstance(frame, pd.DataFrame):
+        raise LogError(
+            f"{where}: is a {type(frame).__name__}; expected the path of a log or a pandas DataFrame with one column for each "
+            "channel. Make a DataFrame of it, as by its to_pandas() or pandas.DataFrame(...)."
+        )
+    headers = [_header(name, units) for name in frame.columns]
+    columns = [_column(frame.iloc[:, k]) for k in range(len(headers))]
+    clock = _clock_name(frame.index, units)
+    if clock is not None and not any(recognise(header) == "time" for header in headers):
+        headers.insert(0, Header(clock, units.get(clock)))
+        columns.insert(0, _column(frame.index.to_series()))
+    missing = [name for name in units if name not in {header.name for header in headers}]
+    if missing:
+        known = ", ".join(repr(header.name) for header in headers)
+        raise LogError(
+            f"{where}: units has {', '.join(map(repr, missing))}, but the frame has no such column; expected some of {known}."
+        )
+    stated = {
+        str(key): value if isinstance(value, str) else float(value)
+        for key, value in frame.attrs.items()
+        if isinstance(value, str | int | float)
+    }
+    return source_of(arrow_table(headers, columns, properties=stated))
 
 
 def frame_digest(frame: pd.DataFrame) -> str:
@@ -56,40 +68,9 @@ def frame_digest(frame: pd.DataFrame) -> str:
     import pandas as pd
 
     digest = hashlib.sha256(repr([str(name) for name in frame.columns]).encode())
-    digest.update(pd.util.hash_pandas_object(frame.astype(str) if _has_objects(frame) else frame).to_numpy().tobytes())
+    has_objects = any(kind.kind == "O" for kind in frame.dtypes)  # some of which have no digest
+    digest.update(pd.util.hash_pandas_object(frame.astype(str) if has_objects else frame).to_numpy().tobytes())
     return digest.hexdigest()
-
-
-def _has_objects(frame: pd.DataFrame) -> bool:
-    """Whether a frame has columns of Python objects, some of which have no digest."""
-    return any(kind.kind == "O" for kind in frame.dtypes)
-
-
-def _checked(frame: object, where: str) -> pd.DataFrame:
-    """The frame, if it is one: LogError else."""
-    import pandas as pd
-
-    if isinstance(frame, pd.DataFrame):
-        return frame
-    raise LogError(
-        f"{where}: is a {type(frame).__name__}; expected the path of a log or a pandas DataFrame with one column for each "
-        "channel. Make a DataFrame of it, as by its to_pandas() or pandas.DataFrame(...)."
-    )
-
-
-def _columns(frame: pd.DataFrame, units: dict[str, str], where: str) -> list[tuple[Header, Any]]:
-    """Header and values of the index, where it is a clock, and of every column."""
-    columns = [(_header(name, units), frame.iloc[:, k]) for k, name in enumerate(frame.columns)]
-    clock = _clock_name(frame.index, units)
-    if clock is not None and not any(recognise(header) == "time" for header, _ in columns):
-        columns.insert(0, (Header(clock, units.get(clock)), frame.index.to_series()))
-    missing = [name for name in units if name not in {header.name for header, _ in columns}]
-    if missing:
-        known = ", ".join(repr(header.name) for header, _ in columns)
-        raise LogError(
-            f"{where}: units has {', '.join(map(repr, missing))}, but the frame has no such column; expected some of {known}."
-        )
-    return columns
 
 
 def _header(name: Hashable, units: Mapping[str, str]) -> Header:
@@ -110,13 +91,7 @@ def _clock_name(index: pd.Index[Any], units: Mapping[str, str]) -> str | None:
     return "" if index.dtype.kind in "mMf" or index.dtype.name.startswith("datetime64") else None
 
 
-def _load(columns: Sequence[Any], wanted: Sequence[int], time: int | None) -> LogTable:
-    """Copy the wanted columns into numbers, and the time column into what it holds."""
-    loaded = table_of({k: _pieces(columns[k]) for k in wanted}, None if time is None else _pieces(columns[time]))
-    return replace(loaded, values={k: np.array(x) for k, x in loaded.values.items()})
-
-
-def _pieces(column: Any) -> pa.ChunkedArray:
+def _column(column: pd.Series[Any]) -> pa.ChunkedArray:
     """A column as Arrow has it; objects of several kinds are texts."""
     try:
         found = pa.array(column, from_pandas=True)

@@ -5,31 +5,23 @@ from __future__ import annotations
 import datetime as dt
 import re
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 from xml.parsers import expat
 
 import numpy as np
-from python_calamine import CalamineError, CalamineWorkbook, PasswordError
+import pyarrow as pa
+from python_calamine import CalamineError, CalamineSheet, CalamineWorkbook, PasswordError
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.run import Signal
-from winchcascade.ingest.cells import decimal_sign, looks_like_a_number, looks_like_a_stamp, number
-from winchcascade.ingest.dialects import Header, nameless, recognise
-from winchcascade.ingest.layout import (
-    HEADING_ROWS,
-    PREAMBLE_ROWS_MAX,
-    SAMPLE_ROWS,
-    Row,
-    find_data,
-    headers_above,
-    properties_of,
-    waveform,
-)
+from winchcascade.ingest.cells import decimal_sign, looks_like_a_number, number
+from winchcascade.ingest.headers import Header, nameless, recognise
+from winchcascade.ingest.layout import HEADING_ROWS, find_data, headers_above, properties_of, waveform
 from winchcascade.ingest.limits import require_numbers, require_unpacked
-from winchcascade.ingest.source import MIN_ROWS, Column, Columns, choose, damage_reported, moves
+from winchcascade.ingest.source import MIN_ROWS, arrow_table, choose, damage_reported, moves
+from winchcascade.ingest.stamps import looks_like_a_stamp
 
 Cell: TypeAlias = int | float | str | bool | dt.time | dt.date | dt.datetime | dt.timedelta
 
@@ -39,15 +31,15 @@ _LOCKED = "EncryptedPackage".encode("utf-16-le")
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """Digits in groups of three, set apart by commas."""
 
-_EPOCH = (dt.datetime(1970, 1, 1) - dt.datetime(1899, 12, 30)).total_seconds()
-"""Beginning of 1970 on the calendar of spreadsheets. [s]"""
+_DAY_ZERO = dt.datetime(1899, 12, 30)
+"""Day 0 of the calendar of spreadsheets, after the 29 February 1900 that it counts and that never was."""
 
 
 class _Sheet(NamedTuple):
     """A sheet with a table: its columns in their order, what stands above it, and the cells below the names."""
 
     name: str
-    headers: tuple[Header, ...]
+    headers: list[Header]
     properties: dict[str, str]
     rows: list[list[Cell]]
 
@@ -60,7 +52,7 @@ class _Sheet(NamedTuple):
         return 1 + moves(self.headers) * (1 + clocked)
 
 
-def read_excel(path: Path, *, table: str | None = None, numbered: bool = False) -> Columns:
+def read_excel(path: Path, *, table: str | None = None, numbered: bool = False) -> pa.Table:
     """Read the sheet that is named, or else the only one that could be a log, hidden ones included.
 
     Where sheets have a motion and a clock, those that lack either are notes, parameters or results.
@@ -75,18 +67,14 @@ def read_excel(path: Path, *, table: str | None = None, numbered: bool = False) 
     LogError
         the workbook is damaged or locked, no sheet holds a table, or several do and none is named
     """
-    with damage_reported(
-        path,
-        ".xlsx, .xls, .xlsb or .ods",
-        "open it in a spreadsheet program and save it again, or export the sheet as CSV",
-        called="workbook",
-    ):
+    with damage_reported(path, "workbook", "save it again in a spreadsheet program, or export the sheet as CSV"):
         if zipfile.is_zipfile(path):
             _check_parts(path)
         with _workbook(path) as book:
             wanted = None if table is None else choose(book.sheet_names, table, path.name, "sheet")
             names = [name for name in book.sheet_names if wanted in (None, name)]
-            sheets = [sheet for name in names for sheet in _tables(book, name, path, numbered=numbered)]
+            found = (_table(book.get_sheet_by_name(name), path, numbered=numbered) for name in names)
+            sheets = [sheet for sheet in found if sheet is not None]
     if not sheets:
         which = "no sheet has" if wanted is None else f"the sheet {wanted!r} does not have"
         raise LogError(
@@ -102,7 +90,9 @@ def read_excel(path: Path, *, table: str | None = None, numbered: bool = False) 
         sheet = could_be[choose(list(could_be), wanted, path.name, "sheet")]
     step, start = waveform(sheet.properties)
     columns = [_column([row[k] for row in sheet.rows]) for k in range(len(sheet.headers))]
-    return Columns(sheet.headers, columns, step, start, dict(sheet.properties), sheet.name)
+    return arrow_table(
+        sheet.headers, columns, time_step=step, time_start=start, properties=sheet.properties, table=sheet.name
+    )
 
 
 def _check_parts(path: Path) -> None:
@@ -139,24 +129,24 @@ def _workbook(path: Path) -> CalamineWorkbook:
     )
 
 
-def _tables(book: CalamineWorkbook, name: str, path: Path, *, numbered: bool) -> Iterator[_Sheet]:
-    """Yield the table of a sheet, if it has one."""
-    sheet = book.get_sheet_by_name(name)
+def _table(sheet: CalamineSheet, path: Path, *, numbered: bool) -> _Sheet | None:
+    """The table of a sheet, if it has one."""
     require_numbers(path, sheet.total_height, sheet.total_width)
     rows: list[list[Cell]] = sheet.to_python(skip_empty_area=False)
-    head: list[Row] = [[_text(cell) for cell in row] for row in rows[: PREAMBLE_ROWS_MAX + SAMPLE_ROWS]]
-    found = find_data(head)
+    found = find_data(lambda k: [*map(_text, rows[k])], len(rows))
     if found is None:
-        return
+        return None
     first, columns = found
-    above = head[max(0, first - HEADING_ROWS) : first]
-    with suppress(LogError):  # rows of numbers without names
-        headers = headers_above(above, columns, path.name, numbered=numbered)
-        below = rows[first:]
-        named = [k for k, header in enumerate(headers) if not nameless(header)] or range(len(headers))
-        while below and all(below[-1][k] == "" for k in named):
-            below.pop()
-        yield _Sheet(name, tuple(headers), properties_of(["\t".join(filter(None, row)) for row in head[:first]]), below)
+    head = [[*map(_text, row)] for row in rows[:first]]
+    try:
+        headers = headers_above(head[-HEADING_ROWS:], columns, path.name, numbered=numbered)
+    except LogError:  # rows of numbers without names
+        return None
+    below = rows[first:]
+    named = [k for k, header in enumerate(headers) if not nameless(header)] or range(len(headers))
+    while below and all(below[-1][k] == "" for k in named):
+        below.pop()
+    return _Sheet(sheet.name, headers, properties_of(["\t".join(filter(None, row)) for row in head]), below)
 
 
 def _text(cell: Cell) -> str:
@@ -168,30 +158,29 @@ def _text(cell: Cell) -> str:
     return str(int(cell)) if isinstance(cell, bool) else str(cell).strip()
 
 
-def _column(cells: Sequence[Cell]) -> Column:
-    """Take a column as numbers, as seconds where it holds dates or times, or as texts where it holds no number."""
+def _column(cells: Sequence[Cell]) -> pa.Array:
+    """A column as numbers, as dates or durations, or as texts where it holds no number."""
     if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
-        t: Signal = np.array([*map(_seconds, cells)])
-        first = float(t[np.isfinite(t)][0])
-        return Column((t - first).tobytes(), stamped=True, began=first - _EPOCH if first > _EPOCH else None)
+        since = [*map(_since_day_zero, cells)]
+        dated = max(one for one in since if one is not None) > dt.datetime(1970, 1, 1) - _DAY_ZERO
+        return pa.array([_DAY_ZERO + s if s is not None else s for s in since] if dated else since)
     texts = [_text(cell) for cell in cells if isinstance(cell, str)]
     words = [text for text in texts if text and not looks_like_a_number(text)]
     if any(map(looks_like_a_stamp, words)) or 0 < len(words) == len(cells) - texts.count(""):
-        return Column(texts=[*map(_text, cells)])
+        return pa.array([*map(_text, cells)])
     # Digits in groups of three after a comma are thousands if other numbers of the column have neither comma nor point.
     commas = [text for text in texts if "," in text and "." not in text]
     whole = any(text.strip("+-").isdecimal() for text in texts)
     decimal = "." if whole and all(map(_GROUPS.fullmatch, commas)) else decimal_sign([texts])
-    read = [number(cell, decimal) if isinstance(cell, str) else float(cell) for cell in cells]  # type: ignore[arg-type]
-    return Column(np.array(read).tobytes())
+    return pa.array(np.array([number(cell, decimal) if isinstance(cell, str) else float(cell) for cell in cells]))  # type: ignore[arg-type]
 
 
-def _seconds(cell: Cell) -> float:
-    """Read a cell as seconds on the calendar of spreadsheets; NaN for one that is no time. [s]"""
+def _since_day_zero(cell: Cell) -> dt.timedelta | None:
+    """Read a cell as a time since day 0 of the calendar of spreadsheets; None for one that is no time."""
     if isinstance(cell, dt.time):
-        cell = dt.datetime.combine(dt.date.min, cell) - dt.datetime.min
-    elif isinstance(cell, dt.date):
+        return dt.datetime.combine(dt.date.min, cell) - dt.datetime.min
+    if isinstance(cell, dt.date):
         moment = cell if isinstance(cell, dt.datetime) else dt.datetime.combine(cell, dt.time())
-        # Day 60 of that calendar is a 29 February 1900 that never was: a duration of more than a day lies before it.
-        cell = moment - dt.datetime(1899, 12, 31 if moment < dt.datetime(1900, 3, 1) else 30)
-    return cell.total_seconds() if isinstance(cell, dt.timedelta) else float("nan")
+        # Before March 1900 that calendar is a day ahead: a duration of more than a day lies there.
+        return moment - _DAY_ZERO - dt.timedelta(days=moment < dt.datetime(1900, 3, 1))
+    return cell if isinstance(cell, dt.timedelta) else None

@@ -12,16 +12,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import pyarrow as pa
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.run import Finding, Signal
-from winchcascade.ingest.dialects import Header, recognise
+from winchcascade.core.run import Signal
+from winchcascade.ingest.headers import Header, recognise
 from winchcascade.ingest.limits import require_numbers
-from winchcascade.ingest.source import Column, Columns, choose, damage_reported, reject_sheet
+from winchcascade.ingest.source import arrow_table, choose, damage_reported, reject_sheet
 
 Node: TypeAlias = "float | str | Signal | list[Node] | dict[str, Node]"
-Scope: TypeAlias = tuple[str, Mapping[str, Node]]
-"""The top level or a struct, with its place: names with points between them."""
 
 DEPTH_MAX = 4
 """Deepest nesting that is followed: an HDF5 file may hold itself."""
@@ -43,19 +42,20 @@ _EXPORTS = {
 """How MATLAB exports an object of a class so that other programs can read it."""
 
 
-class _Group(NamedTuple):
-    """Columns of one length in one place: vectors, or the matrix of a name."""
+class _Leaf(NamedTuple):
+    """A vector of numbers or texts, or a column of a matrix; its place are the names of structs and matrix with points."""
 
     place: str
-    matrix: str
-    columns: dict[str, Signal | list[str]]
+    name: str
+    column: Signal | list[str]
 
     @property
-    def rows(self) -> int:
-        return len(next(iter(self.columns.values())))
+    def run(self) -> tuple[str, int]:
+        """Where columns of one run lie: place and number of rows."""
+        return self.place, len(self.column)
 
 
-def read_mat(path: Path, *, table: str | None = None) -> Columns:
+def read_mat(path: Path, *, table: str | None = None) -> pa.Table:
     """Read a MATLAB file: vectors of one length, structs of them, or a matrix with a list of names.
 
     Parameters
@@ -72,44 +72,40 @@ def read_mat(path: Path, *, table: str | None = None) -> Columns:
     is_hdf5 = start.startswith((_HDF5, b"MATLAB 7.3 MAT-file")) or start.endswith(_HDF5)
     objects: dict[str, str] = {}
     with damage_reported(path, "MATLAB file", "copy or save it again"):
-        tree = (_read_73 if is_hdf5 else _read_72)(path, objects)
-        scopes = [*_scopes("", _with_signals(tree))]
-        groups = [*_groups(scopes)]
-    runs = _runs(groups)
-    name = choose(list(runs), table, path.name, "run") if runs else None
+        scopes = dict(_scopes("", _with_signals((_read_73 if is_hdf5 else _read_72)(path, objects))))
+        leaves = [leaf for place, nodes in scopes.items() for leaf in _leaves(place, nodes)]
+    runs = _runs(leaves)
+    name = choose(list(runs), table, path.name, "run") if len(runs) > 1 else None
     if name is None and table is not None:
         reject_sheet(table, path.name)
-    if name is not None:
-        others = [run for run in runs.values() if run is not runs[name]]
-        aside = {run.place for run in others} - {runs[name].place, ""}
-        groups = [
-            group for group in groups if group is runs[name] or (group not in others and group.place not in aside)
-        ]
-        scopes = [(place, scope) for place, scope in scopes if place not in aside]
-    columns = _columns(groups, None if name is None else runs[name])
+    run = runs.pop(name or next(iter(runs), ""), None)
+    aside = {place for place, _ in runs.values()} - {run[0] if run else "", ""}
+    scopes = {place: nodes for place, nodes in scopes.items() if place not in aside}
+    columns = _columns([leaf for leaf in leaves if leaf.place not in aside], run)
     if objects and not any(recognise(Header(name)) for name in columns):
         raise LogError(_export(path.name, objects))
     if not any(isinstance(column, np.ndarray) for column in columns.values()):
         raise LogError(
-            f"{path.name}: none of the {len(tree)} variables is a vector of numbers; vectors of one length, a struct "
-            "of them or a matrix with a cell array of names was expected; save the channels so, or export them as CSV."
+            f"{path.name}: none of the {len(scopes[''])} variables is a vector of numbers; vectors of one length, a "
+            "struct of them or a matrix with a cell array of names was expected; save the channels so, or export them as CSV."
         )
-    units, properties = _units(scopes, list(columns)), _properties(scopes)
-    steps = (
+    units = _units(scopes.values(), list(columns))
+    named = [nodes for place, nodes in scopes.items() if not place.casefold().endswith(UNITS)]
+    stated = {key: node for nodes in reversed(named) for key, node in nodes.items()}  # those of the top level win
+    properties = {key: node for key, node in stated.items() if isinstance(node, float | str)}
+    steps = [
         1.0 / value if key.casefold() in RATES else value
         for key, value in properties.items()
         if isinstance(value, float) and 0.0 < value < np.inf and key.casefold() in (*RATES, *STEPS)
-    )
+    ]
     listed = ", ".join(f"{name} ({kind})" for name, kind in objects.items())
-    return Columns(
-        headers=tuple(Header(key, units.get(key) or units.get(key.rpartition(".")[2])) for key in columns),
-        columns=[Column(x.tobytes()) if isinstance(x, np.ndarray) else Column(texts=x) for x in columns.values()],
-        time_step=next(steps, None),
+    return arrow_table(
+        [Header(key, units.get(key) or units.get(key.rpartition(".")[2])) for key in columns],
+        [pa.array(column) for column in columns.values()],
+        time_step=steps[0] if steps else None,
         properties=properties,
         table=name,
-        findings=(Finding("unknown_column", f"MATLAB objects: {listed[:200]}", "not read", count=len(objects)),)
-        if objects
-        else (),
+        not_read=f"MATLAB objects: {listed[:200]}" if objects else None,
     )
 
 
@@ -213,14 +209,13 @@ def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
     for name, node in tree.items():
         parts = {key.casefold(): item for key, item in node.items()} if isinstance(node, dict) else {}
         signals, time, data = parts.get("signals"), parts.get("time"), parts.get("data")
-        if isinstance(time, np.ndarray) and signals is not None:
-            listed = [s for s in (signals if isinstance(signals, list) else [signals]) if isinstance(s, dict)]
-            named = {str(s.get("label") or f"signal {k}"): s.get("values") for k, s in enumerate(listed, 1)}
-            columns: dict[str, Node] = {"time": time}
-            whole[name] = columns | {label: values for label, values in named.items() if values is not None}
+        structs = [item for item in (signals if isinstance(signals, list) else [signals]) if isinstance(item, dict)]
+        if isinstance(time, np.ndarray) and structs:
+            labelled: dict[str, Node] = {"time": time}
+            labelled |= {str(item.get("label") or name): item["values"] for item in structs if "values" in item}
+            whole[name] = labelled
         elif isinstance(time, np.ndarray) and isinstance(data, np.ndarray) and data.ndim == 1:
-            whole.setdefault("time", time)
-            whole[name] = data
+            whole |= {"time": whole.get("time", time), name: data}
         elif isinstance(node, list) and any(isinstance(item, dict) for item in node):
             whole |= {f"{name}({k})": item for k, item in enumerate(node, 1) if isinstance(item, dict)}
         else:
@@ -228,119 +223,75 @@ def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
     return whole
 
 
-def _scopes(place: str, scope: Mapping[str, Node]) -> Iterator[Scope]:
-    """Yield the top level, its structs and the structs in those."""
-    yield place, scope
-    for name, node in scope.items():
+def _scopes(place: str, nodes: Mapping[str, Node]) -> Iterator[tuple[str, Mapping[str, Node]]]:
+    """Yield place and content of the top level, its structs and the structs in those."""
+    yield place, nodes
+    for name, node in nodes.items():
         if isinstance(node, dict) and place.count(".") < 1:
             yield from _scopes(f"{place}.{name}".strip("."), node)
 
 
-def _named(scope: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
+def _named(nodes: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
     """Yield the nodes under one of the keys, in any case."""
-    return (node for name, node in scope.items() if name.casefold() in keys)
+    return (node for name, node in nodes.items() if name.casefold() in keys)
 
 
 def _texts(node: Node) -> list[str]:
     """Take a list of texts; nothing for any other node."""
-    if not isinstance(node, list) or not all(isinstance(item, str) for item in node):
-        return []
-    return [str(item).strip() for item in node]
+    texts = [item.strip() for item in node if isinstance(item, str)] if isinstance(node, list) else []
+    return texts if isinstance(node, list) and len(texts) == len(node) else []
 
 
-def _groups(scopes: Sequence[Scope]) -> Iterator[_Group]:
-    """Yield matrices with a list of names, and vectors and lists of texts by their length, a copy once.
-
-    The columns of a matrix are those of the names; its rows where only these fit.
-    """
-    seen: list[dict[str, Signal | list[str]]] = []
-    for place, scope in scopes:
-        names = next(filter(None, map(_texts, _named(scope, NAMES))), [])
-        lengths: dict[int, dict[str, Signal | list[str]]] = {}
-        matrices = []
-        for name, node in scope.items():
-            if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
-                rows = node.T if node.shape[1] == len(names) else node
-                matrices.append(
-                    _Group(place, name, {k: np.ascontiguousarray(x) for k, x in zip(names, rows, strict=True)})
-                )
-            elif isinstance(node, np.ndarray) and node.ndim == 1:
-                lengths.setdefault(len(node), {})[name] = node
-            elif name.casefold() not in (*NAMES, *UNITS) and (texts := _texts(node)):
-                lengths.setdefault(len(texts), {})[name] = texts
-        for group in (*matrices, *(_Group(place, "", columns) for columns in lengths.values())):
-            columns = group.columns
-            # An HDF5 file may hold itself.
-            if not any(
-                c.keys() == columns.keys() and all(map(np.array_equal, c.values(), columns.values())) for c in seen
-            ):
-                seen.append(columns)
-                yield group
+def _leaves(place: str, nodes: Mapping[str, Node]) -> Iterator[_Leaf]:
+    """Yield vectors, lists of texts, and the columns of matrices that a list names; their rows where only these fit."""
+    names = next(filter(None, map(_texts, _named(nodes, NAMES))), [])
+    for name, node in nodes.items():
+        if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
+            rows = node.T if node.shape[1] == len(names) else node
+            matrix = f"{place}.{name}".strip(".")
+            yield from (_Leaf(matrix, key, np.ascontiguousarray(row)) for key, row in zip(names, rows, strict=True))
+        elif isinstance(node, np.ndarray) and node.ndim == 1:
+            yield _Leaf(place, name, node)
+        elif name.casefold() not in (*NAMES, *UNITS) and (texts := _texts(node)):
+            yield _Leaf(place, name, texts)
 
 
-def _runs(groups: Sequence[_Group]) -> dict[str, _Group]:
-    """Find the runs of a file that holds several, in each of which the same motion is found; nothing where there is but one."""
-
-    def moved(group: _Group, motion: str) -> list[str]:
-        return [name for name in group.columns if recognise(Header(name)) == motion]
-
-    found = max(([g for g in groups if moved(g, motion)] for motion in ("velocity", "displacement")), key=len)
-    if len(found) < 2:
-        return {}
-    labels = [
-        f"{g.place}.{g.matrix}".strip(".")
-        or next(n for n in g.columns if recognise(Header(n)) in ("velocity", "displacement"))
-        for g in found
+def _runs(leaves: Sequence[_Leaf]) -> dict[str, tuple[str, int]]:
+    """Place and number of rows of each run, by its name: those that hold the velocity, or else the displacement."""
+    runs = [
+        {leaf.run: leaf.name for leaf in reversed(leaves) if recognise(Header(leaf.name)) == motion}
+        for motion in ("velocity", "displacement")
     ]
-    times = Counter(labels)
+    found = dict(reversed(max(runs, key=len).items()))
+    labels = [place or name for (place, _), name in found.items()]
     return {
-        label if times[label] == 1 else f"{label} ({group.rows} rows)": group
-        for label, group in zip(labels, found, strict=True)
+        label if labels.count(label) == 1 else f"{label} ({run[1]} rows)": run
+        for label, run in zip(labels, found, strict=True)
     }
 
 
-def _columns(groups: Sequence[_Group], run: _Group | None) -> dict[str, Signal | list[str]]:
-    """Take the columns of a run or else of the first matrix, or the vectors that have the length most vectors have.
-
-    Names that several structs have get the place before them.
-    """
-    matrix = run if run is not None and run.matrix else next((group for group in groups if group.matrix), None)
-    if matrix is not None and (run is None or run is matrix):
-        return matrix.columns
-    vectors = [group for group in groups if not group.matrix]
-    counts: Counter[int] = Counter()
-    for group in vectors:
-        counts[group.rows] += sum(isinstance(column, np.ndarray) for column in group.columns.values())
-    rows = run.rows if run is not None else max(counts, key=lambda n: (counts[n], n), default=0)
-    kept = [
-        (group.place, name, column) for group in vectors if group.rows == rows for name, column in group.columns.items()
-    ]
-    times = Counter(name for _, name, _ in kept)
-    return {f"{place}.{name}" if place and times[name] > 1 else name: column for place, name, column in kept}
+def _columns(leaves: Sequence[_Leaf], run: tuple[str, int] | None) -> dict[str, Signal | list[str]]:
+    """Take the columns as long as those of the run, or as most vectors; their place comes before names that stand twice."""
+    counts = Counter(len(leaf.column) for leaf in leaves if isinstance(leaf.column, np.ndarray))
+    rows = run[1] if run is not None else max(counts, key=lambda n: (counts[n], n), default=0)
+    kept = [leaf for leaf in leaves if len(leaf.column) == rows]
+    times = Counter(leaf.name for leaf in kept)
+    return {
+        f"{leaf.place}.{leaf.name}" if leaf.place and times[leaf.name] > 1 else leaf.name: leaf.column for leaf in kept
+    }
 
 
-def _units(scopes: Sequence[Scope], columns: Sequence[str]) -> dict[str, str]:
+def _units(scopes: Iterable[Mapping[str, Node]], columns: Sequence[str]) -> dict[str, str]:
     """Find the units: a struct with the columns' names, or a list parallel to the names or to the columns."""
     units: dict[str, str] = {}
-    for _, scope in scopes:
-        names = next(filter(None, map(_texts, _named(scope, NAMES))), list(columns))
-        for node in _named(scope, UNITS):
+    for nodes in scopes:
+        names = next(filter(None, map(_texts, _named(nodes, NAMES))), list(columns))
+        for node in _named(nodes, UNITS):
             if isinstance(node, dict):
                 units |= {name: unit for name, unit in node.items() if isinstance(unit, str)}
             elif len(_texts(node)) == len(names):
                 units |= dict(zip(names, _texts(node), strict=True))
     return {name: unit for name, unit in units.items() if unit}
-
-
-def _properties(scopes: Sequence[Scope]) -> dict[str, str | float]:
-    """Take the numbers and texts that stand alone; those of the top level win over those in structs."""
-    return {
-        name: node
-        for place, scope in reversed(scopes)
-        if place.rpartition(".")[2].casefold() not in UNITS
-        for name, node in scope.items()
-        if isinstance(node, float | str)
-    }
 
 
 def _export(where: str, objects: Mapping[str, str]) -> str:

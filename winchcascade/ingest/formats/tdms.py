@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
-import msgspec
 import numpy as np
+import pyarrow as pa
 from nptdms import TdmsFile
 from nptdms.log import log_manager
 from nptdms.reader import TdmsReader
@@ -20,9 +20,18 @@ from nptdms.reader import TdmsReader
 from winchcascade.core.errors import LogError
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.run import Finding, Signal
-from winchcascade.ingest.dialects import Header, recognise
+from winchcascade.ingest.headers import Header, recognise
 from winchcascade.ingest.limits import require_numbers
-from winchcascade.ingest.source import MAX_NAMED, LogSource, LogTable, choose, damage_reported, first_text, moves
+from winchcascade.ingest.source import (
+    MAX_NAMED,
+    LogSource,
+    LogTable,
+    choose,
+    damage_reported,
+    first_text,
+    log_table,
+    moves,
+)
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 
@@ -50,14 +59,18 @@ A day of one segment each second, with a hundred channels, has 8.6 million. Ten 
 NUMERIC, STAMPS = "biuf", "M"
 
 
-class Waveform(msgspec.Struct, frozen=True):
+class Waveform(NamedTuple):
     """The stamps ``start + k * step`` of a channel. [s]"""
 
     step: float
     start: float
 
+    def end(self, length: int) -> float:
+        """Stamp of the last of so many samples. [s]"""
+        return self.start + self.step * (length - 1)
 
-class TdmsChannel(msgspec.Struct, frozen=True):
+
+class TdmsChannel(NamedTuple):
     """One channel as its metadata describe it; the clock is None for a channel that is no waveform of numbers."""
 
     header: Header
@@ -65,17 +78,6 @@ class TdmsChannel(msgspec.Struct, frozen=True):
     length: int
     kind: str
     clock: Waveform | None
-
-    @property
-    def is_data(self) -> bool:
-        """Whether the channel holds numbers that are no stamps."""
-        return self.kind in NUMERIC and recognise(self.header) != "time"
-
-    @property
-    def end(self) -> float:
-        """Stamp of the last sample of a waveform. [s]"""
-        assert self.clock is not None
-        return self.clock.start + self.clock.step * (self.length - 1)
 
 
 def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
@@ -94,17 +96,16 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
         _reject_false_sizes(path, tdms)
         cut_off = tdms.file_status.incomplete_final_segment
         first = None if table is None else choose([g.name for g in tdms.groups()], table, path.name, "group")
-        channels, findings = one_log(tdms.groups(), cut_off, first, path.name)
-        columns = describe(channels)
-        if not any(column.kind in NUMERIC for column in columns):
-            raise LogError(
-                f"{path.name}: no group holds a channel of numbers; at least one was expected; export the log again with "
-                "its samples."
-            )
+        columns, findings = _one_log(tdms.groups(), cut_off, first, path.name)
         # The properties of groups replace those of the file; those of the first group count most.
         properties = dict(tdms.properties)
         for group in dict.fromkeys(column.group for column in reversed(columns)):
             properties |= tdms[group].properties
+    if not any(column.kind in NUMERIC for column in columns):
+        raise LogError(
+            f"{path.name}: no group holds a channel of numbers; at least one was expected; export the log again with "
+            "its samples."
+        )
     if cut_off:
         action = "read up to the last sample that every channel has"
         findings = (Finding("truncated", "the file breaks off inside its last segment", action), *findings)
@@ -169,7 +170,7 @@ class _CountedReader(TdmsReader):  # type: ignore[misc]
 
 
 def _reject_false_sizes(path: Path, tdms: Any) -> None:
-    """Compare what the channels claim to hold with the size of the file, before anything of that size is made."""
+    """Compare what the channels claim to hold with the size of the file, before anything of that size is made: LogError."""
     size, status = path.stat().st_size, tdms.file_status
     last = {} if status.incomplete_final_segment else status.channel_statuses or {}
     channels = [channel for group in tdms.groups() for channel in group.channels()]
@@ -187,15 +188,13 @@ def _reject_false_sizes(path: Path, tdms: Any) -> None:
             )
 
 
-def one_log(
+def _one_log(
     groups: Sequence[Any], cut_off: bool, first: str | None, where: str
-) -> tuple[list[Any], tuple[Finding, ...]]:
+) -> tuple[list[TdmsChannel], tuple[Finding, ...]]:
     """Choose the channels that make one log: of the group with the most numeric ones and of those that fit beside it.
 
-    Also given are the findings on groups that are not read.
-
-    A group fits if its channels have other names, but for a clock that both hold alike, and can be put beside the
-    first in time. A channel without samples is none, but in a file that was cut off it is one that was lost.
+    Also given is a finding on the groups that are not read. A group fits if it repeats no name but that of the clock, and
+    can be put beside the first in time. A channel without samples is none, but for one that a file that was cut off has lost.
 
     Parameters
     ----------
@@ -205,77 +204,65 @@ def one_log(
     ------
     LogError : none is named, and groups that do not fit hold a motion as the chosen ones do
     """
-    filled = {group.name: [c for c in group.channels() if len(c) or cut_off] for group in groups}
-    numeric = {name: [c for c in channels if c.dtype.kind in NUMERIC] for name, channels in filled.items()}
-    ranked = sorted(filled, key=lambda name: (name != first, -len(numeric[name])))
-    taken = list(filled[ranked[0]]) if ranked else []
-    left: dict[str, list[str]] = {}
+    channels_of = {(g.name, c.name): c for g in groups for c in g.channels() if len(c) or cut_off}
+    columns = describe([*channels_of.values()])
+    filled = {group.name: [c for c in columns if c.group == group.name] for group in groups}
+    counts = {name: sum(c.kind in NUMERIC for c in channels) for name, channels in filled.items()}
+    ranked = sorted(filled, key=lambda name: (name != first, -counts[name]))
+    taken, left = list(filled[ranked[0]]) if ranked else [], dict[str, str]()
     for name in ranked[1:]:
-        if not any(c.dtype.kind in NUMERIC + STAMPS for c in filled[name]):
-            continue
-        obstacle = _obstacle(taken, filled[name])
-        if obstacle is None:
-            known = {c.name for c in taken}
-            taken += [c for c in filled[name] if c.name not in known]
-        else:
-            left.setdefault(obstacle, []).append(name)
-    moving = {name: moves(Header(c.name) for c in channels) for name, channels in numeric.items()}
-    others = [name for names in left.values() for name in names if moving[name]]
-    if first is None and others and moves(Header(c.name) for c in taken if c.dtype.kind in NUMERIC):
+        if any(c.kind in NUMERIC + STAMPS for c in filled[name]):
+            known = {c.header.name for c in taken}
+            obstacle = _obstacle(taken, filled[name])
+            if obstacle is None:
+                taken += [c for c in filled[name] if c.header.name not in known]
+            else:
+                left[name] = obstacle
+    others = [name for name in left if moves(c.header for c in filled[name] if c.kind in NUMERIC)]
+    if first is None and others and moves(c.header for c in taken if c.kind in NUMERIC):
         choose([ranked[0], *others], None, where, "group")
-    findings = []
-    for why, names in left.items():
-        listed = first_of([*map(repr, names)], MAX_NAMED)
-        message = f"{len(names)} group{'s' * (len(names) > 1)} beside {ranked[0]!r} {why}: {listed}"
-        findings.append(Finding("unknown_column", message, "not read", count=len(names)))
-    return taken, tuple(findings)
+    taken = describe([channels_of[c.group, c.header.name] for c in taken])
+    if not left:
+        return taken, ()
+    listed = first_of([f"{name!r} {why}" for name, why in left.items()], MAX_NAMED)
+    message = f"{len(left)} group{'s' * (len(left) > 1)} beside {ranked[0]!r}: {listed}"
+    return taken, (Finding("unknown_column", message, "not read", count=len(left)),)
 
 
-def _obstacle(taken: Sequence[Any], channels: Sequence[Any]) -> str | None:
+def _obstacle(taken: Sequence[TdmsChannel], channels: Sequence[TdmsChannel]) -> str | None:
     """Describe why a group cannot be read beside the channels already taken; None where it can."""
-    known = {c.name: c for c in taken}
-    twins = [(known[c.name], c) for c in channels if c.name in known]
-    # A channel may be written twice, as a clock is that two groups share.
-    same = all(len(a) == len(b) and np.array_equal(a.read_data(), b.read_data()) for a, b in twins)
-    if len(twins) == len(channels) or not same:
+    known = {c.header.name for c in taken}
+    if any(c.header.name in known and recognise(c.header) != "time" for c in channels):
         return "with channels of the same names, another recording"
-    columns = describe([*taken, *channels])
-    sides = columns[: len(taken)], columns[len(taken) :]
-    first, second = ([c for c in side if c.is_data] for side in sides)
-    if first and second and all(c.clock for c in first + second):
-        begins = [min(c.clock.start for c in data if c.clock) for data in (first, second)]
-        return (
-            None
-            if max(begins) <= min(max(c.end for c in data) for data in (first, second))
-            else "sampled at another time"
-        )
-    rows = sorted(max(c.length for c in side) for side in sides)
+    first, second = (
+        [c for c in side if c.kind in NUMERIC and recognise(c.header) != "time"] for side in (taken, channels)
+    )
+    spans = [[(c.clock.start, c.clock.end(c.length)) for c in side if c.clock] for side in (first, second)]
+    if first and second and len(spans[0] + spans[1]) == len(first + second):
+        begins, ends = [min(b for b, _ in span) for span in spans], [max(e for _, e in span) for span in spans]
+        return None if max(begins) <= min(ends) else "sampled at another time"
+    rows = sorted(max(c.length for c in side) for side in (taken, channels))
     return None if rows[1] - rows[0] <= LENGTH_SHARE_MAX * rows[1] else "with neither a clock nor as many rows"
 
 
 def describe(channels: Sequence[Any]) -> list[TdmsChannel]:
     """Describe channels, their clocks counted from the earliest start time among them."""
-    starts = [_start_time(c) for c in channels]
+
+    def number(value: Any) -> float:
+        return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
+
+    starts = [c.properties.get("wf_start_time") for c in channels]
+    starts = [start if isinstance(start, np.datetime64) and start > CLOCK_SET_MIN else None for start in starts]
     earliest = min((start for start in starts if start is not None), default=None)
     described = []
     for c, begun in zip(channels, starts, strict=True):
-        step, clock = _finite(c.properties.get("wf_increment")), None
+        step, clock = number(c.properties.get("wf_increment")), None
         if step > 0.0 and c.dtype.kind in NUMERIC:
             late = 0.0 if begun is None else float((begun - earliest) / np.timedelta64(1, "us")) / 1e6
-            clock = Waveform(step, late + _finite(c.properties.get("wf_start_offset")))
+            clock = Waveform(step, late + number(c.properties.get("wf_start_offset")))
         header = Header(c.name, first_text(c.properties, UNIT_PROPERTIES))
         described.append(TdmsChannel(header, c.group_name, len(c), c.dtype.kind, clock))
     return described
-
-
-def _start_time(channel: Any) -> Any | None:
-    start = channel.properties.get("wf_start_time")
-    return start if isinstance(start, np.datetime64) and start > CLOCK_SET_MIN else None
-
-
-def _finite(value: Any) -> float:
-    """Take a property as a number; 0 for one that is absent or none."""
-    return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
 
 
 def _shared(clocks: Iterable[Waveform | None]) -> Waveform | None:
@@ -294,12 +281,7 @@ def _load(
 ) -> LogTable:
     """Read the wanted channels: on one clock, or row by row where a time channel or nothing has the stamps.
 
-    The clock is that of most channels or, where their rates differ, of most of the fastest.
-
-    Raises
-    ------
-    LogError
-        a channel has no samples
+    The clock is that of most channels or, where their rates differ, of most of the fastest. LogError for an empty channel.
     """
     used = {k: columns[k] for k in (wanted if time is None else [*wanted, time])}
     require_numbers(path, max((c.length for c in used.values()), default=0), len(used))
@@ -313,34 +295,25 @@ def _load(
         )
     clocks = [clock for k in wanted if (clock := columns[k].clock) is not None]
     fastest = min((clock.step for clock in clocks), default=0.0)
-    slowest = max((clock.step for clock in clocks), default=0.0)
     reference = _shared(clock for clock in clocks if clock.step <= (1.0 + WHOLE_SAMPLE_SHARE) * fastest)
-    starts = [clock.start for clock in clocks]
-    together = (
-        slowest - fastest <= WHOLE_SAMPLE_SHARE * fastest and max(starts, default=0) - min(starts, default=0) <= fastest
+    one_clock = all(
+        c.step <= (1.0 + WHOLE_SAMPLE_SHARE) * fastest and c.start - min(o.start for o in clocks) <= fastest
+        for c in clocks
     )
     # A column of stamps belongs to every row, unless it is that of one of several clocks.
-    if reference is None or (time is not None and (together or len(clocks) < len(wanted))):
+    if reference is None or (time is not None and (one_clock or len(clocks) < len(wanted))):
         return _by_rows(raw, wanted, time, findings)
     tracks = {k: columns[k].clock or reference for k in wanted}
     t, cut = common_stamps(path, reference, [(tracks[k], len(raw[k])) for k in wanted])
     values = {k: _at(t, _numbers(raw[k]), tracks[k], reference.step) for k in wanted}
-    slower: dict[float, list[str]] = {}
-    for k in wanted:
-        if tracks[k].step > (1.0 + WHOLE_SAMPLE_SHARE) * reference.step:
-            slower.setdefault(tracks[k].step, []).append(columns[k].header.name)
-    coarse = tuple(
-        Finding(
-            "coarse_sampling",
-            f"{', '.join(names)}: sampled every {step:g} s, where the fastest channel has a sample every {reference.step:g} s",
-            "interpolated by straight lines",
-            count=len(names),
-        )
-        for step, names in slower.items()
-    )
+    slow = [k for k in wanted if tracks[k].step > (1.0 + WHOLE_SAMPLE_SHARE) * reference.step]
+    if slow:
+        listed = ", ".join(f"{columns[k].header.name} every {tracks[k].step:g} s" for k in slow)
+        message = f"sampled more slowly than the fastest channel, every {reference.step:g} s: {listed}"
+        cut = (Finding("coarse_sampling", message, "interpolated by straight lines", count=len(slow)), *cut)
     # These stamps are seconds, whatever the unit of a column of stamps, as `stamped` states.
     stamps = None if reference == usual and t[0] == reference.start else t
-    return LogTable(values, stamps, stamped=time is not None, findings=(*findings, *coarse, *cut))
+    return LogTable(values, stamps, stamped=time is not None, findings=(*findings, *cut))
 
 
 def common_stamps(
@@ -353,8 +326,7 @@ def common_stamps(
     LogError
         there is no such stamp
     """
-    begins = [clock.start for clock, _ in tracks]
-    ends = [clock.start + clock.step * (length - 1) for clock, length in tracks]
+    begins, ends = [clock.start for clock, _ in tracks], [clock.end(length) for clock, length in tracks]
     first = np.ceil((max(begins) - reference.start) / reference.step - WHOLE_SAMPLE_SHARE)
     last = np.floor((min(ends) - reference.start) / reference.step + WHOLE_SAMPLE_SHARE)
     if not np.isfinite([*begins, *ends, first, last]).all() or last < first:
@@ -391,14 +363,8 @@ def _by_rows(
     if lost:
         message = f"the channels differ in length: the last {lost} samples are not in every one"
         findings += (Finding("dropped_samples", message, "left out", count=lost, removed=lost),)
-    values = {k: _numbers(raw[k][:rows]) for k in wanted}
-    if time is None:
-        return LogTable(values, findings=findings)
-    stamps = raw[time][:rows]
-    if stamps.dtype.kind == STAMPS and rows:
-        began = float((stamps[0] - np.datetime64(0, "s")) / np.timedelta64(1, "s"))
-        return LogTable(values, (stamps - stamps[0]) / np.timedelta64(1, "s"), True, findings, began)
-    return LogTable(values, [*map(str, stamps)] if stamps.dtype.kind == "O" else _numbers(stamps), findings=findings)
+    columns = {k: pa.array(x[:rows] if x.dtype.kind in "OM" else _numbers(x[:rows])) for k, x in raw.items()}
+    return log_table([columns], wanted, time, findings)
 
 
 def _numbers(samples: Any) -> Signal:

@@ -72,7 +72,7 @@ def odd_ratios(log: PhasedLog) -> Iterator[Fault]:
             given = [(c.cycle, c.metrics[out] or 0.0, c.metrics[into] or 0.0) for c in whole]
         against = [(n, put) for n, got, put in given if put is not None and got and put < -NOTHING < abs(got)]
         if against:
-            first = next(stage for stage in cascade.stages if stage.name == cascade.between(name)[0])
+            first = next(stage for stage in cascade.stages if stage.name == cascade.pairs[name][0])
             product = first.power(run.channels, rig.r_drum) or first.powers[0]
             yield _of_cycles(
                 "against", name, against, waves=waves, stage=first.name, channels=" and ".join(product.channels)

@@ -146,7 +146,7 @@ def _driven(reduction: Reduction) -> tuple[Index, Signal]:
 
 def _means(ax: Axes, bins: Sequence[Bin], name: str, factor: float, **style: Any) -> None:
     """Draw the means of a quantity in bins of generator speed."""
-    means = [(0.5 * (b.rpm_low + b.rpm_high), y * factor) for b in bins if (y := b.power.get(name)) is not None]
+    means = [(0.5 * (b.rpm_low + b.rpm_high), y * factor) for b in bins if (y := b.mean.get(name)) is not None]
     ax.plot(*np.array(means).reshape(-1, 2).T, lw=1.3, **style)
 
 

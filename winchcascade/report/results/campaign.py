@@ -15,14 +15,13 @@ from winchcascade.reduction.campaign_record import (
     FailedLog,
     LogSummary,
     cascade_of,
-    motion_words,
     rank_loads,
     runs_by_load,
     unlike_motion,
     window_rules,
 )
-from winchcascade.reduction.campaign_waves import CampaignWaves
 from winchcascade.reduction.run_record import FindingRecord
+from winchcascade.reduction.wave_energies import CampaignWaves
 from winchcascade.report.content import Column, Note, Picture, Report, Section, Tile, section, shown, table
 from winchcascade.report.glossary import metric
 from winchcascade.report.results.campaign_tables import (
@@ -183,8 +182,7 @@ def points(campaign: CampaignRecord, runs: Sequence[LogSummary]) -> list[Note | 
     """What a reader must know first of the logs together."""
     total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
     counted = f"{len(runs)} of {len(campaign.runs)} logs reduced, {whole} of {total} cycles complete."
-    unlike, reason = unlike_motion(loaded(runs)), rank_loads(loaded(runs)).reason
-    motion = "" if unlike is None else motion_words(*unlike)
+    motion, reason = unlike_motion(loaded(runs)), rank_loads(loaded(runs)).reason
     return [
         data_note([run.origin for run in runs]) if runs else None,
         Note(counted, "Logs", "warn" if campaign.failed or whole < total else "plain"),

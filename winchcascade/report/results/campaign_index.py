@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from winchcascade.core.results_folder import INDEX
+from winchcascade.core.store import INDEX
 from winchcascade.reduction.campaign_record import CampaignRecord, LogSummary, cascade_of, runs_by_load
 from winchcascade.report.content import Column, Link, Report, Table, section, table
 from winchcascade.report.results.campaign import fault_notes, findings_note, tiles, verdict_note

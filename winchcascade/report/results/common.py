@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy
 
 from winchcascade.core.campaign_file import Origin
+from winchcascade.core.published_table import table_place
 from winchcascade.core.store import fingerprint
-from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, picture, section

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -17,11 +17,11 @@ from winchcascade.reduction.campaign_record import (
     runs_by_load,
     unlike_motion,
 )
-from winchcascade.reduction.campaign_waves import campaign_waves
+from winchcascade.reduction.run_record import RunRecord, read_results
+from winchcascade.reduction.wave_energies import CampaignWaves, LogWaves, campaign_waves
 from winchcascade.report.content import Picture, Report, Section, picture
 from winchcascade.report.figures import campaign_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.records import read_results
 from winchcascade.report.results.campaign import campaign_report, loaded
 from winchcascade.report.results.model_section import Named, campaign_section
 
@@ -35,9 +35,8 @@ def written_campaign(campaign: CampaignRecord, out: Path, *, results: Path | Non
     results : folder by which the record names the results of single logs, if it is another one
     """
     runs, folder = runs_by_load(campaign.reduced), results or out
-    waves = None
-    if campaign.waves is not UNSET:
-        waves = campaign_waves(read_results({run.name: folder / run.result for run in campaign.reduced}))
+    paths = {run.name: folder / run.result for run in campaign.reduced} if campaign.waves is not UNSET else {}
+    waves = _waves(read_results(paths))
     drawn, model = _pictures(runs, _bins(out, runs)), _model(runs, folder)
     return campaign_report(campaign, drawn=drawn, model=model, waves=waves, linked=True, command=command)
 
@@ -46,16 +45,20 @@ def written_campaign(campaign: CampaignRecord, out: Path, *, results: Path | Non
 def reduced_campaign(result: CampaignReduction, *, command: str = "") -> Report:
     """Report of the reductions of a campaign, without the simulations of its logs."""
     drawn = _pictures(runs_by_load(result.summary.reduced), result.bins)
-    return campaign_report(result.summary, drawn=drawn, waves=campaign_waves(result.records.items()), command=command)
+    return campaign_report(result.summary, drawn=drawn, waves=_waves(result.records.items()), command=command)
+
+
+def _waves(records: Iterable[tuple[str, RunRecord]]) -> CampaignWaves | None:
+    """The waves of the logs of a campaign together, by the records of its logs."""
+    return campaign_waves(LogWaves(name, of.log.load, of.waves) for name, of in records if of.waves)
 
 
 def _pictures(runs: Sequence[LogSummary], bins: figures.Bins) -> dict[str, Picture | None]:
     """Figures of a campaign by their names."""
-    unlike = unlike_motion(loaded(runs))
     joined = " Lines join only logs of one window rule and of one kind of data; hollow markers are of another."
     caption = f"Mean powers and efficiencies over {figures.over_what(loaded(runs))}; bars are 95 % intervals."
     caption += joined if len(figures.comparable(loaded(runs))) > 1 else ""
-    caption += "" if unlike is None else " The points are not of one motion."
+    caption += " The points are not of one motion." if unlike_motion(loaded(runs)) else ""
     alike = " Logs of one load look alike." if figures.look_alike(runs) else ""
     some = f" {figures.DRAWN_RUNS} logs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""
     return {

@@ -147,7 +147,8 @@ def _outcome(reduction: Reduction) -> list[Note]:
     n, of = len(reduction.complete), len(reduction.cycles)
     kinds = Counter(finding.kind.replace("_", " ") for finding in reduction.quality)
     named = ", ".join(kind + (f" ({times})" if times > 1 else "") for kind, times in kinds.items())
-    bridged = f"; {100.0 * reduction.lost_share:.2g} % of the time bridged" if reduction.lost_share else ""
+    share = sum(finding.lost_share(reduction.run.samples) for finding in reduction.quality)
+    lost = f"; {100.0 * share:.2g} % of the samples removed" if share else ""
     extremes = ""
     if reduction.extremes is not None:
         best, worst, name = reduction.extremes
@@ -156,7 +157,7 @@ def _outcome(reduction: Reduction) -> list[Note]:
     compare = "`winchcascade diagnose` on the campaign finds why log and model differ."
     return [
         Note(f"{n} of {of} complete{extremes}.", "Cycles", "plain" if n == of else "warn", brief=n < of),
-        Note(f"{upper(named)}{bridged}.", "Findings", "warn") if kinds else Note("None.", "Findings", "good"),
+        Note(f"{upper(named)}{lost}.", "Findings", "warn") if kinds else Note("None.", "Findings", "good"),
         Note(correct if kinds else compare, "Next", brief=False),
     ]
 

@@ -12,9 +12,10 @@ from msgspec.structs import replace
 from winchcascade.core.quantity import si_unit
 from winchcascade.core.run import Finding
 from winchcascade.reduction.bins import STORES, Bin
+from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.phase_summary import BothWays
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, Uncertainty, budgeted, shares
+from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, Uncertainty, shares
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -208,8 +209,8 @@ def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[Cycle
 
 def bins_table(reduction: Reduction) -> Table[Bin] | None:
     """Mean powers in bins of generator speed, and what is stored while the speed changes; None where it is unknown."""
-    stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
-    stores = [store for store in STORES if any(b.stored.get(store) is not None for b in reduction.bins)]
+    stages = [s for s in reduction.rig.cascade.names if any(b.mean.get(s) is not None for b in reduction.bins)]
+    stores = [store for store in STORES if any(b.mean.get(store) is not None for b in reduction.bins)]
     columns: list[Column[Bin]] = [
         Column("generator speed", lambda b: Span(b.rpm_low, b.rpm_high), "rpm", 0),
         Column("samples", lambda b: b.count, decimals=0),
@@ -228,11 +229,11 @@ def bins_table(reduction: Reduction) -> Table[Bin] | None:
 
 
 def _binned(stage: str, of: Bin) -> Measured:
-    return Measured(of.power.get(stage), of.standard_error.get(stage), both=True)
+    return Measured(of.mean.get(stage), of.standard_error.get(stage), both=True)
 
 
 def _stored(store: str, of: Bin) -> float | None:
-    return of.stored.get(store)
+    return of.mean.get(store)
 
 
 # --------------------------------------------------------------------------------------------------------- uncertainty
@@ -272,7 +273,9 @@ Share = BudgetRow | None
 def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | None:
     """Which error contributes which share of the variance of each mean; None where no accuracy is known."""
     known, rig = found.budget, reduction.rig
-    metrics = [m for m in budgeted(known.mean) if known.mean[m]]
+    metrics = [m for m in known.mean if m.startswith("eta")]
+    metrics += [m for m in known.mean if m.startswith("energy") and m not in NET_METRICS]
+    metrics = [m for m in metrics if known.mean[m]]
 
     def share(m: str, row: Share) -> float | None:
         part = shares(known.repeatability if row is None else row.of, known.mean)[m]

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
-from winchcascade.reduction.campaign_waves import CampaignWaves, LogWaves
-from winchcascade.reduction.wave_bootstrap import BOOTSTRAP_DRAWS, BOOTSTRAP_SEED, RatioOfSums
-from winchcascade.reduction.wave_energies import WaveEnergies
+from winchcascade.reduction.wave_bootstrap import BOOTSTRAP, RatioOfSums
+from winchcascade.reduction.wave_energies import CampaignWaves, LogWaves, WaveEnergies
 from winchcascade.report.content import (
     Block,
     Cell,
@@ -119,6 +118,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
     """Record and efficiencies of waves, of one log or of several, and what their intervals contain."""
     logs = f" of {len(found.counts)} logs" if len(found.counts) > 1 else ""
     unknown = sorted({channel for channels in found.unknown.values() for channel in channels})
+    draws, seed = BOOTSTRAP.values()
     without = f", without sensors where the unknown accuracy of {', '.join(unknown)} is needed" if unknown else ""
     powers: list[Column[Row]] = [
         Column("stage", lambda row: row[0]),
@@ -133,7 +133,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
         table("wave-record", "The whole record, and its complete waves.", powers,
               [(stage, found.power.get(stage)) for stage in found.record_energy]),
         table("wave-efficiencies", "Efficiencies of all waves together.", EFFICIENCIES, found.efficiency.items()),
-        Note(f"95 %, by waves in blocks ({BOOTSTRAP_DRAWS} draws, seed {BOOTSTRAP_SEED}) and sensors{without}.", "Intervals"),
+        Note(f"95 %, by waves in blocks ({draws} draws, seed {seed}) and sensors{without}.", "Intervals"),
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Read a header apart into name and unit, and recognise the channel that it names by the words of `column_names.toml`."""
+"""Headers of columns: name and unit read apart, and the channel that the words of `column_names.toml` recognise in a name."""
 
 from __future__ import annotations
 
@@ -202,12 +202,3 @@ def recognise(header: Header) -> str | None:
     elif read.name.strip() in table.capitals:
         return table.capitals[read.name.strip()]
     return found[0] if found else None
-
-
-def extra_words(header: Header, channel: str) -> int:
-    """Number of words of a header beyond a name of the channel: a plain name comes before one that says where."""
-    names, name = column_names().channels[channel], read_header(header).name
-    if letters_of(name) in names.letters:
-        return 0
-    words = words_of(name)
-    return min((len(words - own) for own in names.within(words)), default=len(words))
