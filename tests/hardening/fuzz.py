@@ -85,12 +85,12 @@ def main() -> int:
         resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY,) * 2)
         for number in range(given.first, given.first + given.inputs):
             form = kinds[number % len(kinds)]
-            print(f"{form} {number}", end="\r", flush=True)
+            print(f"{form} {number}", end="\r", file=sys.stderr, flush=True)
             outcome = judged(form, number, Path(folder))
             counts[outcome if outcome in ("read", "rejected") else "fault"] += 1
             if outcome not in ("read", "rejected"):
                 print(f"{form} {number}: {outcome}")
-    print(dict(counts))
+    print(*(f"{count} {outcome}" for outcome, count in counts.items()), sep=", ")
     return 1 if counts["fault"] else 0
 
 

@@ -49,7 +49,7 @@ def test_a_further_heat_of_the_gas_changes_nothing_where_it_is_absent() -> None:
         ("[effects.line_drag]\nb = -1\n", "b is -1, but must lie between 0 and 1000"),
         ("[effects.line_drag]\n", "[effects.line_drag] has no field; expected b"),
         ('[effects.line_drag]\nb = { value = 1, unit = "kg" }\n', "b: the unit is 'kg'; expected 'N.m.s/rad'"),
-        ('[effects.line_drag]\nb = { value = 1, unit = "elle" }\n', "[effects.line_drag] b: the unit 'elle' is unknown"),
+        ('[effects.line_drag]\nb = { value = 1, unit = "elle" }\n', "[effects.line_drag] b: the unit 'elle' is none of"),
         ("[effects.line_drag]\nb = { value = 1, tolerance = 2 }\n", "[effects.line_drag] b tolerance is no entry"),
         ('[effects.line_drag]\nb = "one"\n', "[effects.line_drag] b value is 'one'; expected a number"),
         ("[effects.line_drag]\nb = nan\n", "[effects.line_drag] b value is nan"),

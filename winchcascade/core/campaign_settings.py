@@ -64,15 +64,10 @@ def settings_beside(
         return LogSettings(first_named() if rig is None else rig)
     campaign, run = beside
     settings = listed_settings(campaign, run, first_named(campaign.rig, read=read) if rig is None else rig)
-    return replace(settings, parts=_listed_in_parts(campaign, run))
-
-
-def _listed_in_parts(campaign: Campaign, entry: CampaignRun) -> Finding | None:
-    """What a campaign lists of a log besides an entry, None for nothing."""
-    others, file = [run for run in campaign.runs if run is not entry and run.sheet == entry.sheet], realpath(entry.file)
-    others = [run for run in others if realpath(run.file) == file]
-    if not others:
-        return None
-    message = f"{campaign.path.name} lists this log {len(others) + 1} times, with other cycles, load or window each"
+    file = realpath(run.file)
+    times = sum(one.sheet == run.sheet and realpath(one.file) == file for one in campaign.runs)
+    if times == 1:
+        return settings
+    message = f"{campaign.path.name} lists this log {times} times, with other cycles, load or window each"
     action = f"the first entry is reduced; `winchcascade batch {campaign.path}` reduces each"
-    return Finding("listed_in_parts", message, action, count=len(others))
+    return replace(settings, parts=Finding("listed_in_parts", message, action, count=times - 1))

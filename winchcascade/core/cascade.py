@@ -237,10 +237,7 @@ def field_of(metric: str) -> str:
     >>> field_of("energy_line"), field_of("eta_pto")
     ('energy_line_j', 'eta_pto')
     """
-    return metric + _SUFFIX.get(metric.partition("_")[0], "")
-
-
-_SUFFIX = {"energy": "_j", "power": "_w"}
+    return metric + {"energy": "_j", "power": "_w"}.get(metric.partition("_")[0], "")
 
 
 PAPER = Cascade(tuple(BUILT_IN[name] for name in ("line", "mech", "gen")))

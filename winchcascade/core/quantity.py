@@ -67,16 +67,13 @@ def find_unit(text: str) -> Unit | None:
     ('pressure', 1.0, 1.0, None)
     """
     plain = _plain(text)
-    if plain in UNITS or plain == "mPa" or len(text) > _UNIT_LENGTH:
+    if plain in UNITS or plain == "mPa":
         return UNITS.get(plain)
     spelled = (plain, _PER.sub("/", text), plain.replace("_", "/"))
     forms = dict.fromkeys((*map(_plain, spelled), *(_PLURAL.sub("", _plain(form)) for form in spelled)))
     exact = (UNITS[form] for form in forms if form in UNITS)
     return next(exact, None) or next(filter(None, (_FOLDED_CASE.get(form.casefold()) for form in forms)), None)
 
-
-_UNIT_LENGTH = 40
-"""A longer text is no unit. [characters]"""
 
 _PER = re.compile(r"[\s_]+per[\s_]+", re.IGNORECASE)
 _PLURAL = re.compile(r"(?<=[a-z]{3})s(?=/|$)", re.IGNORECASE)

@@ -22,9 +22,6 @@ from winchcascade.core.toml_file import struct_fields
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]
 """What the cycles of a log are found in."""
 
-MOTION_SOURCES = ("velocity", "displacement", "speed")
-"""Sources in which payouts are found by a motion; the window of every other one is the whole span of its cycle."""
-
 _Label = Annotated[str, Meta(pattern=r"\S")] | int | float
 NotNegative = Annotated[float, Meta(ge=0.0, le=1e15)]
 Positive = Annotated[float, Meta(gt=0.0, le=1e15)]
@@ -81,8 +78,8 @@ class PhaseRule(
 
     @property
     def by_motion(self) -> bool:
-        """Whether payouts are found in a motion, and windows set by the rule of the rig."""
-        return self.source in MOTION_SOURCES
+        """Whether payouts are found in a motion, and windows set by the rule of the rig; else a window is its whole cycle."""
+        return self.source in ("velocity", "displacement", "speed")
 
     @property
     def repeats(self) -> bool:

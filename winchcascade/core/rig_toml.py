@@ -31,7 +31,7 @@ from winchcascade.core.rig_file import (
     Thresholds,
     measures,
 )
-from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
+from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, shown, toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
@@ -149,14 +149,26 @@ def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
     loads = {"load_u_percent", "load_limits_percent"}
     merged = {key: value for key, value in base.items() if not (key in loads and loads & over.keys())}
     for key, value in over.items():
-        below, whole = (
-            base.get(key),
-            isinstance(value, dict) and not {"value", "name", "unit", "number"}.isdisjoint(value),
-        )
-        merged[key] = (
-            _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) and not whole else value
-        )
+        below = base.get(key)
+        if (
+            isinstance(below, dict)
+            and isinstance(value, dict)
+            and {"value", "name", "unit", "number"}.isdisjoint(value)
+        ):
+            value = _merged(below, value)
+        merged[key] = value
     return merged
+
+
+def _unit(text: str, dimension: str, place: str) -> Unit:
+    """The unit of a text, of a dimension; of any if that is empty."""
+    unit = find_unit(text)
+    unit = read_as(unit, dimension) if dimension else unit
+    if unit is None:
+        raise RigError(
+            f"{place}: the unit {text!r} is none of {dimension.replace('_', ' ') or 'those that are known'}."
+        )
+    return unit
 
 
 def _part(raw: object, kind: Any, place: str) -> Any:
@@ -197,22 +209,28 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         """Reject several uncertainties: ValueError."""
-        stated = [key for key in UNCERTAINTIES if getattr(self, key) is not None]
-        if len(stated) > 1:
-            raise ValueError(f"{' and '.join(stated)} are both there; expected one of them, leave the others out.")
+        if len(self.uncertainties) > 1:
+            raise ValueError(f"{' and '.join(self.uncertainties)} are both there; expected one of them.")
+
+    @property
+    def uncertainties(self) -> dict[str, float]:
+        """Those that are stated, by their keys."""
+        return {key: value for key in UNCERTAINTIES if (value := getattr(self, key)) is not None}
 
 
 def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
     """Read a number with unit, source and uncertainty in SI units; limits are those of a rectangular distribution."""
+    if not isinstance(raw, dict):
+        raise RigError(
+            f'{place} is {shown(raw)}; expected a table with its unit, such as {{ value = 1.5, unit = "m" }}.'
+        )
     number: _Number = convert(raw, _Number, place, RigError)
-    unit = find_unit(number.unit)
-    if unit is None or unit.dimension != measure.dimension:
-        raise RigError(f"{place}: the unit {number.unit!r} is none of {measure.dimension.replace('_', ' ')}.")
+    unit = _unit(number.unit, measure.dimension, place)
     value: float = convert(number.value * unit.factor + unit.offset, measure.si, f"{place} in SI units", RigError)
-    key = next((key for key in UNCERTAINTIES if getattr(number, key) is not None), None)
-    u, limits = None, key is not None and key.startswith("limits")
-    if key is not None:
-        half = getattr(number, key) * (abs(value) / 100.0 if key.endswith("_percent") else unit.factor)
+    u, limits = None, False
+    for key, stated in number.uncertainties.items():
+        limits = key.startswith("limits")
+        half = stated * (abs(value) / 100.0 if key.endswith("_percent") else unit.factor)
         u = half / math.sqrt(3.0) if limits else half
     calibrated = None
     if (record := number.calibrated) is not None:
@@ -232,19 +250,14 @@ def _channel(name: str, table: Table, place: str) -> Channel:
             f"{', '.join(CHANNELS)}."
         )
     check_keys(table, ("unit",), place, RigError)
-    unit = find_unit(str(table.get("unit")))
-    if unit is None:
-        raise RigError(f'{place} unit is {table.get("unit")!r}; expected one such as "W", "bar", "L/min" or "1".')
-    text = str(table["unit"])
-    return Channel(name, name, unit.dimension, text, f"{name} ({text})")
+    text = str(table.get("unit"))
+    return Channel(name, name, _unit(text, "", place).dimension, text, f"{name} ({text})")
 
 
 def _sensor(table: Table, channel: Channel, place: str) -> Sensor:
     """A sensor in SI units."""
     sensor: Sensor = convert(table, Sensor, place, RigError)
-    unit = read_as(find_unit(sensor.unit), channel.dimension)
-    if unit is None:
-        raise RigError(f"{place} unit {sensor.unit!r} is none of {channel.dimension}.")
+    unit = _unit(sensor.unit, channel.dimension, place)
     if unit.dimension == "pressure" and unit.offset and (sensor.low, sensor.high) != (None, None):
         raise RigError(
             f"{place} unit {sensor.unit!r} does not count from the zero of the channel; give the range as gauge pressure, "
@@ -265,9 +278,8 @@ def _columns(stated: Mapping[str, Table | str], known: Mapping[str, Channel], wh
         place = f"{where}: [columns] {name}"
         column: Column = convert({"name": table} if isinstance(table, str) else table, Column, place, RigError)
         dimension = "time" if name == "time" else known[name].dimension
-        unit = find_unit(column.unit or "")
-        if unit is not None and read_as(unit, dimension) is None:
-            raise RigError(f"{place}: the unit {column.unit!r} is none of {dimension}.")
+        if column.unit is not None and find_unit(column.unit) is not None:  # a log may name it in words of its own
+            _unit(column.unit, dimension, place)
         for other, taken in columns.items():
             if (taken.name, taken.number) == (column.name, column.number):
                 raise RigError(f"{place} and {other} both name the column {column.name or column.number!r}.")
@@ -284,12 +296,8 @@ def _effect(table: Table, place: str, *, of_a_sensor: bool = False) -> StatedEff
         number: EffectNumber = convert(
             raw if isinstance(raw, dict) else {"value": raw}, EffectNumber, f"{place} {key}", RigError
         )
-        unit = find_unit(number.unit) if number.unit else Unit("number", 1.0)
-        if unit is None:
-            raise RigError(f"{place} {key}: the unit {number.unit!r} is unknown.")
-        ends = {
-            end: value * unit.factor for end in ("value", "low", "high") if (value := getattr(number, end)) is not None
-        }
+        factor = _unit(number.unit, "", f"{place} {key}").factor if number.unit else 1.0
+        ends = {end: factor * value for end in ("value", "low", "high") if (value := getattr(number, end)) is not None}
         fields[key] = replace(number, **ends)
     logs = convert(table.get("logs", ()), tuple[str, ...], f"{place} logs", RigError)
     return StatedEffect(fields, logs, of_a_sensor)

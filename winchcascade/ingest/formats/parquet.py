@@ -39,7 +39,8 @@ def _opened(path: Path) -> Iterator[Any]:
     with damage_reported(path, "Parquet file", "copy or export it again"):
         # Texts as dictionaries: one long text in every row is one text, else a file of a kilobyte fills the memory.
         texts = [field.name for field in pq.read_schema(path) if pa.types.is_string(field.type)]
-        with pq.ParquetFile(path, read_dictionary=texts) as file:
+        # Not buffered before: a whole group of rows would be in memory beside the columns.
+        with pq.ParquetFile(path, read_dictionary=texts, pre_buffer=False) as file:
             yield file
 
 
@@ -54,7 +55,7 @@ def _load(path: Path, wanted: Sequence[int], time: int | None) -> LogTable:
 
         def pieces() -> Iterator[dict[int, pa.Array]]:
             read = 0
-            for batch in file.iter_batches(BATCH_ROWS, columns=sorted(set(flat.values()))):
+            for batch in file.iter_batches(BATCH_ROWS, columns=sorted(set(flat.values())), use_threads=False):
                 found = batch.schema.names
                 # A name may stand twice, and `a` also brings in a column named `a.b`.
                 twins = {name: [j for j, other in enumerate(found) if other == name] for name in flat.values()}

@@ -158,7 +158,8 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
     ------
     LogError : no rows of numbers, or rows without names above them
     """
-    measurement = labview_table(lines, where) if any(line.startswith("***End_of_Header***") for line in lines) else None
+    marked = "\n***End_of_Header***" in "\n".join(("", *lines))
+    measurement = labview_table(lines, where) if marked else None
     if measurement is not None:
         delimiter, first, headers, columns = measurement
         properties = properties_of([line.replace(delimiter, "\t") for line in lines[:first]])
