@@ -13,7 +13,6 @@ from calls import call
 from diagnosed import PLANTED, SUSPECTS, write_campaign
 
 from winchcascade import (
-    Bin,
     audit,
     calibrate,
     open_campaign,
@@ -68,15 +67,6 @@ def test_results_are_shown_in_one_line() -> None:
     assert repr(audit("hsu2026-table2")) == "Audit('hsu2026-table2', contradictions: 1, contradicted claims: 2)"
     check = open_campaign("fixtures/campaign").check("hsu2026-table2")
     assert repr(check) == "Check('hsu2026-table2', 54 of 54 cells agree)"
-
-
-def test_bins_and_metrics_give_their_powers_by_the_same_names() -> None:
-    reduction = reduce(read_run("fixtures/campaign/r36ohm.csv", load=36.0))
-    assert reduction.bins[3].power_gen == reduction.bins[3].mean["gen"]
-    assert reduction.mean.power_gen == reduction.mean["power_gen"]
-    assert reduction.bins[3].power_hyd is None
-    with pytest.raises(AttributeError, match="Bin has no attribute 'pover_gen'"):
-        _ = Bin(1.0, 2.0, 3, {}, {}).pover_gen
 
 
 def test_a_campaign_is_reduced_to_the_results_of_the_batch(campaign: Path, tmp_path: Path) -> None:

@@ -172,8 +172,8 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
     left = dict(enumerate(jobs))
     with _pool(workers) as pool, suppress(BrokenProcessPool):
         with _interrupts_blocked():
-            running = [pool.submit(_tried, work, place, job) for place, job in enumerate(jobs)]
-        for future in as_completed(running):
+            done = as_completed([pool.submit(_tried, work, place, job) for place, job in enumerate(jobs)])
+        for future in done:  # nothing else holds a future, so that an outcome that was used takes no memory
             outcome = future.result()
             del left[outcome.place]
             yield outcome

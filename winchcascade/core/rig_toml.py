@@ -31,7 +31,7 @@ from winchcascade.core.rig_file import (
     Thresholds,
     measures,
 )
-from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, toml_values
+from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, shown, toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
@@ -220,6 +220,10 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
     """Read a number with unit, source and uncertainty in SI units; limits are those of a rectangular distribution."""
+    if not isinstance(raw, dict):
+        raise RigError(
+            f'{place} is {shown(raw)}; expected a table with its unit, such as {{ value = 1.5, unit = "m" }}.'
+        )
     number: _Number = convert(raw, _Number, place, RigError)
     unit = _unit(number.unit, measure.dimension, place)
     value: float = convert(number.value * unit.factor + unit.offset, measure.si, f"{place} in SI units", RigError)

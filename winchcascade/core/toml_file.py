@@ -66,12 +66,12 @@ def convert(raw: object, kind: Any, place: str, fault: type[WinchcascadeError]) 
     if unknown := re.fullmatch(r"Object contains unknown field `(.*)`", what, re.DOTALL):
         check_keys([unknown[1]], getattr(kind, "__struct_encode_fields__", ()), place, fault)
     if missing := re.fullmatch(r"Object missing required field `(.*)`", what):
-        raise fault(f"{place} {missing[1]} is missing.")
+        raise fault(f"{place} {missing[1]} is missing; add it.")
     if what.startswith("Invalid enum value"):
         kinds = [field.type for field in struct_fields(kind) if field.encode_name == names[0]] if names else [kind]
         what = f"Expected one of {', '.join(str(value) for one in kinds for value in _choices(one))}"
-    if what == "Number out of range":
-        what = "Expected `float`"
+    for finding, name in (("Invalid RFC3339", "datetime"), ("Number out of range", "float")):
+        what = f"Expected `{name}`" if what.startswith(finding) else what
     if not re.match("Expected `|Expected one of", what):
         raise fault(f"{place.rstrip(':')}: {what}")
     expected = re.sub(r"`([\w| ]+)`(, got .*)?", lambda named: _in_words(named[1]), what.removeprefix("Expected "))

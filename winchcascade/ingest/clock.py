@@ -9,38 +9,30 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.integrate import median
-from winchcascade.core.run import Finding, FindingKind, Index, Mask, Signal
+from winchcascade.core.integrate import BLOCK, median
+from winchcascade.core.run import Finding, FindingKind, Index, Signal
 
 JITTER_SHARE = 0.1
-"""Share of the usual interval from which a deviation counts as jitter."""
+"""Share of the usual interval from which a deviation counts as jitter. [1]"""
 
 STAMP_MAX = 1e17
 """A stamp beyond this is no time: three thousand million years. [s]"""
 
-CROWDED_RATIO = 1.5
-"""Number of samples between two stamps, over the number that fits there, from which there are too many. [1]"""
-
 LOST_RATIO = 1.5
-"""An interval longer than this many usual ones has lost samples."""
+"""An interval longer than this many usual ones has lost samples; one with so many times those that fit has too many. [1]"""
 
 WRONG_STAMPS_MAX = 5
-"""A backward step that at most this many samples explain is their fault; otherwise the clock was set back."""
+"""A backward step that at most this many samples explain is their fault; otherwise the clock was set back. [1]"""
 
 BACKWARD_STEPS_MAX = 1000
-"""More backward steps than this and the stamps are no clock."""
+"""More backward steps than this and the stamps are no clock. [1]"""
 
 UNEVEN_SHARE = 0.2
-"""With more than this share of intervals off, the log is stamped unevenly, and only long intervals are gaps."""
-
-SHARED_SHARE = 0.3
-"""With more than this share of stamps that repeat, the clock counts in steps longer than the intervals. [1]"""
+"""With more than this share of intervals that deviate, the log is stamped unevenly, and only long ones are gaps; with more
+stamps that repeat, the clock counts in steps longer than the intervals. [1]"""
 
 COARSE_RATE_SHARE = 0.01
 """Deviation of the mean interval from the usual one from which stamps are a coarse rounding of an even clock. [1]"""
-
-_BLOCK = 1 << 18
-
 
 RISE_MIN = 1e-150
 """The square of a shorter interval is no number: stamps of wrong bytes, which no clock makes. [s]"""
@@ -49,7 +41,7 @@ INTERVAL_MIN = 1e-9
 """No log is sampled more often. [s]"""
 
 LOST_SAMPLES_MAX = 1e12
-"""Samples that one gap may have lost; a gap that would hold more comes from a wrong stamp."""
+"""Samples that one gap may have lost; a gap that would hold more comes from a wrong stamp. [1]"""
 
 
 class Clock(msgspec.Struct, frozen=True):
@@ -62,10 +54,35 @@ class Clock(msgspec.Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
 
 
-def _found(kind: FindingKind, message: str, action: str, at: Signal, count: int, removed: int = 0) -> Finding:
-    """A finding on the clock, from the first to the last of some stamps [s]."""
-    start, end = float(at[0]), float(at[-1])
-    return Finding(kind, message, action, start=start, end=end, count=count, removed=removed)
+class _Stamps(msgspec.Struct):
+    """Stamps while they are repaired [s], the rows they belong to, what was found, and the place of the log in words."""
+
+    t: Signal
+    rows: Index
+    where: str
+    findings: list[Finding] = []
+
+    @property
+    def usual(self) -> float:
+        """Usual interval of a clock that advances. [s]"""
+        ahead = np.diff(self.t)
+        ahead = ahead[ahead > 0]
+        usual = _usual(ahead) if ahead.size else 0.0
+        if usual < INTERVAL_MIN:
+            raise LogError(
+                f"{self.where}: the time column does not advance; expected stamps that rise from row to row. Name the right "
+                "column in a rig file under [columns]."
+            )
+        return usual
+
+    def keep(self, chosen: Index) -> None:
+        """Keep some samples, in the order given."""
+        self.t, self.rows = self.t[chosen], self.rows[chosen]
+
+    def report(self, kind: FindingKind, message: str, action: str, at: Signal, count: int, removed: int = 0) -> None:
+        """Report a finding, from the first to the last of some stamps [s]."""
+        start, end = float(at[0]), float(at[-1])
+        self.findings.append(Finding(kind, message, action, start=start, end=end, count=count, removed=removed))
 
 
 def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
@@ -95,65 +112,165 @@ def read_clock(stamps: Signal, where: str) -> Clock:
     """
     if _steady(stamps):
         return Clock(stamps, _rate((stamps[-1] - stamps[0]) / (stamps.size - 1)))
-    findings: list[Finding] = []
-    t, rows = with_all_stamps(stamps, findings, where)
-    usual = _usual(np.diff(t), where)
-    if np.any(np.diff(t) < 0):
-        t, rows = forward(t, rows, usual, findings, where)
-        usual = _usual(np.diff(t), where)
-    if np.count_nonzero(np.diff(t) == 0) > SHARED_SHARE * t.size:
-        t = spread(t, findings)
-        usual = _usual(np.diff(t), where)
-    even = evened(t, np.diff(t), usual)
-    repeated = int(np.count_nonzero(np.diff(t) == 0))
-    if even is not None and repeated:
-        findings.append(_coarse(t, repeated, f"steps of {resolution(t, usual):g} s"))
-        t = even
-    elif repeated:
-        t, rows = without_repeats(t, rows, usual, findings)
-    if t.size < 3:
-        raise LogError(f"{where}: {t.size} stamps are left that rise from row to row; expected at least three.")
-    require_rising(t, where)
-    gaps, fs = _intervals(t, rows, usual, findings) if even is None else (np.empty((0, 2)), _rate(even[1] - even[0]))
-    in_order = rows.size == stamps.size and bool(np.all(rows[1:] > rows[:-1]))
-    return Clock(t, fs, None if in_order else rows, gaps, tuple(findings))
+    log = _Stamps(stamps, np.arange(stamps.size), where)
+    _fill(log)
+    _put_forward(log)
+    even = _spread(log)
+    if log.t.size < 3:
+        raise LogError(f"{where}: {log.t.size} stamps are left that rise from row to row; expected at least three.")
+    require_rising(log.t, where)
+    gaps, fs = _intervals(log) if even is None else (np.empty((0, 2)), _rate(even))
+    in_order = log.rows.size == stamps.size and bool(np.all(log.rows[1:] > log.rows[:-1]))
+    return Clock(log.t, fs, None if in_order else log.rows, gaps, tuple(log.findings))
 
 
-def _usual(interval: Signal, where: str) -> float:
-    """Usual interval of a clock that advances. [s]"""
-    ahead = interval[interval > 0]
-    usual = _median(ahead) if ahead.size else 0.0
-    if usual < INTERVAL_MIN:
-        raise LogError(
-            f"{where}: the time column does not advance; expected stamps that rise from row to row. Name the right column "
-            f"in a rig file under [columns]."
-        )
-    return usual
-
-
-def _median(interval: Signal) -> float:
+def _usual(interval: Signal) -> float:
     """Usual interval; of a long log from a sample spread over it, which gives the same at no cost."""
-    return median(interval[:: max(1, interval.size // 100_000)])
+    return median(interval[:: max(1, interval.size // BLOCK)])
 
 
 def _steady(stamps: Signal) -> bool:
     """Whether every interval is the usual one, as in most logs; block by block, so that a long log needs no more memory."""
-    if stamps.size < 3:
-        return False
-    usual = _median(np.diff(stamps[:_BLOCK]))
-    if not 0 < usual < np.inf:
-        return False
-    for start in range(0, stamps.size - 1, _BLOCK):
-        interval = np.diff(stamps[start : start + _BLOCK + 1])
-        if not (interval.min() > (1 - JITTER_SHARE) * usual and interval.max() < (1 + JITTER_SHARE) * usual):
-            return False
-    return True
+    usual = _usual(np.diff(stamps[:BLOCK])) if stamps.size >= 3 else 0.0
+    low, high = (1 - JITTER_SHARE) * usual, (1 + JITTER_SHARE) * usual
+    parts = (np.diff(stamps[start : start + BLOCK + 1]) for start in range(0, stamps.size - 1, BLOCK))
+    return 0 < usual < np.inf and all(part.min() > low and part.max() < high for part in parts)
 
 
-def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) -> tuple[Signal, float]:
-    """Find what was never logged and what jitters; (k, 2) gaps [s] and the rate [Hz]."""
+def _rate(interval: float) -> float:
+    """Sampling rate from the mean interval, to the digits that stamps carry. [Hz]"""
+    return float(f"{1.0 / interval:.6g}")
+
+
+def _fill(log: _Stamps) -> None:
+    """Fill stamps that could not be read between their neighbours.
+
+    Rows at the ends that have none are left out, and those between two stamps that leave no room for so many samples, as the
+    empty ones that a spreadsheet holds between two tables.
+    """
+    good, n = np.flatnonzero(np.abs(log.t) < STAMP_MAX), log.t.size
+    if good.size < 3:
+        raise LogError(
+            f"{log.where}: the time column holds {good.size} readable stamp{'' if good.size == 1 else 's'}; expected seconds, "
+            f"milliseconds or dates with times, at least three."
+        )
+    if good.size == n:
+        return
+    between, apart = np.diff(good), np.diff(log.t[good])
+    usual = median(apart[between == 1]) if np.any(between == 1) else 0.0
+    crowded = np.append(np.repeat((between * usual > LOST_RATIO * apart) & (apart >= 0), between), False)
+    crowded[good - good[0]] = False
+    rows = np.arange(good[0], good[-1] + 1)[~crowded]
+    log.t = np.interp(np.arange(n), good, log.t[good])
+    lost, filled = log.t[np.isin(rows, good, invert=True).nonzero()[0] + good[0]], rows.size - good.size
+    log.keep(rows)
+    done = [f"{filled} filled between their neighbours"] if filled else []
+    done += [f"{n - rows.size} rows without room for them left out"] if rows.size < n else []
+    message = f"{n - good.size} stamps could not be read"
+    log.report("not_a_number", message, "; ".join(done), lost if lost.size else log.t, n - good.size, n - rows.size)
+
+
+def _put_forward(log: _Stamps) -> None:
+    """Put right each backward step: rows in the wrong order, single wrong stamps, or a clock that was set back."""
+    steps, before, done, ends = 0, log.t.size, set(), []
+    usual = log.usual
+    while (back := np.flatnonzero(np.diff(log.t) < 0)).size:
+        steps += 1
+        if steps > BACKWARD_STEPS_MAX:
+            raise LogError(
+                f"{log.where}: the time column runs backward at more than {BACKWARD_STEPS_MAX} places; expected stamps that "
+                "rise from row to row. Name the right column in a rig file under [columns]."
+            )
+        ends.append(float(log.t[back[0]]))
+        done.add(_put_right(log, int(back[0]) + 1, usual))
+    if steps:
+        message = f"the clock steps back at {steps} place{'s' if steps > 1 else ''}"
+        log.report("backward_stamp", message, " and ".join(sorted(done)), np.array(ends), steps, before - log.t.size)
+
+
+def _put_right(log: _Stamps, k: int, usual: float) -> str:
+    """Repair the backward step from sample k - 1 to k; what was done."""
+    t = log.t
+    ahead = int(np.searchsorted(t[:k], t[k], side="left"))
+    later = np.flatnonzero(t[k:] > t[k - 1])
+    behind = k + int(later[0]) if later.size else t.size
+    early, late = k - ahead, behind - k
+    if min(early, late) > WRONG_STAMPS_MAX:
+        log.t = np.append(t[:k], t[k:] + (t[k - 1] + usual - t[k]))
+        return "later stamps moved forward to follow on"
+    order = np.arange(t.size)
+    order[ahead:behind] = ahead + np.argsort(t[ahead:behind], kind="stable")
+    steps = np.diff(t[order[max(ahead - 1, 0) : behind + 1]])
+    even = np.all((steps > 0.5 * usual) & (steps < LOST_RATIO * usual))
+    if max(early, late) <= WRONG_STAMPS_MAX and even:
+        log.keep(order)
+        return "rows put in the order of their stamps"
+    log.keep(np.delete(np.arange(t.size), slice(ahead, k) if early <= late else slice(k, behind)))
+    return "samples with a wrong stamp left out"
+
+
+def _spread(log: _Stamps) -> float | None:
+    """Spread samples whose stamps repeat or are a coarse rounding of an even clock, as 75 Hz in steps of 0.01 s.
+
+    Returns
+    -------
+    Interval of the even stamps that the log gets; None where it keeps its own. [s]
+    """
+    t, usual = log.t, log.usual
+    first = np.flatnonzero(np.diff(t, prepend=-np.inf) != 0)
+    repeated = t.size - first.size
+    shared = repeated > UNEVEN_SHARE * t.size
+    step = usual if shared else _resolution(t, usual)
     interval = np.diff(t)
-    off = np.abs(interval - usual) > _tolerance(t, interval, usual)
+    place = np.arange(t.size) - 0.5 * (t.size - 1)
+    dt = float(place @ (t - t[0])) / float(place @ place)
+    even: Signal = np.multiply(place, dt, dtype=np.float64) + float(np.mean(t))
+    coarse = 0 < step < 1.01 * usual and abs(float(np.mean(interval)) - usual) >= COARSE_RATE_SHARE * usual
+    many = np.count_nonzero(np.abs(interval - usual) > JITTER_SHARE * usual) >= WRONG_STAMPS_MAX
+    if coarse and many and float(np.ptp(t - even)) < 1.1 * step:
+        log.t = even
+    elif shared:
+        count = np.diff(first, append=t.size)
+        each = count.copy()
+        each[[0, -1]] = np.maximum(count[[0, -1]], int(median(count.astype(np.float64))))
+        group = np.repeat(np.arange(first.size), count)
+        begun = np.where(group == 0, each[0] - count[0], 0)  # the first stamp may stand for a part of its samples
+        width = np.append(np.diff(t[first]), usual)
+        log.t = t[first][group] + (np.arange(t.size) - first[group] + begun) * width[group] / each[group]
+    elif repeated:
+        _without_repeats(log, usual)
+    if repeated and (log.t is even or shared):
+        what = f"{repeated} stamp{'s repeat' if repeated > 1 else ' repeats'} the one before"
+        message = f"{what}: the clock counts in steps of {step:g} s"
+        log.report("repeated_stamp", message, "samples spread evenly", t, repeated)
+    return dt if log.t is even else None
+
+
+def _without_repeats(log: _Stamps, usual: float) -> None:
+    """Leave out samples that repeat a stamp; one followed by a double interval gets the stamp that is missing there."""
+    t = log.t.copy()
+    again = np.flatnonzero(np.diff(t) == 0) + 1
+    inner = again[again < t.size - 1]
+    missing = inner[np.abs(t[inner + 1] - t[inner] - 2 * usual) < 0.5 * usual]
+    left_out = np.setdiff1d(again, missing)
+    done = [f"{left_out.size} left out"] if left_out.size else []
+    done += [f"{missing.size} given the stamp that was missing"] if missing.size else []
+    message = f"{again.size} sample{'s repeat' if again.size > 1 else ' repeats'} the stamp before"
+    log.report("repeated_stamp", message, ", ".join(done), t[again], int(again.size), int(left_out.size))
+    t[missing] = 0.5 * (t[missing] + t[missing + 1])
+    log.t = t
+    log.keep(np.delete(np.arange(t.size), left_out))
+
+
+def _intervals(log: _Stamps) -> tuple[Signal, float]:
+    """Find what was never logged and what jitters; (k, 2) gaps [s] and the rate [Hz]."""
+    t, usual = log.t, log.usual
+    interval = np.diff(t)
+    near = interval[interval < LOST_RATIO * usual]
+    tolerance = JITTER_SHARE * usual
+    if near.size and abs(float(np.mean(near)) - usual) > COARSE_RATE_SHARE * usual:  # rounded: they differ by its step
+        tolerance = max(tolerance, 1.05 * _resolution(t, usual))
+    off = np.abs(interval - usual) > tolerance
     if not off.any():
         return np.empty((0, 2)), _rate(float(np.mean(interval)))
     long = interval > LOST_RATIO * usual
@@ -163,183 +280,26 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
         long = interval > WRONG_STAMPS_MAX * usual
     at = np.flatnonzero(jitters & ~long)
     if at.size:
-        least, most = interval[at].min(), interval[at].max()
         message = (
             f"{at.size} of {interval.size} intervals differ from the usual {usual:.4g} s by more than {JITTER_SHARE:.0%}, "
-            f"between {least:.4g} and {most:.4g} s"
+            f"between {interval[at].min():.4g} and {interval[at].max():.4g} s"
         )
-        around = np.append(t[at], t[at[-1] + 1])
-        findings.append(_found("clock_jitter", message, "used on their own stamps", around, int(at.size)))
+        log.report("clock_jitter", message, "used on their own stamps", t[np.append(at, at[-1] + 1)], int(at.size))
     at = np.flatnonzero(long)
-    gaps = np.column_stack((t[at], t[at + 1]))
     steps = np.rint(np.minimum(interval[at] / usual, LOST_SAMPLES_MAX)).astype(np.int64)
-    unlogged = steps - 1 - np.maximum(rows[at + 1] - rows[at] - 1, 0)
-    lost = unlogged > 0
-    if lost.any():
-        count, (begin, end) = int(unlogged[lost].sum()), gaps[lost].T
-        k = int(np.argmax(end - begin))
-        what = "1 sample was" if count == 1 else f"{count} samples were"
+    unlogged = steps - 1 - np.maximum(log.rows[at + 1] - log.rows[at] - 1, 0)
+    lost = at[unlogged > 0]
+    if lost.size:
+        count, longest = int(unlogged[unlogged > 0].sum()), int(lost[np.argmax(interval[lost])])
         message = (
-            f"{what} never logged, in {begin.size} gap{'s' if begin.size > 1 else ''}; the longest lasts "
-            f"{end[k] - begin[k]:.2f} s at {begin[k]:.2f} s"
+            f"{count} sample{' was' if count == 1 else 's were'} never logged, in {lost.size} gap{'s' * (lost.size > 1)}; the "
+            f"longest lasts {interval[longest]:.2f} s at {t[longest]:.2f} s"
         )
-        around = np.append(begin, end[-1])
-        findings.append(_found("dropped_samples", message, "bridged by straight lines", around, count, count))
-    return gaps, _rate(usual if long.all() else float(np.mean(interval[~long])))
+        log.report("dropped_samples", message, "bridged by straight lines", t[[lost[0], lost[-1] + 1]], count, count)
+    return np.column_stack((t[at], t[at + 1])), _rate(usual if long.all() else float(np.mean(interval[~long])))
 
 
-def _tolerance(t: Signal, interval: Signal, usual: float) -> float:
-    """What an interval may be off; stamps rounded so coarsely that the rate does not fit them differ by their step. [s]"""
-    near = interval[interval < LOST_RATIO * usual]
-    if near.size == 0 or abs(float(np.mean(near)) - usual) <= COARSE_RATE_SHARE * usual:
-        return JITTER_SHARE * usual
-    return max(JITTER_SHARE * usual, 1.05 * resolution(t, usual))
-
-
-def _rate(interval: float) -> float:
-    """Sampling rate from the mean interval, to the digits that stamps carry. [Hz]"""
-    return float(f"{1.0 / interval:.6g}")
-
-
-def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tuple[Signal, Index]:
-    """Fill stamps that could not be read between their neighbours.
-
-    Rows at the ends that have none are left out, and those between two stamps that are too close for so many samples: such
-    rows are not of the log's rate, as the empty ones that a spreadsheet holds between two tables.
-    """
-    good = np.flatnonzero(np.abs(stamps) < STAMP_MAX)
-    if good.size < 3:
-        raise LogError(
-            f"{where}: the time column holds {good.size} readable stamp{'' if good.size == 1 else 's'}; expected seconds, "
-            f"milliseconds or dates with times, at least three."
-        )
-    if good.size == stamps.size:
-        return stamps, np.arange(stamps.size)
-    rows = np.arange(good[0], good[-1] + 1)
-    t = np.interp(rows, good, stamps[good])
-    kept = ~_crowded(stamps, good)
-    lost, outside, crowded = stamps.size - good.size, stamps.size - rows.size, int(np.count_nonzero(~kept))
-    at = t[np.isin(rows, good, invert=True)]
-    at = at if at.size else t
-    done = ["filled between their neighbours"] if lost > outside + crowded else []
-    done += [f"{outside} rows at the ends left out"] if outside else []
-    done += [f"{crowded} rows between stamps that leave no room for them left out"] if crowded else []
-    message = f"{lost} stamps could not be read"
-    findings.append(_found("not_a_number", message, "; ".join(done), at, lost, outside + crowded))
-    return t[kept], rows[kept]
-
-
-def _crowded(stamps: Signal, good: Index) -> Mask:
-    """Rows from the first stamp to the last whose neighbours' stamps leave no room for them at the usual interval."""
-    between, apart = np.diff(good), np.diff(stamps[good])
-    usual = median(apart[between == 1]) if np.any(between == 1) else 0.0
-    crowded = np.append(np.repeat((between * usual > CROWDED_RATIO * apart) & (apart >= 0), between), False)
-    crowded[good - good[0]] = False
-    return crowded
-
-
-def evened(t: Signal, interval: Signal, usual: float) -> Signal | None:
-    """Even stamps that the log's own are a rounding of, as 75 Hz in steps of 0.01 s; None where rows are missing. [s]"""
-    step = resolution(t, usual)
-    coarse = 0 < step < 1.01 * usual and abs(float(np.mean(interval)) - usual) >= COARSE_RATE_SHARE * usual
-    if not coarse or np.count_nonzero(np.abs(interval - usual) > JITTER_SHARE * usual) < WRONG_STAMPS_MAX:
-        return None
-    place = np.arange(t.size) - 0.5 * (t.size - 1)
-    dt = float(place @ (t - t[0])) / float(place @ place)
-    even: Signal = np.multiply(place, dt, dtype=np.float64) + float(np.mean(t))
-    return even if float(np.ptp(t - even)) < 1.1 * step else None
-
-
-def spread(t: Signal, findings: list[Finding]) -> Signal:
-    """Spread samples that share a stamp of a coarse clock evenly up to the next stamp."""
-    first = np.flatnonzero(np.diff(t, prepend=-np.inf) != 0)
-    count = np.diff(first, append=t.size)
-    step = np.diff(t[first])
-    usual_step, usual_count = median(step), median((count[1:-1] if count.size > 2 else count).astype(np.float64))
-    if step.size > 2 and np.all(np.abs(step - usual_step) < 1e-6 * max(usual_step, 1e-9)):
-        # The first stamp may stand for a part of its samples.
-        begin, end = first[1], first[-1]
-        spread: Signal = t[begin] + (t[end] - t[begin]) / (end - begin) * (np.arange(t.size) - begin)
-    else:
-        width = np.append(step, usual_step)
-        each = np.where(np.arange(count.size) == count.size - 1, np.maximum(count, usual_count), count)
-        group = np.repeat(np.arange(first.size), count)
-        spread = t[first][group] + (np.arange(t.size) - first[group]) * width[group] / each[group]
-    findings.append(_coarse(t, t.size - first.size, f"steps of {usual_step:g} s with {usual_count:g} samples each"))
-    return spread
-
-
-def _coarse(t: Signal, repeated: int, counts: str) -> Finding:
-    """Finding for a clock that counts in steps longer than the intervals between samples."""
-    message = (
-        f"{repeated} stamp{'s repeat' if repeated > 1 else ' repeats'} the one before: the clock counts in {counts}"
-    )
-    return _found("repeated_stamp", message, "samples spread evenly", t, repeated)
-
-
-def forward(t: Signal, rows: Index, usual: float, findings: list[Finding], where: str) -> tuple[Signal, Index]:
-    """Put right each backward step: rows in the wrong order, single wrong stamps, or a clock that was set back."""
-    t = t.copy()
-    steps, removed, done = 0, 0, set()
-    start = end = float(t[int(np.argmax(np.diff(t) < 0))])
-    while (back := np.flatnonzero(np.diff(t) < 0)).size:
-        steps += 1
-        if steps > BACKWARD_STEPS_MAX:
-            raise LogError(
-                f"{where}: the time column runs backward at more than {BACKWARD_STEPS_MAX} places; expected stamps that rise "
-                "from row to row. Name the right column in a rig file under [columns]."
-            )
-        end = float(t[back[0]])
-        t, rows, action, lost = _put_right(t, rows, int(back[0]) + 1, usual)
-        removed += lost
-        done.add(action)
-    message = f"the clock steps back at {steps} place{'s' if steps > 1 else ''}"
-    findings.append(
-        _found("backward_stamp", message, " and ".join(sorted(done)), np.array([start, end]), steps, removed)
-    )
-    return t, rows
-
-
-def _put_right(t: Signal, rows: Index, k: int, usual: float) -> tuple[Signal, Index, str, int]:
-    """Repair the backward step from sample k - 1 to k; also what was done and how many samples that cost."""
-    ahead = int(np.searchsorted(t[:k], t[k], side="left"))
-    later = np.flatnonzero(t[k:] > t[k - 1])
-    behind = k + int(later[0]) if later.size else t.size
-    early, late = k - ahead, behind - k
-    if min(early, late) > WRONG_STAMPS_MAX:
-        t[k:] += t[k - 1] + usual - t[k]
-        return t, rows, "later stamps moved forward to follow on", 0
-    order = ahead + np.argsort(t[ahead:behind], kind="stable")
-    steps = np.diff(np.concatenate((t[ahead - 1 : ahead], t[order], t[behind : behind + 1])))
-    if (
-        early <= WRONG_STAMPS_MAX
-        and late <= WRONG_STAMPS_MAX
-        and np.all((steps > 0.5 * usual) & (steps < LOST_RATIO * usual))
-    ):
-        t[ahead:behind] = t[order]
-        rows = rows.copy()
-        rows[ahead:behind] = rows[order]
-        return t, rows, "rows put in the order of their stamps", 0
-    wrong = np.arange(ahead, k) if early <= late else np.arange(k, behind)
-    return np.delete(t, wrong), np.delete(rows, wrong), "samples with a wrong stamp left out", wrong.size
-
-
-def without_repeats(t: Signal, rows: Index, usual: float, findings: list[Finding]) -> tuple[Signal, Index]:
-    """Leave out samples that repeat a stamp; one followed by a double interval gets the stamp that is missing there."""
-    again = np.flatnonzero(np.diff(t) == 0) + 1
-    inner = again[again < t.size - 1]
-    missing = inner[np.abs(t[inner + 1] - t[inner] - 2 * usual) < 0.5 * usual]
-    mended = t.copy()
-    mended[missing] = 0.5 * (t[missing] + t[missing + 1])
-    left_out = np.setdiff1d(again, missing)
-    done = [f"{left_out.size} left out"] if left_out.size else []
-    done += [f"{missing.size} given the stamp that was missing"] if missing.size else []
-    message = f"{again.size} sample{'s repeat' if again.size > 1 else ' repeats'} the stamp before"
-    findings.append(_found("repeated_stamp", message, ", ".join(done), t[again], int(again.size), int(left_out.size)))
-    return np.delete(mended, left_out), np.delete(rows, left_out)
-
-
-def resolution(t: Signal, usual: float) -> float:
+def _resolution(t: Signal, usual: float) -> float:
     """Step in which the stamps count, found on a sample of them; 0 if they are finer than a millionth of a second. [s]"""
     some = t[:2000] - t[0]
     for digits in range(7):

@@ -45,16 +45,6 @@ class Bin(msgspec.Struct, frozen=True):
     mean: Mapping[str, float]
     standard_error: Mapping[str, float]
 
-    def __getattr__(self, name: str) -> float | None:
-        """Mean power of a stage as an attribute, such as `power_line`, as of `Metrics`; None for one that is not known. [W]
-
-        >>> Bin(100.0, 200.0, 7, {"line": 50.0}, {"line": 1.5}).power_line
-        50.0
-        """
-        if name.startswith("power_"):
-            return self.mean.get(name.removeprefix("power_"))
-        raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-
 
 def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | PlateauSummary | None], rig: Rig) -> Mask:
     """Find the samples of the payouts in which the clutch drives the generator, (n,).

@@ -157,8 +157,6 @@ def _significant(rows: _Rows, left: Sequence[int], alpha: float) -> list[int]:
 
 def _distance(rows: _Rows, by: Sequence[int], k: int) -> _Distance:
     """Compare a log with what others predict; chance alone where these give no law."""
-    from scipy.special import fdtrc
-
     inverse = np.linalg.pinv(rows.terms[by], rcond=PHYSICAL_MIN)  # terms that go together, as at one speed, count once
     weights = rows.terms[k] @ inverse
     known = np.abs(weights @ rows.terms[by] - rows.terms[k]).max() <= PHYSICAL_MIN * np.abs(rows.terms[k]).max()
@@ -169,5 +167,9 @@ def _distance(rows: _Rows, by: Sequence[int], k: int) -> _Distance:
     freedom = PRIOR + len(by) - rows.terms.shape[1]
     f = beyond**2 / variance / float((PRIOR + rest @ rest) / freedom)
     far = known and beyond / float(rows.y[k] ** 2 * rows.sd[k]) >= ETA_DISTANCE_MIN
-    chance = float(fdtrc(1, freedom, f)) if far else 1.0
+    chance = 1.0
+    if far:
+        from scipy.special import fdtrc
+
+        chance = float(fdtrc(1, freedom, f))
     return _Distance(off * float(rows.sd[k]), allowed * float(rows.sd[k]), chance, off**2 / variance if known else 0.0)

@@ -101,7 +101,7 @@ def mean_plateau_speed(payouts: Iterable[PayoutSummary]) -> float | None:
 
 
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
-    """Summarise the phases of every cycle."""
+    """Summarise the phases of every cycle; lengths are rounded to the error of the subtraction of stamps."""
     run, cycles, known = phased.run, phased.cycles, "velocity" in phased.run.channels
     flat = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in phased.plateaus]
     phases = flat, [c.hold for c in cycles], [c.haul_in for c in cycles]
@@ -114,7 +114,12 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     minimum = extremes(run.t, run.channels["force"], hauls)[0].tolist() if "force" in run.channels else None
     line = BUILT_IN["line"].stream(run.channels, None)
     energy = None if line is None else integrals(run.t, line, hauls).tolist()
-    points, flows, found = _points(phased), _both_ways(phased), []
+    points: list[OperatingPoint | UnsetType] = [UNSET] * len(cycles)
+    if not phased.rig.phases.by_motion and {"speed", "torque"} & run.channels.keys():
+        rows = _means(phased, ["speed", "torque"], whole_cycles(phased))
+        rpm = [None if of["speed"] is None else of["speed"] * 30.0 / math.pi for of in rows]
+        points = [OperatingPoint(speed, of["torque"]) for speed, of in zip(rpm, rows, strict=True)]
+    flows, found = _both_ways(phased), []
     for k, (c, p) in enumerate(zip(cycles, phased.plateaus, strict=True)):
         on_plateau, held, hauled = means[k :: len(cycles)]
         plateau, hold, haul_in = None, None, None
@@ -125,29 +130,17 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
             plateau = PlateauSummary(begin, braking, speed, *of_channels)
         if c.hold is not None:
             pressure = None if held["pressure"] is None else held["pressure"] / KGCM2
-            hold = HoldSummary(_length(*c.hold), held["force"], held["torque"], pressure)
+            hold = HoldSummary(round(c.hold[1] - c.hold[0], 9), held["force"], held["torque"], pressure)
         if c.haul_in is not None:
             lowest, joules = (None if of is None else of[k] for of in (minimum, energy))
-            haul_in = HaulInSummary(_length(*c.haul_in), top[k] if known else None, hauled["force"], lowest, joules)
+            haul_in = HaulInSummary(
+                round(c.haul_in[1] - c.haul_in[0], 9), top[k] if known else None, hauled["force"], lowest, joules
+            )
         travel = phased.travel[k] if math.isfinite(phased.travel[k]) else None
         speed_max = phased.speed_max[k] if known else None
-        payout = PayoutSummary(_length(c.onset, c.payout_end), travel, speed_max, plateau)
+        payout = PayoutSummary(round(c.payout_end - c.onset, 9), travel, speed_max, plateau)
         found.append(PhaseSummary(payout, hold, haul_in, points[k], flows[k]))
     return found
-
-
-def _length(begin: float, end: float) -> float:
-    """Length of a span without the error of the subtraction of stamps. [s]"""
-    return round(end - begin, 9)
-
-
-def _points(phased: PhasedRun) -> Sequence[OperatingPoint | UnsetType]:
-    """Operating points of cycles that are spans, unset for others."""
-    if phased.rig.phases.by_motion or not {"speed", "torque"} & phased.run.channels.keys():
-        return [UNSET] * len(phased.cycles)
-    rows = _means(phased, ["speed", "torque"], whole_cycles(phased))
-    rpm = [None if of["speed"] is None else of["speed"] * 30.0 / math.pi for of in rows]
-    return [OperatingPoint(speed, of["torque"]) for speed, of in zip(rpm, rows, strict=True)]
 
 
 def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | UnsetType]:

@@ -1,9 +1,8 @@
 """Whether channels that depend on one quantity agree: velocity and displacement, power, torque and speed.
 
 Velocity and displacement are averaged over blocks: the integral of the one and the change of the other, by their duration.
-Blocks in which the displacement rests show the zero of the velocity, blocks in which both move its gain and its smoothing. A
-displacement that is set back, counts both ways or is stuck makes a few blocks that deviate from the others; these are left out.
-Neither channel is changed.
+Blocks in which the displacement rests show the zero of the velocity, blocks in which both move its gain and its smoothing. Few
+that deviate from the others are left out: the displacement is set back, counts both ways or is stuck. No channel is changed.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, GAUSS, median, median_and_error, quantile, running, smallest_step
-from winchcascade.core.run import Finding, Index, Mask, Signal
+from winchcascade.core.run import Finding, Mask, Signal
 from winchcascade.ingest.checks.samples import Samples
 
 BLOCK_TIME = 1.0
@@ -33,16 +32,14 @@ CERTAIN_U = 4.0
 """A deviation is reported from this many standard uncertainties on. [1]"""
 
 GAIN = 0.01
-"""Smallest deviation of a gain that matters: drums and wheels are known no better. Energies deviate by as much. [1]"""
+"""Smallest deviation of a gain that matters: drums and wheels are known no better. Two channels that a radius or a gear
+connects may deviate by twice as much, as radii under load do. [1]"""
 
-RADIUS = 0.02
-"""The same of two channels that a radius or a gear connects: radii under load are known no better. [1]"""
+ALIKE = 0.3
+"""A block that deviates by less than this share counts: a slow sensor in a fast log makes blocks that differ. [1]"""
 
 ZERO = 1 / 6
 """A zero below this share of the onset speed does not matter: 0.005 m/s, 0.6 % of a payout at 0.86 m/s. [1]"""
-
-ALIKE = 0.3
-"""A block that deviates by less than this share stays: a slow sensor in a fast log makes blocks that differ. [1]"""
 
 SMOOTHING_MIN = 0.1
 """Smallest standard deviation of a smoothing that is reported: an average over 0.35 s, half of what detection applies. [s]"""
@@ -67,40 +64,31 @@ class SpeedBlocks(NamedTuple):
     v: Signal
     by_displacement: Signal
 
-    def known(self) -> SpeedBlocks:
-        """Blocks without holes."""
+    def known(self, where: Mask | None = None) -> SpeedBlocks:
+        """Blocks without holes, of some."""
         good = np.isfinite(self.v) & np.isfinite(self.by_displacement)
+        good = good if where is None else good & where
         return SpeedBlocks(self.seconds[good], self.v[good], self.by_displacement[good])
 
 
 def speed_blocks(log: Samples, rows: int) -> SpeedBlocks:
-    """Average velocity and displacement over blocks of so many rows."""
+    """Average velocity and displacement over blocks of so many rows; a sample between two blocks is of both."""
     t, v, x = log.t, log.channels["velocity"], log.channels["displacement"]
     ends = np.arange(0, t.size, max(1, rows))
     seconds, moved = np.diff(t[ends]), np.diff(x[ends])
-    travelled = np.diff(running(t, v.__getitem__, ends)) if np.isfinite(v.sum()) else _over_holes(t, v, ends)
+    travelled = np.diff(running(t, lambda part: np.nan_to_num(v[part]), ends))
+    holes = np.add.reduceat(v[: ends[-1]], ends[:-1]) + v[ends[1:]] if ends.size > 1 else moved
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        return SpeedBlocks(seconds, travelled / seconds, moved / seconds)
-
-
-def _over_holes(t: Signal, v: Signal, ends: Index) -> Signal:
-    """Travel by the velocity over blocks, NaN for those with a hole; a sample between two blocks is of both. [m]"""
-    travelled = np.diff(running(t, np.nan_to_num(v).__getitem__, ends))
-    holes = np.flatnonzero(~np.isfinite(v))
-    for side in ("left", "right"):
-        at = np.searchsorted(ends, holes, side=side) - 1
-        travelled[at[(at >= 0) & (at < travelled.size)]] = np.nan
-    return travelled
+        return SpeedBlocks(seconds, np.where(np.isfinite(holes), travelled / seconds, np.nan), moved / seconds)
 
 
 def mean_speeds(log: Samples, v_onset: float) -> SpeedBlocks:
     """Blocks of a second or more without holes and gaps; coarse steps of an encoder make them longer."""
-    usual = median(np.diff(log.t[:ENOUGH]))
+    usual = log.interval
     seconds = max(BLOCK_TIME, MOVING * smallest_step(log.channels["displacement"]) / v_onset)
     rows = max(1, round(min(seconds / usual, float(log.t.size))))
     blocks = speed_blocks(log, rows)
-    blocks.v[blocks.seconds > 1.5 * rows * usual] = np.nan
-    return blocks.known()
+    return blocks.known(blocks.seconds < 1.5 * rows * usual)
 
 
 def clock_mismatch(log: Samples) -> str | None:
@@ -108,24 +96,22 @@ def clock_mismatch(log: Samples) -> str | None:
 
     Without a displacement, stamps that are too far apart to smooth the velocity are described.
     """
-    usual = median(np.diff(log.t[:ENOUGH]))
+    usual, smoothing = log.interval, log.rig.thresholds.smoothing
     if "velocity" not in log.channels or "displacement" not in log.channels:
-        smoothing = log.rig.thresholds.smoothing
-        if not log.by_line or usual <= smoothing:
-            return None
         return (
             f"stamps are {usual:.4g} s apart, and the velocity is smoothed over {smoothing:g} s; no other channel confirms the "
             "clock. For stamps in a smaller unit, state it with override = true under [columns] of a rig file"
+            if log.by_line and usual > smoothing
+            else None
         )
     rows = min(
         BLOCK_TIME / usual, max(1.0, log.t.size / 200.0)
     )  # whatever the clock, a log has more than a hundred blocks
-    blocks = speed_blocks(log, round(rows)).known()
-    moving = np.abs(blocks.v) > MOVING * log.rig.thresholds.v_onset
-    moving &= (blocks.by_displacement != 0.0) & np.isfinite(blocks.v * blocks.by_displacement)
-    if np.count_nonzero(moving) < MIN_BLOCKS:
+    blocks = speed_blocks(log, round(rows))
+    blocks = blocks.known((np.abs(blocks.v) > MOVING * log.rig.thresholds.v_onset) & (blocks.by_displacement != 0.0))
+    if blocks.v.size < MIN_BLOCKS:
         return None
-    factor = median(np.abs(blocks.v[moving] / blocks.by_displacement[moving]))
+    factor = median(np.abs(blocks.v / blocks.by_displacement))
     large = max(factor, 1.0 / factor)
     counts = bool(np.all(np.diff(log.t[:1000]) == 1.0)) and large > 1.0 + UNIT
     if not (counts or large > GAIN_MAX or any(abs(large / ratio - 1.0) < UNIT for ratio in UNITS)):
@@ -140,19 +126,18 @@ def clock_mismatch(log: Samples) -> str | None:
 
 def compare_motions(log: Samples) -> None:
     """Report a zero, a gain or a smoothing of the velocity that the displacement contradicts."""
-    v_onset = log.rig.thresholds.v_onset
+    v_onset, step = log.rig.thresholds.v_onset, log.level("velocity").step
     blocks = mean_speeds(log, v_onset)
-    moving = np.abs(blocks.by_displacement) > MOVING * v_onset
+    speed, off = np.abs(blocks.by_displacement), blocks.v - blocks.by_displacement
+    moving, at_rest, zero = speed > MOVING * v_onset, speed < v_onset, 0.0
     if np.count_nonzero(moving) < MIN_BLOCKS:
         return
-    step, zero = log.level("velocity").step, 0.0
-    at_rest = np.abs(blocks.by_displacement) < v_onset
     if np.count_nonzero(at_rest) >= MIN_BLOCKS:
-        found, u = median_and_error(blocks.v[at_rest] - blocks.by_displacement[at_rest])
+        found, u = median_and_error(off[at_rest])
         if abs(found) > max(ZERO * v_onset, CERTAIN_U * u, step):
             zero = found
             _report(log, "velocity", _zero_text(zero, median(blocks.by_displacement[at_rest]), v_onset))
-    gain = _gain(blocks, zero, v_onset, step)
+    gain = _gain(blocks.known(moving & ((blocks.v - zero) * blocks.by_displacement > 0)), zero, step)
     if gain is not None:
         what = (
             f"velocity integrates to {gain:#.4g} times the travel of the displacement; energies are proportional to the "
@@ -172,20 +157,15 @@ def _report(log: Samples, channel: str, message: str) -> None:
     log.findings.append(Finding("out_of_range", message, "reported and kept", channel))
 
 
-def _gain(blocks: SpeedBlocks, zero: float, v_onset: float, step: float) -> float | None:
+def _gain(moving: SpeedBlocks, zero: float, step: float) -> float | None:
     """Travel by the velocity over travel by the displacement; None if that is 1 within its uncertainty. [1]"""
-    moving = np.abs(blocks.by_displacement) > MOVING * v_onset
-    along = moving & ((blocks.v - zero) * blocks.by_displacement > 0)
-    if np.count_nonzero(along) < MIN_BLOCKS:
+    if moving.v.size < MIN_BLOCKS:
         return None
-    speed = np.abs(blocks.by_displacement[along])
-    v = np.abs(blocks.v[along] - zero)
+    v, speed = np.abs(moving.v - zero), np.abs(moving.by_displacement)
     rough = median(v / speed)
     beyond = np.abs(v - rough * speed)
     near = beyond <= np.maximum(CERTAIN_U * GAUSS * median(beyond), ALIKE * rough * speed)
-    if 2 * np.count_nonzero(near) < np.count_nonzero(moving):
-        return None
-    seconds, speed, v = blocks.seconds[along][near], speed[near], v[near]
+    seconds, speed, v = moving.seconds[near], speed[near], v[near]
     travel = float(np.dot(speed, seconds))
     gain = float(np.dot(v, seconds)) / travel
     u = float(np.linalg.norm((v - gain * speed) * seconds)) / travel
@@ -211,42 +191,37 @@ def _smoothing(log: Samples) -> float | None:
     A kernel of standard deviation s and mean lag adds, to second order, -lag v' + s**2 / 2 v'' to a velocity: least squares of
     the difference of the block means give both. The noise of the velocity itself makes the coefficient of v'' negative.
     """
-    usual = median(np.diff(log.t[:ENOUGH]))
-    rows = max(1, round(SHORT_BLOCK / usual))
+    rows = max(1, round(SHORT_BLOCK / log.interval))
+    h = rows * log.interval
     blocks = speed_blocks(log, rows)
-    v, off = blocks.v, blocks.v - blocks.by_displacement
-    h = rows * usual
-    terms = np.column_stack(
-        (np.ones(v.size - 2), v[1:-1], 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2)
-    )
-    known = np.isfinite(terms).all(axis=1) & np.isfinite(off[1:-1]) & (np.abs(blocks.seconds[1:-1] - h) < 0.5 * h)
+    v, off = blocks.v, (blocks.v - blocks.by_displacement)[1:-1]
+    rise, bend = 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2
+    terms = np.column_stack((np.ones(off.size), v[1:-1], rise, bend))
+    known = np.isfinite(bend) & np.isfinite(off) & (np.abs(blocks.seconds[1:-1] - h) < 0.5 * h)
     if h > 2.0 * SHORT_BLOCK or np.count_nonzero(known) < 10 * MIN_BLOCKS:
         return None
-    terms, off = terms[known], off[1:-1][known]
+    terms, off = terms[known], off[known]
     normal = terms.T @ terms
     if np.linalg.cond(normal) > 1e12:
         return None
-    found = np.linalg.solve(normal, terms.T @ off)
-    scatter = float(np.sum((off - terms @ found) ** 2)) / (off.size - found.size)
-    u = math.sqrt(scatter * float(np.linalg.inv(normal)[-1, -1]))
-    half_variance = float(found[-1]) - usual**2 / 12.0  # trapezoids between samples smooth by as much
+    inverse = np.linalg.inv(normal)
+    found = inverse @ (terms.T @ off)
+    u = math.sqrt(float(np.sum((off - terms @ found) ** 2)) / (off.size - found.size) * float(inverse[-1, -1]))
+    half_variance = float(found[-1]) - log.interval**2 / 12.0  # trapezoids between samples smooth by as much
     return math.sqrt(2.0 * half_variance) if half_variance > max(0.5 * SMOOTHING_MIN**2, 2.0 * CERTAIN_U * u) else None
 
 
 def compare_powers(log: Samples) -> None:
-    """Report a logged mechanical power that differs from torque times speed, and a speed that differs from line and radius.
-
-    A speed that is derived, or that differs by chance, is not reported.
-    """
+    """Report a logged mechanical power that differs from torque times speed, and a speed that differs from line and radius."""
     channels, r_drum = log.channels, log.rig.r_drum
     some = {name: x[:: max(1, x.size // ENOUGH)] for name, x in channels.items()}
     by_line = r_drum is not None and "velocity" in some
     omega = some["velocity"] / r_drum if by_line and r_drum is not None else some.get("speed")
-    if "power_mech" in some and "torque" in some and omega is not None:
+    if omega is None:
+        return
+    if "power_mech" in some and "torque" in some:
         by_torque = some["torque"] * omega
-        ratio = _ratio(
-            some["power_mech"], by_torque if by_line else np.abs(by_torque), np.isfinite(by_torque), by_torque
-        )
+        ratio = _ratio(some["power_mech"], by_torque, by_torque if by_line else np.abs(by_torque))
         if ratio is not None:
             radius = f" velocity / r_drum, with {r_drum:g} m of the rig" if by_line else " speed"
             what = (
@@ -254,9 +229,9 @@ def compare_powers(log: Samples) -> None:
                 f"unit and shaft of all of them{', and r_drum' if by_line else ''}"
             )
             _report(log, "power_mech", what)
-    if by_line and omega is not None and "speed" in some:
-        engaged = some["torque"] > log.rig.thresholds.tau_engaged if "torque" in some else np.isfinite(omega)
-        ratio = _ratio(some["speed"], omega, engaged, omega)
+    if by_line and "speed" in some:
+        engaged = some["torque"] > log.rig.thresholds.tau_engaged if "torque" in some else omega > 0.0
+        ratio = _ratio(some["speed"], omega, np.where(engaged, omega, 0.0))
         if ratio is not None:
             geared = " and the gear ratio" if log.rig.drivetrain.gear_ratio is not None else ""
             what = (
@@ -266,19 +241,13 @@ def compare_powers(log: Samples) -> None:
             log.findings.append(Finding("speed_mismatch", what, "reported and kept", "speed"))
 
 
-def _ratio(x: Signal, size: Signal, where: Mask, y: Signal) -> float | None:
-    """Median ratio of two signals where the second is large; None where they agree or too few samples show it. [1]
-
-    Parameters
-    ----------
-    size : (n,) of y, by which samples are chosen
-    where : (n,) samples that count
-    """
-    known = np.isfinite(x) & np.isfinite(y)
+def _ratio(x: Signal, y: Signal, size: Signal) -> float | None:
+    """Median ratio of two signals where a size, (n,), is large; None where they agree or too few samples show it. [1]"""
+    known = np.isfinite(x) & np.isfinite(size)
     if not known.any():
         return None
-    driven = known & where & (size > max(DRIVEN * quantile(size[known], 0.997), 0.0))
+    driven = known & (size > max(DRIVEN * quantile(size[known], 0.997), 0.0))
     if np.count_nonzero(driven) < MIN_BLOCKS:
         return None
     ratio, u = median_and_error(x[driven] / y[driven])
-    return ratio if abs(ratio - 1.0) > max(RADIUS, CERTAIN_U * u) else None
+    return ratio if abs(ratio - 1.0) > max(2.0 * GAIN, CERTAIN_U * u) else None

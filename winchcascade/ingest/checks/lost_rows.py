@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import numpy as np
 
 from winchcascade.core.integrate import BLOCK, GAUSS, median, quantile
@@ -25,14 +22,6 @@ SIDE = 5
 """Rows on either side of a jump that show whether it comes back, and the speed where no velocity is logged. [1]"""
 
 
-class Jump(NamedTuple):
-    """A jump of the displacement after a row, by what it changes beyond the mean velocity [m], and that velocity [m/s]."""
-
-    before: int
-    metres: float
-    speed: float
-
-
 def put_back(log: Samples) -> Signal:
     """Put back the time of lost rows, and take the steps of a counter that was set out of the displacement.
 
@@ -45,27 +34,26 @@ def put_back(log: Samples) -> Signal:
     step = max(log.level("displacement").step, 1e-9)
     for before, metres, speed in _jumps(log):
         start, repair, after = float(log.t[before]), None, before + 1
-        travel = abs(speed) * float(log.t[after] - start)
+        end, travel = start, abs(speed) * float(log.t[after] - start)
         slow = abs(speed) < thresholds.v_onset
         if _makes_up(log, before, metres) or (slow and abs(metres) < thresholds.stroke_min):
             continue
         if slow:
             cause = "while the line rests: rows were lost and the clock was renumbered, or the counter was set"
         elif metres * speed < 0.0 or (abs(x[after]) < LARGE[2] * step + travel and abs(x[before]) > step):
-            x = np.concatenate((x[:after], x[after:] - metres))
+            x = np.append(x[:after], x[after:] - metres)
             cause = "and goes on from there: the counter was set back, or rows were written twice"
             repair = Repair("step removed from the displacement", x.size - after, ((start, float(t[-1])),))
         else:
             lost = metres / speed
-            t = np.concatenate((log.t[:after], log.t[after:] + lost))
+            t = np.append(log.t[:after], log.t[after:] + lost)
             log.findings[:] = [finding.at_times(log.t, t) for finding in log.findings]
-            log.t = t
-            gaps.append((start, float(t[after])))
+            log.t, end = t, float(t[after])
+            gaps.append((start, end))
             cause = f"as in {lost:.2f} s: rows were lost and the clock was renumbered, or the displacement slipped"
             repair = Repair("treated as a gap of that length", 0, (gaps[-1],))
         what = f"at {start:.2f} s the displacement jumps by {metres:+.3f} m beyond what the velocity gives, {cause}"
         action = "reported and kept" if repair is None else repair.what
-        end = gaps[-1][1] if gaps and gaps[-1][0] == start else start
         log.findings.append(Finding("clock_mismatch", what, action, start=start, end=end, repair=repair))
     log.channels["displacement"] = x
     return np.array(gaps).reshape(-1, 2)
@@ -90,44 +78,40 @@ def _steps(t: Signal, x: Signal, v: Signal, first: int, last: int) -> tuple[Sign
     return interval, 0.5 * (near[:, 1] + near[:, 2]), beyond
 
 
-def _blocks(t: Signal, x: Signal, v: Signal, every: int) -> Iterator[tuple[int, tuple[Signal, Signal, Signal]]]:
-    """Steps block by block, so that none of their numbers is held for all rows of a long log."""
-    for first in range(0, t.size - 1, BLOCK * every):
-        yield first, _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
-
-
-def _jumps(log: Samples) -> list[Jump]:
+def _jumps(log: Samples) -> list[tuple[int, float, float]]:
     """Jumps of the displacement by what the line did not travel, in order; none if they are many.
 
-    Without a velocity, it is the middle one of the slopes beside a row.
+    Each is the row before it, what it changes beyond the mean velocity [m], and that velocity [m/s]: without a velocity the
+    middle one of the slopes beside a row. A few blocks of a long log show what is usual.
     """
     t, x, v, v_onset = log.t, log.channels["displacement"], log.channels.get("velocity"), log.rig.thresholds.v_onset
     known = np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v)
     if np.count_nonzero(known) < 4 * SIDE:
         return []
-    whole_log, x = known.all(), whole(t, x)
+    x, longest = whole(t, x), 1.5 * log.interval
     if v is None:
         slopes = np.pad(np.diff(x) / np.diff(t), SIDE, mode="edge")
         v = np.partition(np.lib.stride_tricks.sliding_window_view(slopes, 2 * SIDE), SIDE, axis=1)[:, SIDE]
-    v, longest = whole(t, v), 1.5 * median(np.diff(t[: BLOCK + 1]))
-    sizes, found = [], []
-    for _, (interval, speed, beyond) in _blocks(t, x, v, max(1, t.size // (8 * BLOCK))):
+    v, sizes, found = whole(t, v), [], []
+    for first in range(0, t.size - 1, BLOCK * max(1, t.size // (8 * BLOCK))):
+        interval, speed, beyond = _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
         sizes.append(np.abs(beyond[(interval < longest) & (np.abs(speed) > v_onset)]))
     size = np.concatenate(sizes)
     if size.size < 4 * SIDE:
         return []
-    least = max(LARGE[0] * quantile(size, 0.95), LARGE[1] * GAUSS * median(size))
-    least = max(least, LARGE[2] * log.level("displacement").step)
-    for first, (interval, speed, beyond) in _blocks(t, x, v, 1):
+    usual = quantile(size, 0.95), GAUSS * median(size), log.level("displacement").step
+    least = max(share * one for share, one in zip(LARGE, usual, strict=True))
+    for first in range(0, t.size - 1, BLOCK):
+        interval, speed, beyond = _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
         large = (np.abs(beyond) > np.maximum(least, ROW * np.abs(speed) * interval)) & (interval < longest)
         found += (first + np.flatnonzero(large)).tolist()
     jumps = []
     for k in found if len(found) <= MAX_JUMPS else []:
-        part = slice(max(k - SIDE, 0), min(k + SIDE + 2, t.size))
-        interval, speed, _ = _steps(t, x, v, part.start, part.stop - 1)
-        along = np.diff(x[part]) - speed * interval
-        metres = float(along[k - part.start])
+        first, place = max(k - SIDE, 0), min(k, SIDE)
+        interval, speed, _ = _steps(t, x, v, first, min(k + SIDE + 1, t.size - 1))
+        along = np.diff(x[first : first + speed.size + 1]) - speed * interval
+        metres = float(along[place])
         comes_back = abs(float(along.sum()) - metres) >= ROW * abs(metres)  # as a spike does
-        if not comes_back and (whole_log or known[k : k + 2].all()):
-            jumps.append(Jump(k, metres, float(speed[k - part.start])))
+        if not comes_back and known[k : k + 2].all():
+            jumps.append((k, metres, float(speed[place])))
     return jumps

@@ -2,40 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Finding, Repair, Repairs, Signal
+from winchcascade.core.run import Finding, Mask, Repair, Repairs, Signal
 from winchcascade.ingest.assign import gives_result
 from winchcascade.ingest.checks.agreement import clock_mismatch, compare_motions, compare_powers
-from winchcascade.ingest.checks.faults import JUMPS, STILL, Check, filled_rows
+from winchcascade.ingest.checks.faults import FILLED_ROWS, JUMPS, STILL, Fault
 from winchcascade.ingest.checks.lost_rows import put_back
 from winchcascade.ingest.checks.samples import SLOPE_WIDTH, Samples, slope
 from winchcascade.ingest.checks.sensors import (
     MAY_HOLD,
     is_constant,
+    leave_out,
     out_of_range,
     repeated_rows,
     report_constant,
-    report_dead,
     saturated,
 )
-from winchcascade.ingest.checks.signs import directed, give_direction, opposite_signs
+from winchcascade.ingest.checks.signs import correct_signs, directed, give_direction
 
 APPLIED = ("missing_channel", "derived_channel", "not_a_number", "sign_flipped")
 """Findings whose action does not change a number that was logged: these are done without repairs, too."""
 
-FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
-"""Channels that must change while the line pays out; a channel of your own may hold its value."""
-
 MIN_CHECKED = 50
 """Fewer samples do not show what a channel usually does. [1]"""
-
-ROUNDS = 4
-"""Maximum number of repetitions of the search for jumps: one code next to another is found once that one is removed. [1]"""
 
 
 class Checked(msgspec.Struct, frozen=True):
@@ -71,29 +65,33 @@ def check(
     if not simulated and "displacement" not in channels:  # with a displacement the clock shows them
         repeated_rows(log)
     _take_out_holes(log)
-    _run_checks(log, (Check("dropped_samples", "are 0 between the updates of a slower channel", filled_rows),))
+    _run(log, FILLED_ROWS)
     _report_missing(log)
-    for _ in range(ROUNDS):
-        if not _run_checks(log, JUMPS):
-            break
+    _run(log, JUMPS)
     v, displacement = channels.get("velocity"), channels.get("displacement")
     if not (simulated or v is None or displacement is None) and is_constant(v) and not is_constant(displacement):
-        log.leave_out("velocity", "left out")
+        leave_out(log, "velocity", "left out")
     if not gives_result(channels, rig):
         return Checked(t, {}, {}, tuple(log.findings), np.empty((0, 2)))
     renumbered = np.empty((0, 2)) if simulated else _check_clock(log)
     both = not simulated and "velocity" in channels and "displacement" in channels
     _complete_velocity(log)
     turned = both and give_direction(log)
-    signs = _correct_signs(log)
+    signs = correct_signs(log)
     if not simulated:
-        _check_sensors(log, signs)
-        _run_checks(log, STILL, without=() if both or "displacement" not in channels else ("velocity",))
-        _leave_out_lost(log)
-        if not log.by_line:
-            report_constant(log)
-        report_dead(log)
-        if both and "velocity" in channels and "displacement" in channels and not _clock_is_wrong(log):
+        for name in log.channels:
+            if name in log.rig.sensors:
+                out_of_range(log, name, signs.get(name, 1.0))
+            if name in log.rig.cascade.channels and name not in MAY_HOLD:
+                saturated(log, name)
+        for fault in STILL:
+            _run(log, fault, without=() if both or "displacement" not in channels else ("velocity",))
+        report_constant(log)
+        if (
+            both
+            and "displacement" in channels
+            and not any(f.kind == "clock_mismatch" and f.start is None for f in log.findings)
+        ):
             compare_motions(log)
         compare_powers(log)
     if logged is not None:
@@ -101,23 +99,24 @@ def check(
     return _checked(log, renumbered, signs)
 
 
-def _run_checks(log: Samples, checks: Sequence[Check], without: Collection[str] = ()) -> bool:
-    """Run checks over all channels, take out what they mark, and report it; whether there is any.
+def _run(log: Samples, fault: Fault, without: Collection[str] = ()) -> None:
+    """Seek a fault in all channels until none is found, take out what has it, and report it.
 
     All channels are checked before the samples of one are taken out: each is a witness of the others.
     """
-    found = False
-    for kind, words, mask in checks:
+    total: dict[str, Mask] = {}
+    for _ in range(fault.rounds):
         names = [
-            name
-            for name, x in log.channels.items()
-            if name not in without and np.count_nonzero(np.isfinite(x)) > MIN_CHECKED
+            n for n, x in log.channels.items() if n not in without and np.count_nonzero(np.isfinite(x)) > MIN_CHECKED
         ]
-        for name, bad in [(name, bad) for name in names if (bad := mask(log, name)).any()]:
+        found = {name: bad for name in names if (bad := fault.mask(log, name)).any()}
+        for name, bad in found.items():
             log.take_out(name, bad)
-            log.report(kind, name, bad, words)
-            found = True
-    return found
+            total[name] = total[name] | bad if name in total else bad
+        if not found:
+            break
+    for name, bad in total.items():
+        log.report(fault.kind, name, bad, fault.words)
 
 
 def _take_out_holes(log: Samples) -> None:
@@ -153,10 +152,6 @@ def _check_clock(log: Samples) -> Signal:
     return np.empty((0, 2))
 
 
-def _clock_is_wrong(log: Samples) -> bool:
-    return any(f.kind == "clock_mismatch" and f.start is None for f in log.findings)
-
-
 def _complete_velocity(log: Samples) -> None:
     """Derive a velocity that the log lacks from its displacement, else from the speed of rotation and the drum radius."""
     if "velocity" in log.channels:
@@ -176,37 +171,6 @@ def _complete_velocity(log: Samples) -> None:
     log.findings[:] = [f for f in log.findings if f not in missing]
     message = missing[0].message if missing else "the log has no usable velocity"
     log.findings.append(Finding("derived_channel", message, action, "velocity", repair=Repair(action, 0)))
-
-
-def _correct_signs(log: Samples) -> dict[str, float]:
-    """Correct the sign of channels that are logged with the opposite one, and report them; -1 for each."""
-    flipped = opposite_signs(log.channels)
-    for name, why in flipped.items():
-        log.channels[name] = -log.channels[name]
-        repair = Repair("sign corrected", log.t.size)
-        log.findings.append(
-            Finding("sign_flipped", f"{name} has the opposite sign: {why}", repair.what, name, repair=repair)
-        )
-    return dict.fromkeys(flipped, -1.0)
-
-
-def _check_sensors(log: Samples, signs: Mapping[str, float]) -> None:
-    """Report values that the sensors cannot give."""
-    for name in log.channels:
-        if name in log.rig.sensors:
-            out_of_range(log, name, signs.get(name, 1.0))
-        if name in log.rig.cascade.channels and name not in MAY_HOLD:
-            saturated(log, name)
-
-
-def _leave_out_lost(log: Samples) -> None:
-    """Leave out channels that hold one value throughout although the line pays out."""
-    v = log.channels.get("velocity")
-    if v is None or not np.any(v > log.rig.thresholds.v_onset):
-        return
-    for name in FOLLOW_LINE & log.channels.keys():
-        if is_constant(log.channels[name]) and not (log.open_circuit and name == "idc"):
-            log.leave_out(name, "channel left out, metrics that need it are null")
 
 
 def _as_logged(

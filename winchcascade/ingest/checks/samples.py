@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.channels import Channel
-from winchcascade.core.integrate import ENOUGH, median, quantiles_in_place, smallest_step, stretches_of
+from winchcascade.core.integrate import BLOCK, ENOUGH, median, quantiles_in_place, smallest_step, stretches_of
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Finding, FindingKind, Index, Mask, Repair, Signal
@@ -133,6 +133,11 @@ class Samples(msgspec.Struct):
         return self.levels[name]
 
     @property
+    def interval(self) -> float:
+        """Usual interval between samples. [s]"""
+        return median(np.diff(self.t[:BLOCK]))
+
+    @property
     def by_line(self) -> bool:
         """Whether the log has the motion of a line."""
         return "velocity" in self.channels or "displacement" in self.channels
@@ -179,15 +184,6 @@ class Samples(msgspec.Struct):
         )
         start, end = spans[0][0], spans[-1][1]
         self.findings.append(Finding(kind, message, action, name, start, end, count, count * removed, repair=repair))
-
-    def leave_out(self, name: str, action: str) -> None:
-        """Leave out a channel that holds one value throughout."""
-        dead = not np.any(np.nan_to_num(self.channels.pop(name)))
-        self.lost.pop(name, None)
-        what = f"{name} {'is zero' if dead else 'holds one value'} through the whole log while the line moves"
-        ends, n = (float(self.t[0]), float(self.t[-1])), self.t.size
-        kind: FindingKind = "dead_channel" if dead else "stuck"
-        self.findings.append(Finding(kind, what, action, name, *ends, n, n, repair=Repair(action, n, (ends,))))
 
     def bridge(self) -> dict[str, Signal]:
         """Bridge the holes of all channels, those of the velocity by the displacement.

@@ -8,8 +8,11 @@ from itertools import pairwise
 import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, ends_of
-from winchcascade.core.run import Finding, Mask, Signal
+from winchcascade.core.run import Finding, FindingKind, Mask, Repair, Signal
 from winchcascade.ingest.checks.samples import Samples, limits_of, text_of
+
+FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
+"""Channels that must change while the line pays out; a channel of your own may hold its value."""
 
 MAY_HOLD = ("velocity", "speed")
 """Factors of a power whose largest value need not scatter: a line or a shaft may move at one speed. A machine that is blocked
@@ -44,8 +47,8 @@ def out_of_range(log: Samples, name: str, sign: float) -> None:
     bad = (x < low) | (x > high)
     spikes = at[(sign * logged < low) | (sign * logged > high)]
     bad[spikes] = True
-    channel = log.rig.known_channels[name]
     limit, worst = (high, top) if top > high else (low, bottom)
+    channel = log.rig.known_channels[name]
     what = f"lie outside its range, up to {text_of(channel, worst)} {channel.unit} where it ends at {text_of(channel, limit)}"
     log.report("out_of_range", name, bad, what, removed=False, bridged=spikes.size)
 
@@ -76,49 +79,68 @@ def is_noisy(change: Signal) -> bool:
     return bool(np.mean(turn) > 0.5 * NOISY and large.size and np.mean(large) > NOISY)
 
 
-def report_constant(log: Samples) -> None:
-    """Report channels of a log without a line that hold one value throughout while others change."""
-    used = [name for name in log.rig.cascade.channels if name in log.channels]
-    constant = [name for name in used if is_constant(log.channels[name])]
-    for name in constant:
-        value = float(np.nanmax(log.channels[name]))
-        if value != 0.0 and len(constant) < len(used):
-            channel = log.rig.known_channels[name]
-            what = (
-                f"{name} holds one value, {text_of(channel, value)} {channel.unit}, through the log while others change"
-            )
-            ends = float(log.t[0]), float(log.t[-1])
-            log.findings.append(Finding("stuck", what, "reported and kept", name, *ends, log.t.size))
-
-
 def is_constant(x: Signal) -> bool:
     """Whether a channel is one value throughout; most show within a few samples that they are not."""
     return all(np.ptp(part[np.isfinite(part)]) == 0 for part in (x[:1000], x) if np.isfinite(part).any())
 
 
-def report_dead(log: Samples) -> None:
-    """Report channels that are zero throughout although their stages work.
+def report_constant(log: Samples) -> None:
+    """Report channels that hold one value throughout, and leave out those that must follow the line while it pays out.
 
-    The other channels of their power are there, and so is the power of another stage, where one is known. A motion is dead only
-    if a stage downstream has a power.
+    Without a line, others change; a channel of zeros is dead if its stage works.
+    """
+    v = log.channels.get("velocity")
+    pays_out = v is not None and bool(np.any(v > log.rig.thresholds.v_onset))
+    used = {name for name in (*FOLLOW_LINE, *log.rig.cascade.channels) if name in log.channels}
+    constant = sorted(
+        name for name in used if is_constant(log.channels[name]) and not (log.open_circuit and name == "idc")
+    )
+    for name in constant:
+        value = float(np.nanmax(log.channels[name]))
+        if pays_out and name in FOLLOW_LINE:
+            leave_out(log, name, "channel left out, metrics that need it are null")
+        elif value == 0.0 and _works(log, name):
+            action = "reported and kept, so that its energies are zero; check the sensor, and which column is read"
+            _report(log, "dead_channel", name, f"{name} is zero through the whole log while its stage works", action)
+        elif value != 0.0 and not log.by_line and len(constant) < len(used):
+            channel = log.rig.known_channels[name]
+            what = (
+                f"{name} holds one value, {text_of(channel, value)} {channel.unit}, through the log while others change"
+            )
+            _report(log, "stuck", name, what, "reported and kept")
+
+
+def leave_out(log: Samples, name: str, action: str) -> None:
+    """Leave out a channel that holds one value throughout."""
+    dead = not np.any(np.nan_to_num(log.channels.pop(name)))
+    log.lost.pop(name, None)
+    what = f"{name} {'is zero' if dead else 'holds one value'} through the whole log while the line moves"
+    _report(log, "dead_channel" if dead else "stuck", name, what, action, removed=True)
+
+
+def _report(log: Samples, kind: FindingKind, name: str, what: str, action: str, *, removed: bool = False) -> None:
+    """Report a whole channel."""
+    ends, n = (float(log.t[0]), float(log.t[-1])), log.t.size
+    repair = Repair(action, n, (ends,)) if removed else None
+    log.findings.append(Finding(kind, what, action, name, *ends, n, n * removed, repair=repair))
+
+
+def _works(log: Samples, name: str) -> bool:
+    """Whether the stage of a channel of zeros works: the other channels of its power are there, and so is the power of another
+    stage, where one is known. A motion is dead only if a stage downstream has a power.
     """
     stages = log.stages()
-    for name in log.rig.cascade.channels:
-        own = [k for k, stage in enumerate(stages) if name in stage]
-        if name not in log.channels or not own or np.any(np.nan_to_num(log.channels[name])):
-            continue
-        others = [stage for stage in stages if name not in stage]
-        if name in MAY_HOLD:
-            dead = any(_delivers(log, stage) for stage in stages[own[-1] + 1 :])
-        else:
-            beside = [other for other in stages[own[0]] if other != name]
-            works = all(log.motion().any() if other in MAY_HOLD else np.any(log.channels[other]) for other in beside)
-            dead = works and (any(_delivers(log, stage) for stage in others) or (not others and bool(beside)))
-        if dead and not (log.open_circuit and name == "idc"):
-            what = f"{name} is zero through the whole log while its stage works"
-            action = "reported and kept, so that its energies are zero; check the sensor, and which column is read"
-            ends = float(log.t[0]), float(log.t[-1])
-            log.findings.append(Finding("dead_channel", what, action, name, *ends, log.t.size))
+    own = [k for k, stage in enumerate(stages) if name in stage]
+    if not own:
+        return False
+    if name in MAY_HOLD:
+        return any(_delivers(log, stage) for stage in stages[own[-1] + 1 :])
+    others, beside = (
+        [stage for stage in stages if name not in stage],
+        [other for other in stages[own[0]] if other != name],
+    )
+    works = all(log.motion().any() if other in MAY_HOLD else np.any(log.channels[other]) for other in beside)
+    return works and (any(_delivers(log, stage) for stage in others) or (not others and bool(beside)))
 
 
 def _delivers(log: Samples, stage: tuple[str, ...]) -> bool:

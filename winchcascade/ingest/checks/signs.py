@@ -8,11 +8,8 @@ import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, ends_of, median
 from winchcascade.core.run import Finding, Mask, Repair, Signal
-from winchcascade.ingest.checks.agreement import MIN_BLOCKS, MOVING, mean_speeds
+from winchcascade.ingest.checks.agreement import DRIVEN, MIN_BLOCKS, MOVING, mean_speeds
 from winchcascade.ingest.checks.samples import Samples, slope
-
-FAST = 0.3
-"""Samples faster than this share of the top speed distinguish payout from haul-in. [1]"""
 
 LARGER = 1.2
 """A channel votes if it is this many times as large in one direction as in the other. [1]"""
@@ -30,6 +27,15 @@ FOLLOWS = 0.2
 """A speed without a sign agrees with that of the displacement within this share, in four of five blocks. [1]"""
 
 
+def correct_signs(log: Samples) -> dict[str, float]:
+    """Correct the sign of channels that are logged with the opposite one, and report them; -1 for each."""
+    flipped = opposite_signs(log.channels)
+    for name, why in flipped.items():
+        log.channels[name] = -log.channels[name]
+        _report(log, name, f"{name} has the opposite sign: {why}", "sign corrected")
+    return dict.fromkeys(flipped, -1.0)
+
+
 def opposite_signs(channels: Mapping[str, Signal]) -> dict[str, str]:
     """Channels that are logged with the opposite sign, each with the reason.
 
@@ -44,39 +50,28 @@ def opposite_signs(channels: Mapping[str, Signal]) -> dict[str, str]:
     if "pressure" in some and median(some["pressure"]) < VACUUM:
         some["pressure"] = -some["pressure"]
         flipped["pressure"] = "it lies below the vacuum"
-    if _payout_is_negative(some, v):
+    votes = _follows(some["pressure"], v) if "pressure" in some else 0
+    ways = _fast(v), _fast(-v)
+    for name in ("force", "torque", "vdc"):
+        if name in some and (name != "force" or all(way.any() for way in ways)):  # idle, it is not without tension
+            out, back = (median(np.abs(some[name][way])) if way.any() else 0.0 for way in ways)
+            if max(out, back) > IDLE[name]:
+                votes += int(out > LARGER * back) - int(back > LARGER * out)
+    if votes < 0:
         v = -v
         flipped["velocity"] = "payout is logged as negative"
     if "displacement" in some and _follows(some["displacement"], v) < 0:
         flipped["displacement"] = "it falls while the line pays out"
-    out = _fast(v)
-    for name, minimum in IDLE.items():
-        if name in some and out.any() and median(some[name][out]) < -minimum:
+    paid_out = _fast(v)
+    for name, idle in IDLE.items():
+        if name in some and paid_out.any() and median(some[name][paid_out]) < -idle:
             flipped[name] = "it is negative while the line pays out"
     return flipped
 
 
 def _fast(v: Signal) -> Mask:
     """Samples that move outward at more than a share of the top speed in that direction."""
-    return v > max(FAST * float(np.max(v, initial=0.0)), 1e-6)
-
-
-def _payout_is_negative(some: Mapping[str, Signal], v: Signal) -> bool:
-    """Whether most channels show that the line pays out where its velocity is negative.
-
-    The line tension votes only if both directions were logged; torque and voltage also by their absence.
-    """
-    up, down = _fast(v), _fast(-v)
-    votes = 0
-    for name in ("force", "torque", "vdc"):
-        if name not in some or (name == "force" and not (up.any() and down.any())):
-            continue
-        large, small = (median(np.abs(some[name][part])) if part.any() else 0.0 for part in (up, down))
-        if max(large, small) > IDLE[name]:
-            votes += int(large > LARGER * small) - int(small > LARGER * large)
-    if "pressure" in some:
-        votes += _follows(some["pressure"], v)
-    return votes < 0
+    return v > max(DRIVEN * float(np.max(v, initial=0.0)), 1e-6)
 
 
 def _follows(x: Signal, v: Signal) -> int:
@@ -89,13 +84,11 @@ def _follows(x: Signal, v: Signal) -> int:
 
 def give_direction(log: Samples) -> bool:
     """Give a speed that has no sign the direction of the displacement; whether it had none."""
-    thresholds, v = log.rig.thresholds, log.channels["velocity"]
-    turned = is_without_sign(log, thresholds.v_onset, thresholds.stroke_min)
+    turned = is_without_sign(log, log.rig.thresholds.v_onset, log.rig.thresholds.stroke_min)
     if turned:
         log.channels["velocity"] = directed(log)
-        message = "velocity has one sign whichever way the displacement goes: it is a speed without direction"
-        repair = Repair("given the direction of the displacement", v.size)
-        log.findings.append(Finding("sign_flipped", message, repair.what, "velocity", repair=repair))
+        what = "velocity has one sign whichever way the displacement goes: it is a speed without direction"
+        _report(log, "velocity", what, "given the direction of the displacement")
     return turned
 
 
@@ -110,16 +103,18 @@ def is_without_sign(log: Samples, v_onset: float, stroke_min: float) -> bool:
     low, high = ends_of(log.channels["velocity"])
     if low < 0.0 < high and min(-low, high) > ONE_SIDED * max(-low, high):
         return False
-    blocks = mean_speeds(log, v_onset)
-    speed = np.abs(blocks.by_displacement)
-    fast = speed > MOVING * v_onset
-    slow = np.abs(blocks.v[speed < v_onset])
+    seconds, v, by_displacement = mean_speeds(log, v_onset)
+    fast, slow = np.abs(by_displacement) > MOVING * v_onset, np.abs(v[np.abs(by_displacement) < v_onset])
     if np.count_nonzero(fast) < 2 * MIN_BLOCKS or (slow.size and median(slow) > MOVING * v_onset):
         return False
-    ratio = np.abs(blocks.v[fast]) / speed[fast]
-    alike = np.abs(ratio - median(ratio)) < FOLLOWS * ratio
-    if np.count_nonzero(alike) < (1.0 - FOLLOWS) * alike.size:
-        return False
-    travel = (blocks.seconds * blocks.by_displacement * np.sign(blocks.v))[fast][alike]
+    ratio = np.abs(v / np.where(fast, by_displacement, np.inf))
+    alike = fast & (np.abs(ratio - median(ratio[fast])) < FOLLOWS * ratio)
+    travel = (seconds * by_displacement * np.sign(v))[alike]
     with_it, against = float(travel[travel > 0].sum()), -float(travel[travel < 0].sum())
-    return min(with_it, against) > max(stroke_min, ONE_SIDED * max(with_it, against))
+    both_ways = min(with_it, against) > max(stroke_min, ONE_SIDED * max(with_it, against))
+    return both_ways and bool(np.count_nonzero(alike) >= (1.0 - FOLLOWS) * np.count_nonzero(fast))
+
+
+def _report(log: Samples, name: str, message: str, action: str) -> None:
+    repair = Repair(action, log.t.size)
+    log.findings.append(Finding("sign_flipped", message, action, name, repair=repair))

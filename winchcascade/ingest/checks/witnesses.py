@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import TypeAlias
 
 import numpy as np
 
 from winchcascade.core.integrate import median, quantile
 from winchcascade.core.run import Signal
-from winchcascade.ingest.checks.samples import LONGER, OF_NOISE, OF_RANGE, Samples
+from winchcascade.ingest.checks.samples import OF_NOISE, OF_RANGE, Samples
 
 NEARBY = 12
 """Number of samples on either side of an event that show what a channel does without it. [1]"""
@@ -26,12 +26,11 @@ SETTLES = 0.5
 HOLDS = 0.5
 """Another channel continues if it departs, relative to its level, by less than this share of what the suspect does. [1]"""
 
-BY_SPEED = 5.0
-"""Loss of torque, force or current over the loss of speed that explains it, where nothing else is logged: with a light load, a
-fifth of the speed opens the clutch. [1]"""
+AtEnds: TypeAlias = "Callable[[Iterable[bool]], bool]"
+"""`all` or `any`: whether both ends of a stretch count, or one."""
 
 
-def shown(log: Samples, name: str, first: int, last: int, *, at_each_end: bool = True) -> bool:
+def shown(log: Samples, name: str, first: int, last: int, at_ends: AtEnds) -> bool:
     """Whether another channel changes as sharply as nowhere nearby at each end of a stretch [first, last), or at one of them.
 
     A channel that holds a code there, or is lost like this one, is no witness. An end of the log is no edge.
@@ -42,16 +41,14 @@ def shown(log: Samples, name: str, first: int, last: int, *, at_each_end: bool =
         return False
     share = float(np.max(np.abs(inside - median(beside)))) / (log.level(name).span or np.inf)
     return any(
-        _changes(log, other, first, last, max(OF_RANGE, 0.05 * share), all if at_each_end else any)
+        _changes(log, other, first, last, max(OF_RANGE, 0.05 * share), at_ends)
         and not is_lost(log, other, name, first, last)
         for other in log.channels
         if other != name
     )
 
 
-def _changes(
-    log: Samples, name: str, first: int, last: int, share: float, at_ends: Callable[[Iterable[bool]], bool]
-) -> bool:
+def _changes(log: Samples, name: str, first: int, last: int, share: float, at_ends: AtEnds) -> bool:
     """Whether a channel or its slope changes by a share of its range at the ends of a stretch, and much more than nearby."""
     y, n, level = log.channels[name], log.t.size, log.level(name)
     begin, end = max(first - 2, 0), min(last + 2, n)
@@ -87,70 +84,50 @@ def is_lost(log: Samples, other: str, name: str, first: int, last: int) -> bool:
 def contradicted(log: Samples, name: str, first: int, last: int) -> bool:
     """Whether the channels that would depart with this one continue where it jumps away, in a stretch [first, last).
 
-    In the course of a long stretch the machine may do something else: only its begin and its end count.
+    In the course of a stretch that begins or ends without a jump, the machine may do something else: only its jump counts.
     """
-    x, minimum = log.channels[name], log.level(name).long_fault
-    begins, ends = (0 < k < log.t.size and bool(abs(x[k] - x[k - 1]) > minimum) for k in (first, last))
-    reach = max(MEDIAN_OF, int(SETTLES / float(log.t[1] - log.t[0])))
-    parts = [_Part(first, last, before=begins, after=ends)]
-    if not (begins and ends) or last - first > 2 * reach:
-        parts = [_Part(first, min(first + reach, last), before=True, after=False)] if begins else []
-        parts += [_Part(max(last - reach, first), last, before=False, after=True)] if ends else []
-    lost = {other for other in _witnesses(log, name) if is_lost(log, other, name, first, last)}
-    return bool(parts) and all(_continue(log, name, part, lost) for part in parts)
-
-
-class _Part(NamedTuple):
-    """Samples [first, last) of a suspect stretch, and whether the level before and after them shows what it departs from."""
-
-    first: int
-    last: int
-    before: bool
-    after: bool
-
-
-def _continue(log: Samples, name: str, part: _Part, lost: Collection[str]) -> bool:
-    """Whether the witnesses of a channel continue over a part of a stretch in which it departs."""
-    own = _departure(log, name, part, 0.0)
-    departs = {}
-    for other in _witnesses(log, name) if own else ():
-        off = None if other in lost or not log.level(other).moves else _departure(log, other, part, own)
-        if off is not None:
-            departs[other] = off
-    if departs.keys() == {"velocity"}:
-        departs["velocity"] *= BY_SPEED
-    if own is None or not departs or (name == "idc" and departs.keys() == {"vdc"}):
+    x, least, n = log.channels[name], log.level(name).long_fault, log.t.size
+    begins, ends = (0 < k < n and bool(abs(x[k] - x[k - 1]) > least) for k in (first, last))
+    reach = max(MEDIAN_OF, int(SETTLES / log.interval))
+    if not ends:
+        last = min(first + reach, last)
+    elif not begins:
+        first = max(last - reach, first)
+    own = _departure(log, name, first, last, (begins, ends), 0.0)
+    if own is None:
         return False
-    return max(departs.values()) < HOLDS * abs(own)
+    witnesses = [y for y in _witnesses(log, name) if log.level(y).moves and not is_lost(log, y, name, first, last)]
+    off = {other: _departure(log, other, first, last, (begins, ends), own) for other in witnesses}
+    departs = {other: size for other, size in off.items() if size is not None}
+    if name == "idc" and departs.keys() == {"vdc"}:  # a load that is switched off
+        return False
+    return bool(departs) and max(departs.values()) < HOLDS * abs(own)
 
 
-def _departure(log: Samples, name: str, part: _Part, side: float | None) -> float | None:
-    """Largest departure of the magnitude of a channel from the line between the levels beside a part, over the larger one.
+def _departure(log: Samples, name: str, first: int, last: int, jumps: tuple[bool, bool], side: float) -> float | None:
+    """Largest departure of the magnitude of a channel from the line between the levels beside a stretch, over the larger one.
 
     None where it idles, or where most of it is lost.
 
     Parameters
     ----------
+    jumps : whether the level before and after it shows what the channel departs from
     side : departure of the suspect, 0 if the channel is the suspect itself; of a witness that to the same side counts
     """
-    x = log.channels[name]
-    before, after = (
-        _finite(x[max(part.first - MEDIAN_OF, 0) : part.first]),
-        _finite(x[part.last : part.last + MEDIAN_OF]),
-    )
-    sides = [median(level) for level, counts in ((before, part.before), (after, part.after)) if counts and level.size]
-    inside, place = x[part.first : part.last], np.linspace(0.0, 1.0, part.last - part.first)
+    x, least = log.channels[name], log.level(name).long_fault
+    beside = _finite(x[max(first - MEDIAN_OF, 0) : first]), _finite(x[last : last + MEDIAN_OF])
+    sides = [median(level) for level, counts in zip(beside, jumps, strict=True) if counts and level.size]
+    inside, place = x[first:last], np.linspace(0.0, 1.0, last - first)
     known = np.isfinite(inside)
-    if side is None or not sides or 2 * np.count_nonzero(known) < known.size:
+    if not sides or 2 * np.count_nonzero(known) < known.size:
         return None
     sign = -1.0 if sum(sides) < 0.0 else 1.0
     off = sign * (inside - (sides[0] + (sides[-1] - sides[0]) * place))[known]
     size = max(*map(abs, (sides[0], sides[-1])), float(np.max(np.abs(inside[known]))))
-    minimum = LONGER * OF_RANGE * log.level(name).span
-    if size == 0.0 or (size < minimum and name != "velocity"):  # a line that hardly moves still shows that it goes on
+    if size == 0.0 or (size < least and name != "velocity"):  # a line that hardly moves still shows that it goes on
         return None
     to_side = 1.0 if (side or median(off)) > 0.0 else -1.0
-    return float(np.max(to_side * off)) * (to_side if side == 0.0 else 1.0) / max(size, minimum)
+    return float(np.max(to_side * off)) * (to_side if side == 0.0 else 1.0) / max(size, least)
 
 
 def _witnesses(log: Samples, name: str) -> list[str]:
