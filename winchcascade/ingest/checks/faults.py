@@ -334,11 +334,13 @@ def _is_noise_that_stops(log: Samples, name: str, still: Mask, first: int, last:
     chance = max((np.count_nonzero(still[rows]) + 1.0) / (rows.size + 2.0) for rows in known)
     if (last - first) * math.log(chance * factor) >= CERTAIN:
         return False
-    x, step = log.channels[name], log.level(name).step
-    return all(
-        _is_noisy(x[rows], step)
-        for rows in [rows for rows in sides if rows.size >= BESIDE // 4] or [np.concatenate(sides)]
-    )
+    x, both, step = log.channels[name], np.concatenate(sides), log.level(name).step
+    held = np.unique(
+        x[both[still[both]]]
+    )  # on the steps of a coarse channel, though a logger interpolates between them
+    if factor == 1.0 and held.size >= SHORT:
+        step = max(step, float(np.diff(held).min()))
+    return all(_is_noisy(x[rows], step) for rows in [rows for rows in sides if rows.size >= BESIDE // 4] or [both])
 
 
 def _beside(log: Samples, name: str, first: int, last: int) -> tuple[Index, Index]:
