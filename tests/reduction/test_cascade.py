@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.cascade import BUILT_IN
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.efficiency import METRICS, Metrics, ensemble_mean, largest_deviation, metrics, total
+from winchcascade.reduction.efficiency import METRICS, Metrics, metrics, together
 from winchcascade.reduction.reduce import reduce
 
 ONE = np.ones(3)
@@ -55,15 +55,15 @@ def test_efficiencies_are_ratios_of_the_energies(
 
 
 def test_means_are_of_ratios_totals_of_sums_and_a_deviation_needs_two_cycles() -> None:
-    cycles = [cycle(1000.0, 500.0, None), cycle(3000.0, 1800.0, None)]
-    assert ensemble_mean(cycles).eta_trans == pytest.approx((0.5 + 0.6) / 2)
-    assert total(cycles, 2.0, open_circuit=False).eta_trans == pytest.approx(2300 / 4000)
-    assert ensemble_mean([Metrics(eta_trans=0.9), Metrics()]).eta_trans is None
-    for nothing in (ensemble_mean([]), largest_deviation([Metrics(energy_line=3.0)])):
+    found = together([cycle(1000.0, 500.0, None), cycle(3000.0, 1800.0, None)], 2.0)
+    assert found.mean.eta_trans == pytest.approx((0.5 + 0.6) / 2)
+    assert found.total.eta_trans == pytest.approx(2300 / 4000)
+    assert together([cycle(2.0, 1.0, None), cycle(2.0, None, None)], 1.0).mean.eta_trans is None
+    for nothing in (together([], 0.0).mean, together([cycle(3.0, 2.0, 1.0)], 1.0).max_deviation_percent):
         assert {nothing[name] for name in METRICS} == {None}
     for sign in (1.0, -1.0):
-        apart = largest_deviation([Metrics(energy_line=sign * energy) for energy in (400.0, 500.0, 540.0)])
-        assert apart.energy_line == pytest.approx(100.0 * 80.0 / 480.0)
+        apart = together([cycle(sign * energy, None, None) for energy in (400.0, 500.0, 540.0)], 3.0)
+        assert apart.max_deviation_percent.energy_line == pytest.approx(100.0 * 80.0 / 480.0)
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from winchcascade.core.cascade import PAPER
-from winchcascade.core.run import FindingKind
+from winchcascade.core.run import Finding
 from winchcascade.reduction.efficiency import FIELDS, RATIOS
 from winchcascade.reduction.efficiency_between_runs import Apart, LogEfficiency, logs_apart
 from winchcascade.reduction.efficiency_changes import LOOK_AT
 from winchcascade.reduction.phase_summary import PayoutSummary
-from winchcascade.reduction.run_record import CycleRecord, FindingRecord, RunRecord
+from winchcascade.reduction.run_record import CycleRecord, FindingRecord, RunRecord, finding_record
 
 
 def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
@@ -66,7 +66,8 @@ def _copies(logs: Sequence[LogEfficiency]) -> Iterator[tuple[str, FindingRecord]
         if shared:
             other = min(shared.values())
             message = f"{len(shared)} of {len(log.cycles)} complete cycles are those of {other}, which count twice"
-            yield log.name, _record("repeated_log", message, "kept as listed; take one of the two out of the campaign")
+            found = Finding("repeated_log", message, "kept as listed; take one of the two out of the campaign")
+            yield log.name, finding_record(found, samples=1)
         first |= dict.fromkeys(log.cycles - first.keys(), log.name)
 
 
@@ -77,11 +78,4 @@ def _finding(apart: Apart) -> FindingRecord:
     if apart.or_else:
         message += f"; the fault may also lie in {', '.join(apart.or_else[:3])}"
     action = f"kept as logged; look at {LOOK_AT[apart.metric]}, and at the stated load"
-    return _record("efficiency_change", message, action)
-
-
-def _record(kind: FindingKind, message: str, action: str) -> FindingRecord:
-    """A finding on a whole log, as its record has it."""
-    return FindingRecord(
-        kind=kind, channel=None, start_s=None, end_s=None, count=1, action=action, message=message, removed_share=0.0
-    )
+    return finding_record(Finding("efficiency_change", message, action), samples=1)

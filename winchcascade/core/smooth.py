@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from winchcascade.core.integrate import median
+from winchcascade.core.integrate import BLOCK, median
 from winchcascade.core.run import Index, Mask, Signal
 
 EVEN = 0.05
 """Intervals that differ from the usual one by less than this share count as even: the fit moves by far less than noise."""
-
-_BLOCK = 1 << 18
 
 _CELLS = 2_000_000
 """Size of the matrices in which uneven stretches are fitted, so that a long log needs no more memory than a short one."""
@@ -42,7 +40,7 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     """
     if t.size < 3:
         return x.copy()
-    usual = median(np.diff(t[:_BLOCK]))
+    usual = median(np.diff(t[:BLOCK]))
     half = int(width / 2 / usual + 1e-6)
     if half < 1:
         return x.copy()
@@ -65,14 +63,14 @@ def smoothing_weights(half: int) -> Signal:
 def evenly_stamped(t: Signal, half: int) -> Mask:
     """Samples with `half` neighbours on either side, all at the usual interval, (n,)."""
     even = np.ones(t.size, dtype=bool)
-    even[_near(_uneven(t, median(np.diff(t[:_BLOCK]))), half, t.size)] = False
+    even[_near(_uneven(t, median(np.diff(t[:BLOCK]))), half, t.size)] = False
     return even
 
 
 def _uneven(t: Signal, usual: float) -> Index:
     """Intervals that are not the usual one, block by block, so that a long log needs no more memory."""
-    starts = range(0, t.size - 1, _BLOCK)
-    deviations = (np.abs(np.diff(t[start : start + _BLOCK + 1]) - usual) for start in starts)
+    starts = range(0, t.size - 1, BLOCK)
+    deviations = (np.abs(np.diff(t[start : start + BLOCK + 1]) - usual) for start in starts)
     return np.concatenate([np.flatnonzero(d > EVEN * usual) + k for k, d in zip(starts, deviations, strict=True)])
 
 

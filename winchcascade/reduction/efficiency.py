@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from winchcascade.core.cascade import PAPER, Cascade, field_of
 from winchcascade.core.errors import OptionError
@@ -137,37 +137,36 @@ def metrics(
     return values
 
 
-def ensemble_mean(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metrics:
-    """Mean of each metric over the cycles (Eq. 7); efficiencies are means of the cycles' ratios.
+class Together(NamedTuple):
+    """Metrics of several cycles together: their means (Eq. 7), those of efficiencies of the ratios of the cycles; the largest
+    deviation of any cycle in percent of the mean, None for fewer than two (Sec. 3.2); and sums, with the ratios of these.
+    """
+
+    mean: Metrics
+    max_deviation_percent: Metrics
+    total: Metrics
+
+
+def together(
+    cycles: Sequence[Metrics], duration: float, *, open_circuit: bool = False, cascade: Cascade = PAPER
+) -> Together:
+    """Take the metrics of the complete cycles of a log together.
 
     A metric that any cycle cannot give has no mean: one over the rest would not be of the same cycles. Net energies are
     taken over the cycles that have them, as the last cycle of a log is seldom whole.
 
-    >>> ensemble_mean([Metrics(eta_trans=0.5), Metrics(eta_trans=0.75)]).eta_trans
-    0.625
+    Parameters
+    ----------
+    duration : of all windows [s]
     """
-    means = {name: sum(x) / len(x) if x else None for name, x in _columns(cycles, cascade).items()}
-    return Metrics(means, cascade.all_metrics)
-
-
-def largest_deviation(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metrics:
-    """Largest deviation of any cycle from the mean, in percent of the mean (Sec. 3.2); None for fewer than two. [%]"""
-    columns = {name: x for name, x in _columns(cycles, cascade).items() if len(x) > 1}
-    means = {name: sum(x) / len(x) for name, x in columns.items()}
-    largest = {name: max(abs(value - means[name]) for value in x) for name, x in columns.items()}
-    percent = {name: 100.0 * x / abs(means[name]) if means[name] else None for name, x in largest.items()}
-    return Metrics(percent, cascade.all_metrics)
-
-
-def total(cycles: Sequence[Metrics], duration: float, *, open_circuit: bool, cascade: Cascade = PAPER) -> Metrics:
-    """Summed energies, their mean powers over all windows together [s], and the ratios of the sums."""
-    sums = {name: sum(x) if x else None for name, x in _columns(cycles, cascade).items()}
-    found = metrics(sums, duration, open_circuit=open_circuit, cascade=cascade)
-    found.update({name: ratio(sums[out], sums[into]) for name, (out, into) in cascade.net_ratios.items()})
-    return found
-
-
-def _columns(cycles: Sequence[Metrics], cascade: Cascade) -> dict[str, list[float]]:
-    """Each metric of the cycles that have it, none if, but for net energies, any has it not."""
-    given = {m: [value for cycle in cycles if (value := cycle[m]) is not None] for m in cascade.all_metrics}
-    return {m: x if m in cascade.net_metrics or len(x) == len(cycles) else [] for m, x in given.items()}
+    names, sums, mean, deviation = cascade.all_metrics, Metrics(), Metrics(), Metrics()
+    for name in names:
+        x = [value for cycle in cycles if (value := cycle[name]) is not None]
+        if x and (name in cascade.net_metrics or len(x) == len(cycles)):
+            sums[name], average = sum(x), sum(x) / len(x)
+            mean[name] = average
+            if len(x) > 1 and average:
+                deviation[name] = 100.0 * max(abs(value - average) for value in x) / abs(average)
+    total = metrics(dict.fromkeys(names) | sums, duration, open_circuit=open_circuit, cascade=cascade)
+    total.update({name: ratio(sums.get(out), sums.get(into)) for name, (out, into) in cascade.net_ratios.items()})
+    return Together(Metrics(dict.fromkeys(names) | mean, names), Metrics(deviation, names), total)

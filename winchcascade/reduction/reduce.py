@@ -20,13 +20,7 @@ from winchcascade.reduction.checks.find_faults import find_faults
 from winchcascade.reduction.checks.load import measured_load
 from winchcascade.reduction.checks.phased_log import PhasedLog
 from winchcascade.reduction.checks.sampling import sampled, thinned_changes
-from winchcascade.reduction.efficiency import (
-    Metrics,
-    ensemble_mean,
-    largest_deviation,
-    metrics,
-    total,
-)
+from winchcascade.reduction.efficiency import Metrics, metrics, together
 from winchcascade.reduction.energies import Energies, find_net_spans, integrate_energies, net_metrics
 from winchcascade.reduction.phase_proposal import no_cycles, other_source
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
@@ -102,16 +96,16 @@ def reduce(
     log = PhasedLog(phased, summaries, energy, thinned, results)
     findings += find_faults(log)
     complete = [r.metrics for r in results if r.complete]
-    deviation = largest_deviation(complete, rig.cascade) if rig.phases.repeats else Metrics((), rig.cascade.all_metrics)
-    whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
+    duration = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
+    mean, deviation, total = together(complete, duration, open_circuit=run.open_circuit, cascade=rig.cascade)
     return Reduction(
         run=run,
         rig=rig,
         window=phased.rule if by_motion else "whole",
         cycles=tuple(results),
-        mean=ensemble_mean(complete, rig.cascade),
-        max_deviation_percent=deviation,
-        total=total(complete, whole, open_circuit=run.open_circuit, cascade=rig.cascade),
+        mean=mean,
+        max_deviation_percent=deviation if rig.phases.repeats else Metrics((), rig.cascade.all_metrics),
+        total=total,
         bins=bins,
         quality=(*assumed, *other_source(phased, results), *run.findings, *findings),
         bridged=energy.bridged,

@@ -242,10 +242,7 @@ def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) ->
         "version": __version__,
         "data": origin_record(run.origin),
         "log": {
-            "path": run.path,
-            "table": run.table,
-            "sha256": run.sha256,
-            "samples": run.samples,
+            **{name: getattr(run, name) for name in ("path", "table", "sha256", "samples")},
             "fs_hz": run.fs,
             "load_ohm": None if run.open_circuit else run.load,
             "load_source": run.load_source,

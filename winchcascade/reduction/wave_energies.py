@@ -23,9 +23,6 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Energy, ErrorModel, error_model, integrated
 from winchcascade.reduction.wave_bootstrap import BOOTSTRAP, RatioOfSums, ratio_of_sums
 
-RECORD_MIN = 1e-9
-"""No record is shorter. [s]"""
-
 GAPS = "bridged gaps"
 """Source of the errors by gaps, which each stage and each log has of its own."""
 
@@ -168,7 +165,7 @@ def _record(reduction: Reduction, model: ErrorModel) -> tuple[dict[str, Energy],
         watts = next(s for s in rig.cascade.stages if s.name == stage).watts(run.channels, rig.r_drum)
         missed = energy_error(run.t, np.asarray(watts), gaps[bridged], run.t[[[0, -1]]], np.zeros(1))
         waves = model.energies.get(stage)
-        per_second = 0.0 if waves is None else waves.integrals[-1].sum() / max(float(waves.t.sum()), RECORD_MIN)
+        per_second = 0.0 if waves is None else waves.integrals[-1].sum() / (waves.t.sum() or math.inf)
         whole = np.append(joules.sum(axis=1), per_second * duration)[:, None]
         found[stage] = Energy(terms, whole, np.array([duration]), missed / math.sqrt(3.0))
     return found, duration
@@ -235,7 +232,7 @@ def _written(duration: float, energy: Mapping[str, float]) -> dict[str, float]:
 def _with_ratios(waves: WaveEnergies, pairs: Mapping[str, tuple[str, str]]) -> WaveEnergies:
     """The same with efficiencies of all waves together, by the stages that each leads from and to, and mean powers."""
     efficiency, power = {}, {}
-    energy, periods, duration = waves.energy, waves.column("period_s"), max(waves.record_duration, RECORD_MIN)
+    energy, periods, duration = waves.energy, waves.column("period_s"), waves.record_duration or math.inf
     known = {stage for stage in waves.stages if waves.unknown.get(stage) == ()}
     for name, (into, out) in pairs.items():
         if into in energy and out in energy:
