@@ -18,7 +18,6 @@ from loops import failures
 from msgspec.structs import replace
 
 import winchcascade as wc
-from winchcascade.rig.effects.catalogue import make_effect
 
 CAMPAIGN = Path(__file__).parent.parent / "fixtures" / "campaign"
 LOG = CAMPAIGN / "r36ohm.csv"
@@ -108,13 +107,10 @@ MISUSES: dict[str, Misuse] = {
         keyword(wc.read_run, "load", LOG), [True, 0.0, -18.0, math.nan, -math.inf, "36", [36.0], 36j],
     ),
     "read_run rig": (keyword(wc.read_run, "rig", LOG), ["", "hsu2026", False, {}]),
-    "read_run table": (keyword(wc.read_run, "table", LOG), [0, "", 1.5, "Run 3"]),
     "read_run units": (
         keyword(wc.read_run, "units", frame(velocity=1.0)),
         ["kN", ["kN"], {"velocity": 1000.0}, {"velocitty": "m/s"}, {"velocity": "parsec"}],
     ),
-    "read_run units of a file": (keyword(wc.read_run, "units", LOG), [{"force": "kN"}]),
-    "read_run origin": (keyword(wc.read_run, "origin", LOG), ["measured"]),
     "Run channels": (
         keyword(made, "channels"),
         [
@@ -132,7 +128,6 @@ MISUSES: dict[str, Misuse] = {
     ),
     "Run frozen": (lambda value: setattr(run(), "load", value), [3.0]),
     "Run frozen channels": (lambda value: run().channels.__setitem__("force", value), [None]),
-    "Run to_pandas": (lambda units: run().to_pandas(units), ["imperial", None]),
     "reduce run": (wc.reduce, [LOG, None, frame(velocity=1.0)]),
     "reduce rig": (keyword(wc.reduce, "rig", run), ["hsu2026", "", Path("rig.toml")]),
     "reduce window": (
@@ -152,10 +147,6 @@ MISUSES: dict[str, Misuse] = {
         ],
     ),
     "reduction to_pandas": (lambda table: reduction().to_pandas(table), ["cycle", 3]),
-    "reduction plot": (lambda what: reduction().plot(what), ["powr", None]),
-    "reduction axes": (lambda ax: reduction().plot("speed", ax=ax), [3]),
-    "uncertainty reduction": (wc.uncertainty, [run]),
-    "uncertainty seed": (keyword(wc.uncertainty, "seed", reduction), [-1, 1.5, None]),
     "write_report result": (lambda result: wc.write_report(result, "page.html"), ["text", None, run]),
     "write_report path": (
         lambda path: wc.write_report(reduction(), path), ["page.docx", None, "", "no/such/folder/page.html"],
@@ -173,29 +164,15 @@ MISUSES: dict[str, Misuse] = {
         lambda model: wc.simulate(run(), model),
         [hsu, "hsu2026", replace(baseline(), generator=replace(baseline().generator, k_e=math.nan))],
     ),
-    "simulate step": (keyword(wc.simulate, "step", run), [0.0, -1e-3, math.nan, 86400.0, "1 ms"]),
-    "make_effect fields": (lambda fields: make_effect("ke_shift", fields), [{"change": 0.1}, {"k_e_change": "much"}]),
-    "calibrate run": (wc.calibrate, [CAMPAIGN / "open_circuit.csv", run]),
-    "calibrate rig": (keyword(wc.calibrate, "rig", open_run), ["hsu2026"]),
     "calibrate payouts": (
         keyword(wc.calibrate, "payouts", open_run), [[1.0, 2.0], [(9.0, 4.0)], 3, [], [(1e6, 2e6)]],
     ),
     "open_campaign": (wc.open_campaign, [*TEXTS, "no/such/folder", [LOG]]),
-    "open_campaign rig": (keyword(wc.open_campaign, "rig", CAMPAIGN), ["hsu2025", hsu, ""]),
-    "campaign reduce": (lambda jobs: campaign().reduce(jobs=jobs), [0, 1.5, "all", True]),
     "diagnose suspects": (
         lambda names: campaign().diagnose(suspects=names), ["ke_rolloff", ["ke_rollof"], None, [1]],
     ),
-    "diagnose withhold": (lambda loads: campaign().diagnose(withhold=loads), [36.0, ["36"], [-36.0], [37.0]]),
-    "diagnose simulated": (lambda folder: campaign().diagnose(simulated=folder), [3, "no/such"]),
-    "diagnose logs": (lambda log: wc.open_campaign(log).diagnose(), [LOG]),
-    "check table": (lambda table: campaign().check(table), ["hsu2026-table3", None]),
-    "report path": (lambda path: campaign().report(path), [None, "campaign.docx"]),
-    "reduced to_pandas": (lambda table: reduced().to_pandas(table), ["run"]),
     "audit": (wc.audit, [*TEXTS, "hsu2026-table3", CAMPAIGN / "campaign.toml"]),
-    "audit rig": (lambda rig: wc.audit("hsu2026-table2", physics=True, rig=rig), [3, "hsu2025"]),
     "compare": (lambda other: wc.compare(LOG, other), [3, None, run, "", "no_such.csv", CAMPAIGN / "r9ohm.csv"]),
-    "compared to_pandas": (lambda table: compared().to_pandas(table), ["cycles"]),
 }  # fmt: skip
 """Calls with one argument that is wrong, and its wrong values."""
 

@@ -1,4 +1,4 @@
-"""Jobs on processes: every job has one outcome, whatever the others do."""
+"""Jobs on processes: every job has one outcome, whatever the others do; a signal ends a process without its scratch."""
 
 import os
 import signal
@@ -14,6 +14,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.jobs import Outcome, linear_algebra_on_one_thread, run_here
+
+POSIX = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does")
 
 
 class Task(NamedTuple):
@@ -72,7 +74,7 @@ def test_a_job_that_fails_is_a_sentence_and_the_others_complete(tmp_path: Path, 
         assert word in (outcome.fault or "")
 
 
-@pytest.mark.skipif(os.name == "nt", reason="POSIX")
+@POSIX
 def test_a_job_that_ends_its_process_is_a_sentence_and_the_others_complete() -> None:
     found = by_place(run_here(work, [Task("kill" if k in (2, 9) else "good", k) for k in range(12)], workers=2), 12)
     assert [outcome.value for outcome in found] == [None if k in (2, 9) else 2 * k for k in range(12)]
@@ -100,7 +102,7 @@ def test_a_script_without_a_guard_is_told_what_to_do(tmp_path: Path) -> None:
     assert (done.stdout, done.stderr) == ("4 outcomes\n", "")
 
 
-@pytest.mark.skipif(os.name == "nt", reason="looks for a process by its id as POSIX does")
+@POSIX
 def test_no_job_is_lost_if_a_process_dies_while_an_outcome_is_being_used(tmp_path: Path) -> None:
     tasks = [Task("wait" if k == 1 else "good", k, tmp_path) for k in range(8)]
     outcomes = run_here(work, tasks, workers=2)
@@ -130,3 +132,55 @@ def test_linear_algebra_has_one_thread_within_a_diagnosis_and_as_many_as_before_
         with linear_algebra_on_one_thread():
             assert threads() == {1}
         assert threads() == {2}
+
+
+BEGIN = """
+import os, signal, sys, weakref
+from pathlib import Path
+from winchcascade.core.files import scratch_file, scratch_folder
+from winchcascade.core.jobs import end_on_signals
+end_on_signals({signal.SIGINT: "one sentence."})
+here = Path(sys.argv[1])
+def wait():
+    print("ready", flush=True)
+    while True:
+        signal.pause()
+"""
+
+
+def ended(place: Path, script: str, by: signal.Signals) -> tuple[int, str, str]:
+    """Exit code and what was printed of a script that is ended when it is ready."""
+    with subprocess.Popen(  # unbuffered: what follows the first line is left to `communicate`
+        [sys.executable, "-c", BEGIN + script, str(place)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(by)
+        out, err = process.communicate()
+    return process.returncode, out.decode(), err.decode()
+
+
+@POSIX
+@pytest.mark.parametrize(("by", "expected"), [(signal.SIGINT, "one sentence.\n"), (signal.SIGTERM, "")])
+def test_a_process_ends_at_once_without_its_scratch(tmp_path: Path, by: signal.Signals, expected: str) -> None:
+    script = "with scratch_file(here), scratch_folder(here) as made:\n    (made / 'part').touch()\n    wait()"
+    assert ended(tmp_path, script, by) == (128 + by, "", expected)
+    assert os.listdir(tmp_path) == []
+
+
+@POSIX
+def test_a_process_ends_even_within_the_callback_of_a_weak_reference(tmp_path: Path) -> None:
+    script = (
+        "class Thing: pass\nthing = Thing()\nseen = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGINT))\n"
+        "print('ready', flush=True)\ndel thing\nprint('still here', flush=True)"
+    )
+    assert ended(tmp_path, script, signal.SIGCONT) == (130, "", "one sentence.\n")
+
+
+@POSIX
+def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
+    script = (
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\nend_on_signals({})\nprint('ready', flush=True)\n"
+        "os.kill(os.getpid(), signal.SIGINT)\nprint('still here', flush=True)"
+    )
+    assert ended(tmp_path, script, signal.SIGCONT) == (0, "still here\n", "")
