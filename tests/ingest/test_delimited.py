@@ -87,6 +87,12 @@ def test_a_column_of_text_in_between_is_reported_and_not_read(remark: str, delim
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
+def test_a_sensor_whose_numbers_begin_late_is_read(tmp_path: Path) -> None:
+    rows = [[*row[:4], "No Data" if k < 80 else row[4], *row[5:]] for k, row in enumerate(ROWS)]
+    run = read(tmp_path, text(rows, delimiter=";", decimal=","))
+    assert run.channels["force"][-1] == pytest.approx(float(ROWS[-1][4]))
+
+
 @pytest.mark.parametrize("remark", ["begin", "begin, slowly", '"begin, ""slowly"""', '5" line'])
 def test_a_remark_after_a_few_rows_costs_no_row(remark: str, tmp_path: Path) -> None:
     lines = [

@@ -133,7 +133,7 @@ def log_table(
     for piece in pieces:
         start = rows
         for k, column in values.items():
-            if _is_text(piece[k].type) or pa.types.is_temporal(piece[k].type):
+            if is_text(piece[k].type) or pa.types.is_temporal(piece[k].type):
                 others[k].append(piece[k])
                 continue
             rows = start + len(piece[k])
@@ -145,7 +145,7 @@ def log_table(
     texts: dict[int, list[str]] = {}
     began = None
     for k, kept in others.items():
-        if kept and _is_text(kept[0].type):
+        if kept and is_text(kept[0].type):
             values[k] = np.concatenate([np.array([*map(_number, words)])[rows] for words, rows in map(_words, kept)])
             if not np.isfinite(values[k]).any():
                 texts[k] = [words[row] for words, rows in map(_words, kept) for row in rows.tolist()]
@@ -175,7 +175,8 @@ def _blank_rows(values: Mapping[int, Signal], stamps: Sequence[str] | None) -> M
     return blank
 
 
-def _is_text(kind: Any) -> bool:
+def is_text(kind: Any) -> bool:
+    """Whether a type of Arrow is that of texts."""
     kind = kind.value_type if pa.types.is_dictionary(kind) else kind
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
 

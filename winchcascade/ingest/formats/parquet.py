@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from winchcascade.ingest.limits import require_numbers
-from winchcascade.ingest.source import LogSource, LogTable, damage_reported, headers_of, log_table
+from winchcascade.ingest.source import LogSource, LogTable, damage_reported, headers_of, is_text, log_table
 
 BATCH_ROWS = 1 << 17
 """Rows that are decoded at a time. [1]"""
@@ -38,7 +38,7 @@ def _opened(path: Path) -> Iterator[Any]:
     """Open the file for as long as its columns are read."""
     with damage_reported(path, "Parquet file", "copy or export it again"):
         # Texts as dictionaries: one long text in every row is one text, else a file of a kilobyte fills the memory.
-        texts = [field.name for field in pq.read_schema(path) if pa.types.is_string(field.type)]
+        texts = [field.name for field in pq.read_schema(path) if is_text(field.type)]
         # Not buffered before: a whole group of rows would be in memory beside the columns.
         with pq.ParquetFile(path, read_dictionary=texts, pre_buffer=False) as file:
             yield file

@@ -158,8 +158,7 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
     ------
     LogError : no rows of numbers, or rows without names above them
     """
-    marked = "\n***End_of_Header***" in "\n".join(("", *lines))
-    measurement = labview_table(lines, where) if marked else None
+    measurement = labview_table(lines, where) if lines[0].startswith("LabVIEW Measurement") else None
     if measurement is not None:
         delimiter, first, headers, columns = measurement
         properties = properties_of([line.replace(delimiter, "\t") for line in lines[:first]])
@@ -231,6 +230,10 @@ def _load(
     parser = _Parser(layout, used)
     table = log_table(map(parser.parse, _blocks(path, encoding, layout.first)), wanted, time)
     rows = len(next(iter(table.values.values()), ())) if table.stamps is None else len(table.stamps)
+    late = {
+        k: x for k, texts in table.texts.items() if np.isfinite(x := numbers(texts, layout.decimal)).any() and k != time
+    }
+    texts = {k: x for k, x in table.texts.items() if k not in late}  # not those whose numbers begin late
     stamps, stamped = table.stamps, False
     if time is not None and isinstance(stamps, np.ndarray):
         counts = bool(np.all(np.diff(stamps[:1000]) == 1.0)) and read_header(layout.headers[time]).unit is None
@@ -240,7 +243,8 @@ def _load(
         elif stamps.size > 1 and 0 < stamps[1] - stamps[0] < 1e-4 and (days := serial_days(stamps)) is not None:
             stamps, stamped = days, True
     findings = parser.findings(path.name, rows)
-    return msgspec.structs.replace(table, stamps=stamps, stamped=stamped, findings=findings)
+    values = {k: late.get(k, x) for k, x in table.values.items()}
+    return msgspec.structs.replace(table, values=values, texts=texts, stamps=stamps, stamped=stamped, findings=findings)
 
 
 def _blocks(path: Path, encoding: str, skip: int) -> Iterator[bytes]:
