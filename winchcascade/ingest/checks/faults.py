@@ -26,6 +26,12 @@ AGREE = 0.25
 BEYOND = 1.5
 """Smallest jump of a held value over the largest jump of the channel elsewhere: what the machine does in one sample. [1]"""
 
+ONE_END = 0.25
+"""Smallest jump into or out of a held value that is left or entered without one, in ranges: a clutch engages by less. [1]"""
+
+HELD_TIME = 0.2
+"""Shortest time for which a value is held that is entered or left without a jump. [s]"""
+
 MIN_HELD = 6
 """Fewest equal samples of a stale value: by chance a channel that repeats one sample in fifty does so once in 3e8. [1]"""
 
@@ -111,7 +117,11 @@ def jumped(log: Samples, name: str) -> Mask:
     low, high = limits_of(log.rig.sensors.get(name))
     limit = max(-low if math.isfinite(low) else high, high)  # whichever sign is that of payout
     spikes = set(_spikes(log, name, x, at))
-    for first, after in sorted(spikes.union(_held(x, at, level.long_fault)), key=lambda ends: ends[1] - ends[0]):
+    by_travel = name == "velocity" and "displacement" in log.channels  # which decides, however small the jump
+    one_end = level.long_fault if by_travel else ONE_END * level.span, max(round(HELD_TIME / log.interval), MIN_HELD)
+    for first, after in sorted(
+        spikes.union(_held(x, at, level.long_fault, one_end)), key=lambda ends: ends[1] - ends[0]
+    ):
         begin, last, inside = int(place[first]), int(place[after - 1]) + 1, x[first:after]
         beside = bad[max(begin - 1, 0)] or bad[min(last, bad.size - 1)]  # a code, from which any value departs
         if last - begin >= bad.size or bad[begin] or beside:
@@ -122,11 +132,10 @@ def jumped(log: Samples, name: str) -> Mask:
         ends = place[max(first - 1, 0)], place[min(after, place.size - 1)]
         if last - begin > SHORT and max(begin - ends[0], ends[1] - last) > SHORT:
             continue  # beside a hole
-        apart = not log.by_line or _jumps_apart(x, at, first, after)
         if (first, after) in spikes:
-            apart |= after - first == 1
+            apart = after - first == 1 or _jumps_apart(x, at, first, after)
             bad[begin:last] = apart and last - begin <= SHORT and not _is_shown(log, name, begin, last, any)
-        elif apart and not (log.by_line and name in ("displacement", "pressure")):
+        elif not log.by_line or (name not in ("displacement", "pressure") and _jumps_apart(x, at, first, after)):
             bad[begin:last] = not _is_shown(log, name, begin, last, all) and contradicted(log, name, begin, last)
     return bad
 
@@ -171,8 +180,14 @@ def _medians(rows: Signal) -> Signal:
     return np.asarray(np.partition(rows, middle, axis=1)[:, [*middle]].mean(axis=1, keepdims=True))
 
 
-def _held(x: Signal, at: Index, least: float) -> list[tuple[int, int]]:
-    """Stretches [first, after) between two jumps that hold one value, or vary little beside these jumps."""
+def _held(x: Signal, at: Index, least: float, one_end: tuple[float, int]) -> list[tuple[int, int]]:
+    """Stretches [first, after) between two jumps that hold one value, or vary little beside these jumps.
+
+    Parameters
+    ----------
+    least : smaller jump of a stretch between two
+    one_end : jump, and number of equal samples, of one that is entered or left without a jump
+    """
     starts = np.concatenate(([0], at + 1))
     into, out = np.concatenate(([np.nan], x[at + 1] - x[at])), np.concatenate((x[at + 1] - x[at], [np.nan]))
     low, high, count = np.minimum.reduceat(x, starts), np.maximum.reduceat(x, starts), np.diff(starts, append=x.size)
@@ -183,7 +198,13 @@ def _held(x: Signal, at: Index, least: float) -> list[tuple[int, int]]:
     ]  # one code again and again, of which single samples are no spikes: some lie side by side
     flat = np.where(held, (count > 1) | often | end, (count > SHORT) & (high - low < HOLDS * jump) & ~end)
     chosen = ~(into * out > 0.0) & (jump > least) & flat
-    return list(zip(starts[chosen].tolist(), (starts + count)[chosen].tolist(), strict=True))
+    found = list(zip(starts[chosen].tolist(), (starts + count)[chosen].tolist(), strict=True))
+    for k in at[np.abs(x[at + 1] - x[at]) > one_end[0]].tolist():
+        for rest, sign in ((x[k + 1 :], 1), (x[k::-1], -1)):
+            if rest.size >= one_end[1] and np.all(rest[: one_end[1]] == rest[0]):
+                length = int(np.argmax(rest != rest[0])) or rest.size
+                found.append((k + 1, k + 1 + length) if sign > 0 else (k + 1 - length, k + 1))
+    return found
 
 
 def _jumps_apart(x: Signal, at: Index, first: int, after: int) -> bool:
@@ -299,24 +320,27 @@ def _is_noise_that_stops(log: Samples, name: str, still: Mask, first: int, last:
     """Whether a channel that is noisy beside a stretch [first, last) is still in it for longer than chance allows.
 
     The chance of one more still sample is the share of the samples beside it that are still, by the rule of succession of
-    Laplace, times a factor: for values that repeat, on the side where it is larger.
+    Laplace, times a factor: for values that repeat, on the side where it is larger, or after a sample that repeats as well.
 
     Parameters
     ----------
     still : (n,) samples that repeat the one before, or continue a line
     """
     sides = _beside(log, name, first, last)
-    known = [rows for rows in (sides if factor == 1.0 else [np.concatenate(sides)]) if rows.size >= BESIDE // 8]
+    groups = [*sides, *(rows[still[rows - 1]] for rows in sides)] if factor == 1.0 else [np.concatenate(sides)]
+    known = [rows for rows in groups if rows.size >= BESIDE // 8]
     if sum(rows.size for rows in known) < BESIDE // 4:
         return False
     chance = max((np.count_nonzero(still[rows]) + 1.0) / (rows.size + 2.0) for rows in known)
     if (last - first) * math.log(chance * factor) >= CERTAIN:
         return False
-    x, step = log.channels[name], log.level(name).step
-    return all(
-        _is_noisy(x[rows], step)
-        for rows in [rows for rows in sides if rows.size >= BESIDE // 4] or [np.concatenate(sides)]
-    )
+    x, both, step = log.channels[name], np.concatenate(sides), log.level(name).step
+    held = np.unique(
+        x[both[still[both]]]
+    )  # on the steps of a coarse channel, though a logger interpolates between them
+    if factor == 1.0 and held.size >= SHORT:
+        step = max(step, float(np.diff(held).min()))
+    return all(_is_noisy(x[rows], step) for rows in [rows for rows in sides if rows.size >= BESIDE // 4] or [both])
 
 
 def _beside(log: Samples, name: str, first: int, last: int) -> tuple[Index, Index]:
