@@ -63,11 +63,7 @@ def clear(folder: Path) -> None:
 
 
 def is_scratch(name: str) -> bool:
-    """Whether a file name is that of scratch.
-
-    >>> is_scratch(f".winchcascade-{32 * '0'}.part"), is_scratch(".backup.part")
-    (True, False)
-    """
+    """Whether a file name is that of scratch."""
     return _SCRATCH.fullmatch(name) is not None
 
 
