@@ -23,7 +23,6 @@ from winchcascade.batch.dataset import TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Batch, Products, run_batch
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import scratch_file
 from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
@@ -535,15 +534,8 @@ def test_scratch_of_killed_calls_is_removed_and_no_other_file(campaign: Path, do
     others = [done / "runs" / ".winchcascade-notes.part", done / "runs" / ".a.json.x.part", done / "download.part"]
     for path in others:
         path.touch()
-        os.utime(path, (0.0, 0.0))
     batch(campaign, out=done)
     assert [path.exists() for path in (*left, *others)] == [False] * 3 + [True] * 3
-
-
-def test_scratch_of_a_process_at_work_stays(campaign: Path, done: Path) -> None:
-    with scratch_file(done / "runs") as part:
-        batch(campaign, out=done)
-        assert part.is_file()
 
 
 # ------------------------------------------------------------------------------------------- calls that are cut short

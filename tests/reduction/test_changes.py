@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 
 from winchcascade import read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency, _distance, _rows, logs_apart
-from winchcascade.reduction.efficiency_changes import probability
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADED = load_campaign(FIXTURES).runs[1:]
@@ -44,7 +42,7 @@ DRIFT, STEP, ONE = (0.0, 1.0), (0.0,) * 60 + (1.0,) * 40, (0.0,) * 35 + (1.0,) *
 
 @pytest.mark.parametrize("course", [DRIFT, STEP, ONE], ids=["drift", "step", "one cycle"])
 @pytest.mark.parametrize("gain", [-0.06, 0.08])
-@pytest.mark.parametrize("channel", ["force", "torque", "vdc", "idc"])
+@pytest.mark.parametrize("channel", ["force", "torque", "idc"])
 @pytest.mark.parametrize("k", [1, 4])
 def test_a_gain_that_changes_within_a_log_is_found(
     k: int, channel: str, gain: float, course: tuple[float, ...]
@@ -90,15 +88,6 @@ def test_cycles_that_scatter_are_no_change_however_many(seed: int) -> None:
     """Their own scatter decides where there are many; a twentieth of it is what a mean of these would move by."""
     assert many_cycles(seed, 0.01, 60) == []
     assert many_cycles(seed, 0.01, 60, step=0.03) != []
-
-
-@given(st.floats(0.0, 60.0), st.integers(10, 3000))
-def test_the_probability_is_that_of_students_t(t: float, freedom: int) -> None:
-    exact = 2.0 * stats.t.sf(t, freedom)
-    if exact > 1e-9:
-        assert math.isclose(probability(t, freedom), exact, rel_tol=0.25)
-    else:
-        assert probability(t, freedom) < 1e-8
 
 
 # ------------------------------------------------------------------------------------------------- between logs

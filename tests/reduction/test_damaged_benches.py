@@ -75,30 +75,6 @@ def test_an_efficiency_of_less_than_a_hundredth_is_a_wrong_unit(head: str, unit:
     assert ["check the units" in f["message"] for f in quality] == [True]
 
 
-@pytest.mark.parametrize("name", CHANNELS)
-def test_a_noisy_channel_that_holds_one_value_is_stuck_without_a_line_too(name: str, tmp_path: Path) -> None:
-    channels = dyno()[1]
-    whole, _ = reduced(tmp_path, channels)
-    channels[name][450:560] = channels[name][450]  # within the second point and into the third one
-    found, quality = reduced(tmp_path, channels)
-    stuck = [f for f in quality if f["kind"] == "stuck"]
-    assert [(f["channel"], f["action"], f["count"]) for f in stuck] == [
-        (name.partition(" ")[0].lower(), "bridged by straight lines", 109)
-    ]
-    assert not any(
-        c["complete"] for c in found["cycles"] if c["window"]["onset_s"] < 27.9 and c["window"]["cutoff_s"] > 22.6
-    )
-    last = whole["cycles"][-1]
-    assert found["cycles"][-1]["stages"] == pytest.approx(last["stages"])
-
-
-def test_a_channel_that_holds_one_value_throughout_is_reported(tmp_path: Path) -> None:
-    channels = dyno()[1]
-    channels["Torque (N.m)"][:] = 45.0
-    _, quality = reduced(tmp_path, channels, RIG.replace("steps", "whole"))
-    assert [f["channel"] for f in quality if f["kind"] == "stuck"] == ["torque"]
-
-
 def test_the_reason_for_a_stage_without_power_names_the_channel_that_is_lost(tmp_path: Path) -> None:
     channels = dyno()[1]
     channels["Torque (N.m)"][:] = np.nan
@@ -106,16 +82,6 @@ def test_the_reason_for_a_stage_without_power_names_the_channel_that_is_lost(tmp
     assert [f["message"].rpartition(": ")[2] for f in quality if "stage mech" in f["message"]] == [
         "the log has no torque"
     ]
-
-
-@pytest.mark.parametrize("rows", [20, 150])
-def test_rows_that_were_written_twice_are_reported(rows: int, tmp_path: Path) -> None:
-    twice = {name: np.concatenate((x[: 500 + rows], x[500:])) for name, x in dyno()[1].items()}
-    _, quality = reduced(tmp_path, twice)
-    assert [f["count"] for f in quality if f["kind"] == "repeated_rows"] == [rows]
-    smooth = 300.0 + 100.0 * np.sin(0.5 * np.pi * STEP * np.arange(2000))  # equal cycles without noise
-    _, quality = reduced(tmp_path, {"Speed (rpm)": smooth, "Torque (N.m)": 0.1 * smooth}, RIG.replace("steps", "whole"))
-    assert "repeated_rows" not in {f["kind"] for f in quality}
 
 
 def proposals(folder: Path, channels: dict[str, np.ndarray], rig: str | None = None) -> list[str]:
@@ -181,36 +147,15 @@ def faults(quality: list[dict[str, Any]]) -> list[tuple[str, str]]:
     return [(f["kind"], f["channel"]) for f in quality if f["kind"] in ("spike", "stuck", "dropped_samples")]
 
 
-def test_a_load_that_is_switched_at_speed_and_a_machine_at_rest_are_no_faults(tmp_path: Path) -> None:
-    found, quality = reduced(tmp_path, switched())
+@pytest.mark.parametrize("noise", [True, False])
+def test_a_load_that_is_switched_at_speed_and_a_machine_at_rest_are_no_faults(noise: bool, tmp_path: Path) -> None:
+    channels = switched()
+    if not noise:
+        channels["Idc (A)"][channels["Idc (A)"] < 0.01] = 0.013  # zero error of a sensor that is read in coarse steps
+    found, quality = reduced(tmp_path, channels)
     assert faults(quality) == []
     assert all(cycle["complete"] for cycle in found["cycles"])
     assert len(found["cycles"]) == 6
-
-
-@pytest.mark.parametrize("rows", [slice(300, 308), slice(310, 380), slice(830, 990), slice(1330, 1420)])
-@pytest.mark.parametrize(("name", "value"), [*((name, 0.0) for name in CHANNELS), ("Speed (rpm)", -999.0)])
-def test_a_power_that_vanishes_while_the_others_continue_was_not_measured(
-    name: str, value: float, rows: slice, tmp_path: Path
-) -> None:
-    channels = switched()
-    whole, _ = reduced(tmp_path, channels)
-    channels[name][rows] = value
-    found, quality = reduced(tmp_path, channels)
-    assert ("spike", name.partition(" ")[0].lower()) in faults(quality)
-    assert next(f["count"] for f in quality if f["kind"] == "spike") == rows.stop - rows.start
-    for cycle in found["cycles"]:
-        same = [c for c in whole["cycles"] if c["window"] == cycle["window"]]
-        if cycle["complete"] and same:
-            for energy in ("energy_mech_j", "energy_gen_j"):
-                assert cycle[energy] == pytest.approx(same[0][energy], rel=0.01, abs=2.0)
-
-
-def test_a_current_without_noise_while_no_load_is_connected_is_not_stuck(tmp_path: Path) -> None:
-    channels = switched()
-    idle = channels["Idc (A)"] < 0.01
-    channels["Idc (A)"][idle] = 0.013  # zero error of a sensor that is read in coarse steps
-    assert faults(reduced(tmp_path, channels)[1]) == []
 
 
 PUMP = 'name = "pump"\n[cascade]\nstages = ["mech", "hyd"]\n[phases]\nfrom = "steps"\n'
@@ -229,15 +174,6 @@ def test_a_pressure_that_a_valve_sets_may_jump_and_one_that_the_torque_contradic
     assert faults(reduced(tmp_path, channels, PUMP)[1]) == []
     channels["Pressure (bar)"][260:330] = 0.0
     assert faults(reduced(tmp_path, channels, PUMP)[1]) == [("spike", "pressure")]
-
-
-def test_channels_that_are_never_logged_at_the_same_instant_have_no_balance(tmp_path: Path) -> None:
-    channels = switched()
-    channels["Torque (N.m)"][::2] = np.nan
-    channels["Speed (rpm)"][1::2] = np.nan
-    channels["Idc (A)"][310:380] = 0.0
-    found, _ = reduced(tmp_path, channels)
-    assert found["cycles"]
 
 
 def test_a_saturated_power_at_the_terminals_is_reported(tmp_path: Path) -> None:

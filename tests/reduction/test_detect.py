@@ -8,7 +8,7 @@ import pytest
 
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import CLOCK, Run
-from winchcascade.reduction.phases import Cycle, crossing, detect, smoothed_velocity
+from winchcascade.reduction.phases import Cycle, detect, smoothed_velocity
 
 RULES = Thresholds()
 DT = 0.04
@@ -167,15 +167,6 @@ def test_a_gap_over_a_haul_in_from_plateau_to_plateau_parts_two_payouts(bridged:
     assert second.onset >= 37.9
 
 
-@pytest.mark.parametrize(
-    ("span", "displacement", "payouts"),
-    [((10.0, 12.5), True, 1), ((10.0, 12.5), False, 1), ((0.0, 3.0), True, 1), ((32.0, 50.0), True, 1)],
-)
-def test_a_gap_inside_a_payout_or_at_an_end_leaves_it_one(span: Piece, displacement: bool, payouts: int) -> None:
-    cycles = found_in(without(profile(REST, *CYCLE, (20.0, 0.0)), span, displacement=displacement))
-    assert [(c.onset, c.payout_end) for c in cycles] == [pytest.approx((5.07, 16.97), abs=EARLY)] * payouts
-
-
 def test_a_haul_in_that_a_gap_hides_still_parts_two_payouts() -> None:
     assert len(found_in(without(profile(REST, *CYCLE, *CYCLE), (19.0, 31.0)))) == 2
 
@@ -189,10 +180,3 @@ def test_a_payout_of_which_a_gap_hides_all_but_jogs_is_found() -> None:
     (cycle,) = found_in(msgspec.structs.replace(run, channels=channels, gaps={CLOCK: np.array([hidden])}))
     assert cycle.onset < 6.0
     assert cycle.payout_end > 17.0
-
-
-def test_a_crossing_lies_on_the_line_between_two_samples() -> None:
-    t, v = np.array([0.0, 1.0, 3.0, 4.0]), np.array([0.0, 0.2, 0.6, 0.6])
-    levels = {(1, 0.05): 0.25, (2, 0.3): 1.5, (2, 0.1): 1.0, (2, 0.9): 3.0, (3, 0.3): 4.0}
-    levels |= {(0, 0.3): 0.0, (-1, 0.3): 0.0, (4, 0.3): 4.0}
-    assert [crossing(t, v, *at) for at in levels] == pytest.approx([*levels.values()])

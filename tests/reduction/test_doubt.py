@@ -12,7 +12,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CLOCK, Run
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.energies import gap_faults
-from winchcascade.reduction.gap_error import bridging_error, energy_error, gaps_of, instant_error, overlapped_windows
+from winchcascade.reduction.gap_error import bridging_error, energy_error, gaps_of, instant_error
 
 Signal = NDArray[np.float64]
 
@@ -55,13 +55,18 @@ def test_gaps_of_a_stage_are_those_of_its_channels_and_of_the_clock_in_order() -
     assert gaps_of(run(T), ("velocity",)).shape == (0, 2)
 
 
-def test_a_gap_touches_the_window_that_ends_where_it_begins_and_both_cycles_that_it_crosses() -> None:
+def test_a_gap_counts_in_the_window_that_ends_where_it_begins_and_in_both_cycles_that_it_crosses() -> None:
+    watts, moved = np.sin(T), np.zeros(3)
     gaps = gaps_of(run(T, velocity=[(5.0, 9.0)]), ("velocity",))
-    windows = np.array([[1.0, 4.9], [4.95, 5.0], [12.0, 15.0]])
-    assert [which.tolist() for which in overlapped_windows(gaps, windows)] == [[1], [-1]]
-    assert [which.tolist() for which in overlapped_windows(gaps, windows[[0, 2]])] == [[-1], [-1]]
-    gaps, cycles = np.array([[4.8, 5.2], [6.0, 6.4], [13.0, 14.0]]), np.array([[1.0, 5.0], [5.0, 12.0]])
-    assert [which.tolist() for which in overlapped_windows(gaps, cycles)] == [[0, 1, -1], [1, -1, -1]]
+    assert (energy_error(T, watts, gaps, np.array([[1.0, 4.9], [4.95, 5.0], [12.0, 15.0]]), moved) > 0.0).tolist() == [
+        0,
+        1,
+        0,
+    ]
+    gaps, cycles = np.array([[4.8, 5.2], [6.0, 6.4], [13.0, 14.0]]), np.array([[1.0, 5.0], [5.0, 12.0], [14.0, 15.0]])
+    one = bridging_error(T, watts, gaps)
+    found = energy_error(T, watts, gaps, cycles, moved)
+    assert found == pytest.approx([one[0], np.hypot(one[0], one[1]), 0.0], abs=ROUNDING)
 
 
 def onset_of(v: Signal) -> tuple[Signal, float]:

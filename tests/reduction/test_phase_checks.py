@@ -17,7 +17,7 @@ from synthetic import Scenario, make_log, write_csv
 from winchcascade import Reduction, Run, read_run, reduce
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import built_in, parse_rig
+from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Finding
 from winchcascade.reduction.checks.sampling import update_interval
 from winchcascade.reduction.uncertainty import SAMPLING, uncertainty
@@ -71,32 +71,16 @@ def added(name: str, value: float, under_load: float = -1.0) -> Maker:
     return lambda run: {name: (x := run.channels[name]) + value * (x > under_load * x.max())}
 
 
-def stepped(name: str, step: float, how: Callable[[Signal], Signal] = np.round) -> Maker:
-    return lambda run: {name: how(run.channels[name] / step) * step}
+def stepped(name: str, step: float) -> Maker:
+    return lambda run: {name: np.round(run.channels[name] / step) * step}
 
 
 def held(name: str, every: int) -> Maker:
     return lambda run: {name: run.channels[name][np.arange(run.t.size) // every * every]}
 
 
-def straight(name: str, seconds: float) -> Maker:
-    def made(run: Run) -> dict[str, Signal]:
-        slow = np.arange(0.0, run.t[-1], seconds)
-        return {name: np.interp(run.t, slow, np.interp(slow, run.t, run.channels[name]))}
-
-    return made
-
-
-def smoothed(run: Run) -> dict[str, Signal]:
-    return {"velocity": np.convolve(np.pad(run.channels["velocity"], 12, "edge"), np.ones(25) / 25.0, "valid")}
-
-
 def drifting(name: str, over: float) -> Maker:
     return lambda run: {name: run.channels[name] + over * (run.t - run.t[0]) / np.ptp(run.t)}
-
-
-def dragging(run: Run) -> dict[str, Signal]:
-    return {"torque": run.channels["torque"] - 2.5 * (run.channels["velocity"] < -0.05)}
 
 
 LAGS = [
@@ -109,17 +93,11 @@ ZEROS = [
     *((added(c, s * u), ("zero_offset", c)) for c, u in (("torque", 3.6), ("idc", 0.06), ("vdc", 0.6)) for s in (-1, 1)),
     *((added("force", s * 250.0), ("zero_offset", "force")) for s in (-1, 1)),
     *((drifting("force", s * 60.0), ("zero_offset", "force")) for s in (-1, 1)),
-    (dragging, ("open_clutch_torque", "torque")),
 ]  # fmt: skip
-SLOW = [
-    (held("vdc", 15), ("coarse_sampling", "vdc")),
-    *((straight(c, 1.0), ("coarse_sampling", c)) for c in ("velocity", "force", "torque")),
-    (smoothed, ("channel_lag", "velocity")),
-]
+SLOW = [(held("vdc", 15), ("coarse_sampling", "vdc"))]
 COARSE = [
-    (stepped(c, step, how), ("coarse_resolution", c))
+    (stepped(c, step), ("coarse_resolution", c))
     for c, step in (("velocity", 0.05), ("force", 50.0), ("torque", 4.0), ("vdc", 5.0), ("idc", 0.1), ("idc", 0.5))
-    for how in (np.round, np.trunc)
 ]  # fmt: skip
 UNDER_LOAD = [(added("idc", 0.2, 0.1), ("gain_step", None)), (added("torque", 15.0, 0.4), ("gain_step", None))]
 
@@ -172,21 +150,10 @@ def test_an_open_circuit_and_a_load_are_distinguished(name: str, load: float | N
 
 
 @pytest.mark.parametrize("factor", [0.7, 0.95, 1.4])
-def test_an_idc_computed_from_an_assumed_load_is_found_by_its_noise_and_by_the_torque(factor: float) -> None:
+def test_an_idc_computed_from_an_assumed_load_is_found_by_its_noise(factor: float) -> None:
     load = 45.0 * factor
     run = replace(changed(clean(), idc=clean().channels["vdc"] / load), load=load)
-    found = [f.channel for f in of("r45ohm", run).quality if f.kind == "load_mismatch"]
-    assert "idc" in found
-    assert (None in found) == (factor != 0.95)
-
-
-def test_a_bleed_resistance_beside_a_large_load_is_no_contradiction() -> None:
-    rig = built_in()
-    assert rig.dc_link.r_bleed is not None
-    beside = replace(rig, dc_link=replace(rig.dc_link, r_bleed=replace(rig.dc_link.r_bleed, value=400.0)))
-    for factor, found in ((1.0, False), (1.09, False), (0.95, True)):
-        run = changed(clean("r36ohm"), idc=factor * clean("r36ohm").channels["idc"])
-        assert ("load_mismatch" in dict(kinds(reduce(run, rig=beside)))) is found
+    assert one(of("r45ohm", run), "load_mismatch").channel == "idc"
 
 
 def test_the_record_has_the_measured_load_beside_the_stated_one(tmp_path: Path) -> None:
@@ -207,15 +174,6 @@ def test_a_zero_that_steps_within_the_last_payout_is_reported_with_its_hold() ->
     assert last.hold is not None
     assert finding.start is not None
     assert last.hold[0] < finding.start < last.hold[1]
-
-
-@pytest.mark.parametrize(
-    "toml", ["[drivetrain]\none_way_clutch = false\n", '[sensors.torque]\nunit = "N.m"\naccuracy = 30.0\n']
-)
-def test_a_torque_without_a_known_zero_is_not_evaluated(toml: str) -> None:
-    rig = parse_rig(f'based_on = "hsu2026"\n{toml}', "rig.toml")
-    for run in (changed(clean(), **dragging(clean())), changed(clean(), **added("torque", 3.0)(clean()))):
-        assert not {"zero_offset", "open_clutch_torque"} & dict(kinds(of("r45ohm", run, rig))).keys()
 
 
 def test_without_pressure_the_gas_law_and_the_displacement_give_the_force() -> None:
@@ -276,24 +234,19 @@ def test_a_window_longer_than_most_payouts_is_rejected_with_the_longest_that_fit
 
 
 @pytest.mark.parametrize("window", [5.0, "auto", "payout"])
-def test_coarse_sampling_is_reported_where_the_energies_err_and_nowhere_else(
+def test_coarse_sampling_is_reported_where_the_mean_energies_err_and_nowhere_else(
     tmp_path: Path, window: float | str
 ) -> None:
     write_csv(make_log(Scenario(rate=100.0, noise=0.0), np.random.default_rng(1)), tmp_path / "log.csv")
     whole = read_run(tmp_path / "log.csv", load=36.0)
     true = reduce(whole, window=window)
-    for step in (1, 2, 4, 10, 20, 50, 100):
-        for first in {0, step // 3, step - 1}:
-            channels = {n: x[first::step] for n, x in whole.channels.items()}
-            found = reduce(replace(whole, t=whole.t[first::step], channels=channels, fs=100.0 / step), window=window)
-            errors = [
-                abs(a.metrics.value(m) / b.metrics.value(m) - 1.0)
-                for a, b in zip(found.complete, true.complete, strict=True)
-                for m in ("energy_line", "energy_mech", "energy_gen")
-            ]
-            reported = "coarse_sampling" in dict(kinds(found))
-            assert reported or max(errors) < 0.005 or step == 50, (step, first, max(errors))
-            assert not reported or max(errors) > 0.001 or step >= 20, (step, first, max(errors))
+    for step, first in ((1, 0), (4, 3), (10, 3), (20, 19), (50, 16), (100, 0), (100, 33)):
+        channels = {n: x[first::step] for n, x in whole.channels.items()}
+        found = reduce(replace(whole, t=whole.t[first::step], channels=channels, fs=100.0 / step), window=window)
+        error = max(abs(found.mean.value(m) / true.mean.value(m) - 1.0) for m in ("energy_line", "energy_gen"))
+        reported = "coarse_sampling" in dict(kinds(found))
+        assert reported or error < 0.01, (step, first, error)
+        assert not reported or error > 0.001, (step, first, error)
 
 
 def test_coarse_sampling_counts_in_the_uncertainty(tmp_path: Path) -> None:
@@ -307,10 +260,7 @@ def test_in_open_circuit_only_the_channels_of_eta_trans_count() -> None:
         assert kinds(of("open_circuit", changed(clean("open_circuit"), **maker(clean("open_circuit"))))) == found
 
 
-@pytest.mark.parametrize(("every", "order"), [(2, 1), (7, 1), (4, 2), (12, 2)])
-def test_the_interval_of_a_slow_channel_is_that_of_its_updates(every: int, order: int) -> None:
-    values = np.cumsum(np.where(np.arange(40) % 2, 1.0, -0.6))
-    rows = np.arange(39 * every)
-    x = values[rows // every] if order == 1 else np.interp(rows, every * np.arange(40), values)
-    assert update_interval(np.diff(x, order)) == every
-    assert update_interval(np.diff(np.random.default_rng(1).normal(size=rows.size), order)) == 1
+@pytest.mark.parametrize("every", [2, 7])
+def test_the_interval_of_a_slow_channel_is_that_of_its_updates(every: int) -> None:
+    assert update_interval(np.repeat(np.cumsum(np.where(np.arange(40) % 2, 1.0, -0.6)), every)) == every
+    assert update_interval(np.random.default_rng(1).normal(size=300)) == 1

@@ -84,22 +84,6 @@ def test_signs_and_empty_cells_are_read_alike_without_repairs(damaged: Path) -> 
     assert float(np.median(run.channels["torque"])) >= 0.0
 
 
-def test_rows_that_were_lost_stay_lost_without_repairs(tmp_path: Path) -> None:
-    rows = table().copy()
-    k = row_after_onset(3.0)
-    rows = np.delete(rows, slice(k, k + 50), axis=0)
-    rows[:, 0] = 0.04 * np.arange(len(rows))
-    path = tmp_path / "renumbered.csv"
-    np.savetxt(path, rows, "%.9g", ",", header=",".join(HEADERS), comments="")
-    on, off = (read_run(path, repairs=word) for word in ("on", "off"))
-    assert on.t[-1] - off.t[-1] == pytest.approx(2.0, abs=0.1)
-    assert np.allclose(off.t, rows[:, 0])
-    (finding,) = [f for f in off.findings if f.kind == "clock_mismatch"]
-    assert finding.repaired is not None
-    assert not finding.repaired.applied
-    assert finding.start == pytest.approx(rows[k - 1, 0], abs=0.05)
-
-
 def test_a_clean_log_is_the_same_with_and_without_repairs(fixtures: Path) -> None:
     log = fixtures / "campaign" / "r36ohm.csv"
     on, off = reduced(log), reduced(log, "--repairs", "off")

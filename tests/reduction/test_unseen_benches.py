@@ -129,16 +129,6 @@ def found_in(result: Path) -> set[str]:
     return {finding["kind"] for finding in json.loads(result.read_text(encoding="utf-8"))["quality"]}
 
 
-RECIPROCATING = """name = "Buoy"
-[winch]
-line_can_push = true
-[cascade]
-stages = ["line", "hyd"]
-[phases]
-from = "waves"
-"""
-
-
 def test_a_motor_in_newton_centimetres_and_turns_a_minute_beside_kilowatts(tmp_path: Path) -> None:
     t = 0.05 * np.arange(960)
     step = np.minimum(t // 8.0, 5.0)

@@ -105,12 +105,3 @@ def test_a_window_is_whole_where_onset_end_and_plateau_are_known(
     rule: WindowRule, cycle: Cycle, plateau: Plateau | None, top: float, end: float, whole: bool
 ) -> None:
     assert (window(rule, cycle, plateau, top, end).fault is None) == whole
-
-
-@pytest.mark.parametrize("end", np.arange(5.6, 7.0, 0.1))
-def test_a_payout_cut_on_its_ramp_has_not_settled(end: float) -> None:
-    """The speed reached so far always has a quantile; that is no plateau."""
-    kept = end >= T
-    cut = msgspec.structs.replace(CUT, payout_end=float(T[kept][-1]))
-    plateau = find_plateau(T[kept], TRAPEZOID[kept], cut, RULES)
-    assert window("auto", cut, plateau, float(TRAPEZOID[kept].max()), cut.payout_end).fault is not None

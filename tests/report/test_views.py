@@ -164,7 +164,7 @@ def test_efficiencies_and_powers_are_those_of_the_cycles(reduction: Reduction) -
     )
     watts = (reduction.run.channels["vdc"] * reduction.run.channels["idc"])[reduction.run.t < 35.0]
     assert max(drawn(plot(reduction, "power"), "gen")[1]) == pytest.approx(np.max(watts))
-    assert drawn(plot(reduction, "speed"), "line")[1] == [b.power_line for b in reduction.bins]
+    assert drawn(plot(reduction, "speed"), "line")[1] == [b.mean["line"] for b in reduction.bins]
 
 
 def test_a_campaign_is_drawn_over_its_loads(campaign: CampaignReduction) -> None:

@@ -15,7 +15,7 @@ from winchcascade.batch.plan import Plan, Work, result_key
 from winchcascade.batch.reductions import ENTRY, Made, campaign_record, reduce_log, with_findings_between
 from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import check_replaceable, clear, put_in_place, scratch_folder, write_set
+from winchcascade.core.files import check_replaceable, put_in_place, scratch_folder, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.store import (
     CAMPAIGN_FILES,
@@ -98,7 +98,8 @@ def run_batch(
     products, workers, watch = products or Products(), workers or Workers(), watch or Nobody()
     make_folder(out, ours=(out / "runs").is_dir(), what="a batch", force=force)
     with locked(out, watch.waiting):
-        runs = _cleared(out)
+        runs = inside(out, "runs")
+        make_one(runs, "another")
         there = {work.name: state_of(runs, result_of(work, products.reports)) for work in plan.work}
         todo = {work.name: work for work in plan.work if not there[work.name].kept}
         _check_own(out, todo, force=force)
@@ -121,15 +122,6 @@ def run_batch(
             altered=tuple(f"runs/{name}" for found in there.values() for name in found.altered),
         )
         return _put_together(plan, batch, products)
-
-
-def _cleared(out: Path) -> Path:
-    """The folder of the results of single logs, made if it is not there, without what killed calls left."""
-    runs = inside(out, "runs")
-    make_one(runs, "another")
-    for place in (out, runs, inside(out, "dataset")):
-        clear(place)
-    return runs
 
 
 def result_of(work: Work, reports: Sequence[str]) -> Output:

@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from tempfile import gettempdir
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
@@ -29,7 +28,7 @@ from winchcascade.blind.cases import (
 from winchcascade.blind.twin_numbers import LOADS
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, OutputError
-from winchcascade.core.files import check_replaceable, clear, scratch_folder, write_content
+from winchcascade.core.files import check_replaceable, scratch_folder, write_content
 from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.store import (
     Kept,
@@ -136,7 +135,6 @@ def deal(
 
 def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
     """Write the sealed answers into the folder of a trial, or check those of an earlier call."""
-    _clear(out)
     if inside(out, TRIAL).is_file():
         if read_trial(out).sealed_sha256 == trial.sealed_sha256:
             open_seal(out)
@@ -164,13 +162,6 @@ def _forget(out: Path) -> None:
     for folder in folders:
         if folder.is_dir():
             shutil.rmtree(folder)
-
-
-def _clear(out: Path) -> None:
-    """Remove the scratch files of interrupted calls from the folder of a trial."""
-    for place in (out, inside(out, DIAGNOSES), inside(out, PREDICTIONS)):
-        clear(place)
-    clear(Path(gettempdir()))
 
 
 def _deal_case(case: Case, folder: str | None) -> dict[str, bytes]:
@@ -257,7 +248,6 @@ def diagnose(
     with locked(folder, watch.waiting):
         trial = read_trial(folder)
         _all_dealt(folder, trial)
-        _clear(folder)
         for made in (DIAGNOSES, PREDICTIONS):
             make_one(inside(folder, made), "another trial")
         keys = {name: _key(inside(folder, name), method) for name in trial.cases}

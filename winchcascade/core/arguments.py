@@ -26,20 +26,12 @@ class Expected(msgspec.Struct, frozen=True):
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a real number; True and False are none, though Python counts with them.
-
-    >>> is_number(1.5), is_number(True), is_number("1.5")
-    (True, False, False)
-    """
+    """Whether a value is a real number; True and False are none, though Python counts with them."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def is_whole(value: object, low: int) -> bool:
-    """Whether a value is a whole number from a lowest one on.
-
-    >>> is_whole(3, 1), is_whole(0, 1), is_whole(2.0, 1)
-    (True, False, False)
-    """
+    """Whether a value is a whole number from a lowest one on."""
     return hasattr(value, "__index__") and not isinstance(value, bool) and operator.index(value) >= low
 
 

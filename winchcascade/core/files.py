@@ -1,7 +1,7 @@
 """Output files: written whole or not at all, never over a file that this tool did not make, and without scratch that stays.
 
 Each kind of file has its mark at one place; nothing else counts as a mark. Scratch is removed by the process that makes it, or
-else by a later call once it is old.
+in a folder of results by the next call.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ import os
 import re
 import shutil
 import tempfile
-import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -23,9 +22,6 @@ from winchcascade.core.errors import OutputError
 
 _SCRATCH = re.compile(r"\.winchcascade-[0-9a-f]{32}\.part")
 """Name of scratch. No other file is ever removed as scratch."""
-
-STALE = 3600.0
-"""Age from which scratch counts as left behind by a killed process: nothing is written for so long. [s]"""
 
 _live: set[str] = set()
 """Paths that this process removes at its end."""
@@ -43,7 +39,6 @@ def scratch_folder(folder: Path | None = None) -> AbstractContextManager[Path]:
 
 @contextmanager
 def _scratch(folder: Path, make: Callable[[Path], object]) -> Iterator[Path]:
-    _clear_once(folder.absolute())
     path = folder / f".winchcascade-{uuid.uuid4().hex}.part"
     with removed_at_end(path):
         make(path)
@@ -62,22 +57,13 @@ def removed_at_end(path: Path) -> Iterator[None]:
 
 
 def clear(folder: Path) -> None:
-    """Remove what killed processes left in a folder; the scratch of processes at work and all other files stay."""
-    with suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            if is_scratch(entry.name) and time.time() - entry.stat(follow_symlinks=False).st_mtime > STALE:
-                _remove(entry.path)
-
-
-_clear_once = cache(clear)
+    """Remove what killed calls left in a folder that no other call uses now; all other files stay."""
+    for path in [path for path in folder.rglob(".winchcascade-*.part") if is_scratch(path.name)]:
+        _remove(str(path))
 
 
 def is_scratch(name: str) -> bool:
-    """Whether a file name is that of scratch.
-
-    >>> is_scratch(f".winchcascade-{32 * '0'}.part"), is_scratch(".backup.part")
-    (True, False)
-    """
+    """Whether a file name is that of scratch."""
     return _SCRATCH.fullmatch(name) is not None
 
 

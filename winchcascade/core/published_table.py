@@ -51,19 +51,11 @@ class Span(msgspec.Struct, frozen=True):
     high: float
 
     def meets(self, other: Span) -> bool:
-        """Whether the two have a value in common.
-
-        >>> Span(1.0, 2.0).meets(Span(2.0, 3.0)), Span(1.0, 2.0).meets(Span(2.1, 3.0))
-        (True, False)
-        """
+        """Whether the two have a value in common."""
         return self.low <= other.high and other.low <= self.high
 
     def over(self, other: Span) -> Span:
-        """Quotients of a value of this interval and one of another, both of values that are not negative.
-
-        >>> Span(1.0, 2.0).over(Span(4.0, 5.0))
-        Span(low=0.2, high=0.5)
-        """
+        """Quotients of a value of this interval and one of another, both of values that are not negative."""
         return Span(self.low / other.high, self.high / max(other.low, 1e-300))
 
 
@@ -225,29 +217,17 @@ class PublishedTable(msgspec.Struct, frozen=True):
 
 
 def same_load(one: float, other: float) -> bool:
-    """Whether two loads are the same number of ohms.
-
-    >>> same_load(18, 18.0), same_load(float("inf"), float("inf")), same_load(4.5, 4.6)
-    (True, True, False)
-    """
+    """Whether two loads are the same number of ohms."""
     return math.isclose(one, other, rel_tol=1e-9)
 
 
 def load_text(load: float) -> str:
-    """A load as people write it.
-
-    >>> load_text(4.5), load_text(float("inf"))
-    ('4.5 ohm', 'open circuit')
-    """
+    """A load as people write it."""
     return "open circuit" if math.isinf(load) else f"{load:.12g} ohm"
 
 
 def unit_suffix(unit: str) -> str:
-    """A unit as it follows a number; nothing for a pure number.
-
-    >>> unit_suffix("W"), unit_suffix("1")
-    (' W', '')
-    """
+    """A unit as it follows a number; nothing for a pure number."""
     return "" if unit in ("1", "-") else f" {unit}"
 
 

@@ -92,29 +92,17 @@ def read_as(unit: Unit | None, dimension: str) -> Unit | None:
 
 
 def is_load(ohm: float) -> bool:
-    """Whether a number is a load: above 0, of a size that exists, or inf for an open circuit. [ohm]
-
-    >>> is_load(36.0), is_load(float("inf")), is_load(0.0)
-    (True, True, False)
-    """
+    """Whether a number is a load: above 0, of a size that exists, or inf for an open circuit. [ohm]"""
     return 0.0 < ohm < 1e12 or ohm == float("inf")
 
 
 def si_unit(dimension: str) -> str:
-    """SI unit of a dimension, as a text.
-
-    >>> si_unit("torque")
-    'N.m'
-    """
+    """SI unit of a dimension, as a text."""
     return _BY_DIMENSION[dimension][0][1][0]
 
 
 def unit_names(dimension: str) -> dict[float, str]:
-    """Units of a dimension by their factor, as texts.
-
-    >>> unit_names("torque")[1e3], unit_names("nothing")
-    ('kN.m', {})
-    """
+    """Units of a dimension by their factor, as texts."""
     return {unit.factor: names[0] for unit, names in _BY_DIMENSION.get(dimension, []) if not unit.offset}
 
 

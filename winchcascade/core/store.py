@@ -12,7 +12,7 @@ from typing import Literal
 import msgspec
 
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import is_scratch, removed_at_end
+from winchcascade.core.files import clear, is_scratch, removed_at_end
 
 INDEX = "index.html"
 """Page that lists what a folder of results holds."""
@@ -76,7 +76,8 @@ class Present(msgspec.Struct, frozen=True):
 
 @contextmanager
 def locked(folder: Path, waiting: Callable[[Path], None]) -> Iterator[None]:
-    """Keep every other call out of a folder until the context ends; the lock ends with the process, however that ends.
+    """Keep every other call out of a folder until the context ends; the lock ends with the process, however that ends. What
+    killed calls left there is removed.
 
     `waiting` is called with the folder if this call waits for another one for some time. OutputError if it cannot be locked.
     """
@@ -96,6 +97,7 @@ def locked(folder: Path, waiting: Callable[[Path], None]) -> Iterator[None]:
         ) from None
     try:
         with removed_at_end(folder / LOCK):  # whoever waits for it sees that it is gone and makes a new one
+            clear(folder)
             yield
     finally:
         lock.release()

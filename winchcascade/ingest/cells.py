@@ -85,10 +85,11 @@ def number(cell: str, decimal: str) -> float:
     return float(text) if _PLAIN.fullmatch(text) else math.nan
 
 
-def numbers(cells: Sequence[str], decimal: str) -> Signal:
-    """Read a column of texts as numbers, NaN where there is none."""
+def numbers(cells: Sequence[str], decimal: str) -> tuple[Signal, list[str]]:
+    """Read a column of texts: its numbers, NaN where there is none, and the texts that are none."""
     read = {cell: number(cell, decimal) for cell in set(cells)}
-    return np.array([read[cell] for cell in cells], dtype=np.float64)
+    values = np.array([read[cell] for cell in cells], dtype=np.float64)
+    return values, [cell for cell, value in read.items() if math.isnan(value) and cell]
 
 
 def is_cut(cell: str, usual: Sequence[str]) -> bool:

@@ -146,9 +146,12 @@ def log_table(
     began = None
     for k, kept in others.items():
         if kept and is_text(kept[0].type):
-            values[k] = np.concatenate([np.array([*map(_number, words)])[rows] for words, rows in map(_words, kept)])
-            if not np.isfinite(values[k]).any():
-                texts[k] = [words[row] for words, rows in map(_words, kept) for row in rows.tolist()]
+            stamps = looks_like_a_stamp(next(filter(None, kept[0].slice(0, MIN_ROWS).to_pylist()), ""))
+            if not stamps:
+                values[k] = np.concatenate([np.array([*map(_number, words)])[at] for words, at in map(_words, kept)])
+            if stamps or not np.isfinite(values[k]).any():
+                texts[k] = [text or "" for chunk in kept for text in chunk.to_pylist()]
+                values[k] = np.full(len(texts[k]), np.nan)
         elif kept:
             seconds, first = _seconds_of(pa.chunked_array(kept))
             values[k], began = (seconds, first) if k == time else (np.full(seconds.size, np.nan), began)
@@ -157,8 +160,8 @@ def log_table(
     if blank.any():
         values = {k: x[~blank] for k, x in values.items()}
         texts = {k: [text for text, left in zip(x, blank.tolist(), strict=True) if not left] for k, x in texts.items()}
-    stamps = None if time is None else texts.get(time, values[time])
-    return LogTable({k: values[k] for k in wanted}, stamps, stamped, findings, began, texts)
+    clock = None if time is None else texts.get(time, values[time])
+    return LogTable({k: values[k] for k in wanted}, clock, stamped, findings, began, texts)
 
 
 def _blank_rows(values: Mapping[int, Signal], stamps: Sequence[str] | None) -> Mask:

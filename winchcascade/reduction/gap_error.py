@@ -9,7 +9,7 @@ import numpy as np
 
 from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig, Thresholds
-from winchcascade.core.run import CLOCK, Index, Run, Signal
+from winchcascade.core.run import CLOCK, Run, Signal
 
 INSTANT_REACH = 0.3
 """A gap of the velocity this close to an instant moves it: half the width that smooths the velocity. [s]"""
@@ -49,16 +49,6 @@ def gaps_of(run: Run, channels: Sequence[str]) -> Signal:
     return np.asarray(np.clip(all_gaps(run, channels) + np.array([-TOUCH, TOUCH]), run.t[0], run.t[-1]))
 
 
-def overlapped_windows(gaps: Signal, windows: Signal) -> tuple[Index, Index]:
-    """Index of the first window that each gap overlaps, and of the last if that is another; -1 for none.
-
-    The windows are in order and do not overlap.
-    """
-    first = np.searchsorted(windows[:, 1], gaps[:, 0], side="right")
-    last = np.searchsorted(windows[:, 0], gaps[:, 1], side="left") - 1
-    return np.where(first <= last, first, -1), np.where(first < last, last, -1)
-
-
 def bridging_error(t: Signal, x: Signal, gaps: Signal) -> Signal:
     """What a straight line over each gap may miss of the integral of x, (k,) in the unit of x times seconds.
 
@@ -93,11 +83,11 @@ def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: S
     gaps, spans : (g, 2) and (k, 2) in order of time [s]
     moved : (k,) what gaps move the end of each span [s]
     """
-    square = (moved * np.interp(spans[:, 1], t, watts)) ** 2  # gaps err independently of each other
-    error = bridging_error(t, watts, gaps)
-    for which in overlapped_windows(gaps, spans):
-        np.add.at(square, which[which >= 0], error[which >= 0] ** 2)
-    return np.sqrt(square)
+    square = np.append(0.0, np.cumsum(bridging_error(t, watts, gaps) ** 2))  # gaps err independently of each other
+    first = np.searchsorted(np.maximum.accumulate(gaps[:, 1]), spans[:, 0], side="right")
+    last = np.maximum(np.searchsorted(gaps[:, 0], spans[:, 1], side="left"), first)
+    error: Signal = np.sqrt((moved * np.interp(spans[:, 1], t, watts)) ** 2 + square[last] - square[first])
+    return error
 
 
 def instant_error(run: Run, v_smooth: Signal, instants: Signal) -> Signal:

@@ -58,37 +58,36 @@ def find_cycles(run: Run, rig: Rig) -> tuple[list[Cycle], Signal]:
     LogError : the log lacks the channel that the source needs
     OptionError : ranges that the log does not hold, or that overlap
     """
-    rule, limits = rig.phases, rig.thresholds
-    source = rule.source
-    needed = {"displacement": ["displacement"], "speed": ["speed"], "steps": ["speed"], "waves": ["velocity", "speed"]}
-    if source in needed and run.channels.keys().isdisjoint(needed[source]):
+    rule, limits, t = rig.phases, rig.thresholds, run.t
+    source, needed = rule.source, _NEEDED.get(rule.source, ())
+    if needed and run.channels.keys().isdisjoint(needed):
         raise LogError(
-            f"{run.name}: [phases] of the rig finds cycles in {' or '.join(needed[source])}, which the log has not; name its "
-            "column under [columns], or another source under [phases]."
+            f"{run.name}: [phases] of the rig finds cycles in {' or '.join(needed)}, which the log has not; name its column "
+            "under [columns], or another source under [phases]."
         )
     if source == "displacement":
-        slope = np.gradient(local_quadratic(run.t, run.channels["displacement"], limits.smoothing), run.t)
+        slope = np.gradient(local_quadratic(t, run.channels["displacement"], limits.smoothing), t)
         return detect(run, slope, limits), slope
     if source == "speed":
         motion = _of_shaft(run, rig)
         alone = replace(run, channels={name: x for name, x in run.channels.items() if name != "displacement"})
         return detect(alone, motion.v_smooth, motion.thresholds), motion.v_smooth
-    if source == "velocity" and "velocity" not in run.channels:  # the message about no cycles names another source
-        return [], np.zeros(run.t.size)
-    motion = smoothed_motion(run, rig) or Motion(np.zeros(run.t.size), limits)
-    if source == "velocity":
-        cycles = detect(run, motion.v_smooth, limits)
-    elif source == "waves":
-        cycles = find_waves(run.t, motion.v_smooth, motion.thresholds.v_onset)
-    elif source == "steps":
-        cycles = find_steps(run, rule, limits.gap_max)
-    elif source == "column":
-        cycles = labelled_cycles(run, rule.column)
-    else:
-        cycles = [
-            Cycle(begin, end, None, None, begins_inside=False, ends_inside=False) for begin, end in _spans(run, rig)
-        ]
-    return cycles, motion.v_smooth
+    if source == "velocity":  # without one, the message about no cycles names another source
+        v = smoothed_velocity(run, limits) if "velocity" in run.channels else np.zeros(t.size)
+        return detect(run, v, limits) if "velocity" in run.channels else [], v
+    motion = smoothed_motion(run, rig) or Motion(np.zeros(t.size), limits)
+    if source == "waves":
+        return find_waves(t, motion.v_smooth, motion.thresholds.v_onset), motion.v_smooth
+    if source == "steps":
+        return find_steps(run, rule, limits.gap_max), motion.v_smooth
+    if source == "column":
+        return labelled_cycles(run, rule.column), motion.v_smooth
+    spans = _spans(run, rig)
+    return [Cycle(a, b, None, None, begins_inside=False, ends_inside=False) for a, b in spans], motion.v_smooth
+
+
+_NEEDED = {"displacement": ("displacement",), "speed": ("speed",), "steps": ("speed",), "waves": ("velocity", "speed")}
+"""Channels of which a source needs one."""
 
 
 def smoothed_motion(run: Run, rig: Rig) -> Motion | None:
@@ -122,23 +121,14 @@ def _spans(run: Run, rig: Rig) -> list[tuple[float, float]]:
         begins = [begin, *(np.maximum.accumulate(gaps[:, 1]) + BESIDE_GAP).tolist()]
         ends = [*(gaps[:, 0] - BESIDE_GAP).tolist(), end]
         return [(a, b) for a, b in zip(begins, ends, strict=True) if b - a > MIN_STRETCH / run.fs]
-    if not ranges:
+    apart = all(b <= c for (_, b), (c, _) in pairwise(ranges))
+    if not ranges or ranges[0][0] < begin or ranges[-1][1] > end or not apart:
+        given = ", ".join(f"{a:g} to {b:g} s" for a, b in ranges) or "none is given"
         raise OptionError(
-            f"{run.name}: cycles by ranges of time, but none is given; add ranges_s = [[begin, end], ...] to its entry of "
-            "campaign.toml, or under [phases] of the rig file."
+            f"{run.name}: cycles by ranges of time: {given}; expected ranges apart from each other, within the log from "
+            f"{begin:.2f} to {end:.2f} s. Give them as ranges_s = [[begin, end], ...] in its entry of campaign.toml, or under "
+            "[phases] of the rig file."
         )
-    for a, b in ranges:
-        if a < begin or b > end:
-            raise OptionError(
-                f"{run.name}: the range {a:g} to {b:g} s does not lie in the log, which goes from {begin:.2f} to {end:.2f} s; "
-                "correct ranges_s."
-            )
-    for (a, b), (c, d) in pairwise(ranges):
-        if c < b:
-            raise OptionError(
-                f"{run.name}: the ranges {a:g} to {b:g} s and {c:g} to {d:g} s overlap, so that their energies would count "
-                "twice; correct ranges_s."
-            )
     return ranges
 
 
@@ -245,12 +235,16 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
     after = np.searchsorted(t, gaps[gaps[:, 1] - gaps[:, 0] > gap_max, 1])
     unusable = np.abs(means[0]) <= rule.omega_onset
     unusable[np.clip(np.searchsorted(at, after, side="right") - 1, 0, at.size - 2)] = True
-    found, k, ends = [], 0, at[1:] - 1
     settling = math.ceil(rule.settle * run.fs / rows)
-    while k < ends.size:
-        k, stop = _longest(means, widths, unusable, range(k, min(k + settling + 1, ends.size)))
-        first = int(np.searchsorted(t, t[at[k]] + rule.settle))
-        last = int(ends[stop - 1])
+    found, k, n = [], 0, at.size - 1
+    while k < n:
+        stop = _steady_until(means, widths, unusable, k)
+        for other in range(k + 1, min(k + settling + 1, n)):
+            if other >= stop:
+                break
+            if (end := _steady_until(means, widths, unusable, other)) - other > stop - k:
+                k, stop = other, end
+        first, last = int(np.searchsorted(t, t[at[k]] + rule.settle)), int(at[stop]) - 1
         if not unusable[k] and first < last and t[last] - t[first] >= rule.step_min:
             found.append(Cycle(float(t[first]), float(t[last]), None, None, begins_inside=False, ends_inside=False))
             k = stop
@@ -259,25 +253,11 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
     return found
 
 
-def _longest(means: Signal, widths: list[float], unusable: Mask, begins: range) -> tuple[int, int]:
-    """First block of the longest stretch, of those that begin within some steady blocks, and the block after it."""
-    first, stop = begins[0], _steady_until(means, widths, unusable, begins[0])
-    for k in begins[1:]:
-        if k >= stop:
-            break
-        if (end := _steady_until(means, widths, unusable, k)) - k > stop - first:
-            first, stop = k, end
-    return first, stop
-
-
 def _steady_until(means: Signal, widths: list[float], unusable: Mask, first: int) -> int:
     """Number of the first block that does not belong to the steady stretch from a block on."""
-    low, high = means[:, first].copy(), means[:, first].copy()
+    low = high = means[:, first]
     for k in range(first + 1, means.shape[1]):
-        if unusable[k]:
-            return k
-        np.minimum(low, means[:, k], out=low)
-        np.maximum(high, means[:, k], out=high)
-        if np.any(high - low > widths):
+        low, high = np.minimum(low, means[:, k]), np.maximum(high, means[:, k])
+        if unusable[k] or np.any(high - low > widths):
             return k
     return int(means.shape[1])

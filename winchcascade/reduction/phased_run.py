@@ -128,27 +128,26 @@ def find_windows(phased: PhasedRun) -> list[Window]:
 
     A cycle that is a span is its own window.
     """
-    rig, fs, limits = phased.rig, phased.run.fs, phased.rig.thresholds
-    usual, slack, found = _usual_travel(phased), _detection_slack(phased), []
-    for k, cycle in enumerate(phased.cycles):
-        after = phased.cycles[k + 1].onset if k + 1 < len(phased.cycles) else math.inf
+    rig, fs, found = phased.rig, phased.run.fs, []
+    alike, usual = rig.phases.by_motion and phased.rule != "payout", _usual_travel(phased)
+    following = [*(cycle.onset for cycle in phased.cycles[1:]), math.inf]
+    for k, (cycle, after, travel) in enumerate(zip(phased.cycles, following, phased.travel, strict=False)):
         if rig.phases.by_motion:
             window = find_window(phased, k)
         else:
             cut = cycle.begins_inside or cycle.ends_inside
             window = Window(cycle.onset, span_end(cycle, rig), "the log begins or ends inside it" if cut else None)
         length, late, fault = window.cutoff - window.onset, window.cutoff - cycle.payout_end, window.fault
-        alike = rig.phases.by_motion and phased.rule != "payout"
-        if length * fs < SHORTEST and rig.phases.source != "rows":
-            fault = (
-                fault or f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart"
-            )
+        if fault is not None:
+            pass
+        elif length * fs < SHORTEST and rig.phases.source != "rows":
+            fault = f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart"
         elif alike and window.cutoff > after:
-            fault = fault or "its window reaches into the next payout"
-        elif alike and not cycle.ends_inside and phased.travel[k] < limits.aborted_below * usual:
-            fault = fault or f"the payout is aborted after {phased.travel[k]:.2f} m, where others travel {usual:.2f} m"
-        elif alike and not cycle.ends_inside and late > slack:
-            fault = fault or f"the payout ends {late:.2f} s before its window does"
+            fault = "its window reaches into the next payout"
+        elif alike and not cycle.ends_inside and travel < rig.thresholds.aborted_below * usual:
+            fault = f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
+        elif alike and not cycle.ends_inside and late > _detection_slack(phased):
+            fault = f"the payout ends {late:.2f} s before its window does"
         found.append(Window(window.onset, window.cutoff, fault))
     return found
 
@@ -216,22 +215,16 @@ def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]
     late = [(c, w) for c, w in whole if w.cutoff - c.payout_end > _detection_slack(phased)]
     if not late or not isinstance(phased.rule, float):
         return []
-    maximum = max(w.cutoff - c.payout_end for c, w in late)
+    maximum, lengths = max(w.cutoff - c.payout_end for c, w in late), [c.payout_end - c.onset for c, _ in whole]
     found = f"{len(late)} of {len(whole)} payouts end before their window of {phased.rule:g} s does, by up to {maximum:.2f} s"
-    lengths = [c.payout_end - c.onset for c, _ in whole]
-    fits = math.floor(100.0 * min(lengths)) / 100.0
+    fits = f"a window of at most {math.floor(100.0 * min(lengths)) / 100.0:.2f} s fits into all of them"
     if 2 * len(late) > len(whole):
         raise OptionError(
             f"{phased.run.name}: {found}, so that it holds hold or haul-in; the payouts last {min(lengths):.2f} to "
-            f"{max(lengths):.2f} s. Give a window of at most {fits:.2f} s, or the rule auto or payout."
+            f"{max(lengths):.2f} s, and {fits}; give one, or the rule auto or payout."
         )
-    message, begin, end = (
-        f"{found}; a window of {fits:.2f} s fits into all of them",
-        late[0][1].onset,
-        late[-1][1].cutoff,
-    )
-    action = "those cycles are left out of the mean"
-    return [Finding("window_beyond_payout", message, action, start=begin, end=end, count=len(late))]
+    action, begin, end = "those cycles are left out of the mean", late[0][1].onset, late[-1][1].cutoff
+    return [Finding("window_beyond_payout", f"{found}; {fits}", action, start=begin, end=end, count=len(late))]
 
 
 def _usual_travel(phased: PhasedRun) -> float:

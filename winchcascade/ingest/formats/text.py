@@ -26,7 +26,6 @@ from winchcascade.ingest.cells import (
     is_cut,
     is_value,
     looks_like_a_number,
-    number,
     numbers,
     split_row,
 )
@@ -230,9 +229,8 @@ def _load(
     parser = _Parser(layout, used)
     table = log_table(map(parser.parse, _blocks(path, encoding, layout.first)), wanted, time)
     rows = len(next(iter(table.values.values()), ())) if table.stamps is None else len(table.stamps)
-    late = {
-        k: x for k, texts in table.texts.items() if np.isfinite(x := numbers(texts, layout.decimal)).any() and k != time
-    }
+    read = {k: numbers(texts, layout.decimal)[0] for k, texts in table.texts.items() if k != time}
+    late = {k: x for k, x in read.items() if np.isfinite(x).any()}
     texts = {k: x for k, x in table.texts.items() if k not in late}  # not those whose numbers begin late
     stamps, stamped = table.stamps, False
     if time is not None and isinstance(stamps, np.ndarray):
@@ -333,17 +331,14 @@ class _Parser:
                 rows += [cells] if any(is_value(cells[k]) for k in self.types) else []  # a note, or names repeated
             else:
                 self.ragged += is_value(cells[0]) and len(cells) > 1
-        columns = {k: [row[k] for row in rows] for k in self.types}
-        for k in (k for k, kind in self.types.items() if kind == pa.float64()):
-            strange = {
-                cell for cell in columns[k] if cell not in self.marks and np.isnan(number(cell, self.layout.decimal))
-            }
+        columns: dict[int, pa.Array] = {}
+        for k, kind in self.types.items():
+            cells = [row[k] for row in rows]
+            values, strange = numbers(cells, self.layout.decimal) if kind == pa.float64() else (cells, [])
+            columns[k] = pa.array(values, kind)
             # Known from now on, so that Arrow reads the blocks to come.
-            self.marks += sorted(strange)[: max(0, MARKS_MAX - len(self.marks))]
-        return {
-            k: pa.array(columns[k] if kind == pa.string() else numbers(columns[k], self.layout.decimal), kind)
-            for k, kind in self.types.items()
-        }
+            self.marks += [mark for mark in strange if mark not in self.marks][: max(0, MARKS_MAX - len(self.marks))]
+        return columns
 
     def _last_line(self, block: bytes) -> bytes:
         """The last line of a file, which no line end closes, if it is whole."""

@@ -1,4 +1,4 @@
-"""Whether sensors read zero at rest, the torque also with the clutch open, and the line tension what the gas allows at rest.
+"""Whether sensors read zero at rest, and the line tension what the gas allows.
 
 No channel is changed. What smoothing blurs at both ends of a rest is left out.
 """
@@ -6,7 +6,7 @@ No channel is changed. What smoothing blurs at both ends of a rest is left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -22,17 +22,8 @@ TIME_CONSTANTS = 5.0
 RUN_DOWN = 1.0
 """Time constant with which the rotor runs down where the rig file lacks its inertia or its drag. [s]"""
 
-CLEAR_ZERO = 4.0
-"""Smallest zero in standard uncertainties of the median at rest."""
-
 KNOWN = 0.01
 """Standard uncertainty of the frictionless force at rest: gas, piston and pressure sensor. [1]"""
-
-BELOW = 0.2
-"""Share of the samples of Vdc at rest that must be negative: a rectifier gives none, so that these are noise. [1]"""
-
-SAME_NOISE = 0.9
-"""Correlation at rest from which the noise of Idc is that of Vdc: two sensors share some of it, a computed column all. [1]"""
 
 UNSTATED = 0.05
 """Smallest zero of a torque sensor without a stated accuracy that is reported, as a share of the usual torque; a current that
@@ -40,34 +31,28 @@ is a smaller share of its usual value holds no torque, and a shaft rests below a
 
 
 class Rest(NamedTuple):
-    """A rest or a haul-in, and the end of the motion before it that turned the rotor. [s]"""
+    """A rest before a payout or a hold after it, and the end of the motion before it that turned the rotor. [s]"""
 
     begin: float
     end: float
+    hold: bool
     last: float
 
-    def after(self, wait: float) -> Span:
-        """The part that begins so long after the motion that turned the rotor. [s]"""
-        return max(self.begin, self.last + wait), self.end
 
-
-def rests_of(log: PhasedLog) -> dict[str, list[Rest]]:
-    """Rests before payouts, holds after them, and haul-ins, in which a one-way clutch is open.
+def rests_of(log: PhasedLog) -> list[Rest]:
+    """Rests before payouts and holds after them, in order of time; a one-way clutch is open in haul-in.
 
     Before the first payout the beginning of the log counts as the end of the motion, since the time before it is unknown.
     """
-    phased, blur = log.phased, 0.5 * log.phased.rig.thresholds.smoothing
-    clutch = phased.rig.drivetrain.one_way_clutch is not False
-    found: dict[str, list[Rest]] = {"rest": [], "hold": [], "haul_in": []}
+    phased, blur, found = log.phased, 0.5 * log.rig.thresholds.smoothing, []
     for k in phased.chosen():
         cycle, before = phased.cycles[k], phased.cycles[k - 1] if k else None
         if not cycle.begins_inside and (before is None or before.haul_in is not None):
-            begin = float(phased.run.t[0]) if before is None or before.haul_in is None else before.haul_in[1]
-            last = begin if before is None or not clutch else before.payout_end
-            found["rest"].append(Rest(begin + blur, cycle.onset - blur, last))
-        for name, span in (("hold", cycle.hold), ("haul_in", cycle.haul_in)):
-            if span is not None:
-                found[name].append(Rest(span[0] + blur, span[1] - blur, cycle.payout_end))
+            begin = float(log.run.t[0]) if before is None or before.haul_in is None else before.haul_in[1]
+            turned = begin if before is None or log.rig.drivetrain.one_way_clutch is False else before.payout_end
+            found.append(Rest(begin + blur, cycle.onset - blur, False, turned))
+        if cycle.hold is not None:
+            found.append(Rest(cycle.hold[0] + blur, cycle.hold[1] - blur, True, cycle.payout_end))
     return found
 
 
@@ -77,25 +62,14 @@ def waits_of(log: PhasedLog) -> dict[str, float]:
     Vdc and Idc do not in open circuit, where the bleed resistance alone discharges the capacitor over many seconds, nor does
     the torque of a rig whose file states no one-way clutch.
     """
-    rig, load = log.phased.rig, log.phased.run.load
+    rig, load = log.rig, log.run.load
     inertia, drag, capacity = rig.drivetrain.inertia_rotor, rig.drivetrain.b_rotor, rig.dc_link.c_dc
-    known = inertia is not None and drag is not None and drag.value > 0.0
-    rotor = TIME_CONSTANTS * (inertia.value / drag.value if known and inertia and drag else RUN_DOWN)
-    waits = {"torque": rotor} if rig.drivetrain.one_way_clutch else {}
+    run_down = inertia.value / drag.value if inertia and drag and drag.value > 0.0 else RUN_DOWN
+    waits = {"torque": TIME_CONSTANTS * run_down} if rig.drivetrain.one_way_clutch else {}
     if load is not None and math.isfinite(load):
-        waits |= dict.fromkeys(("idc", "vdc"), rotor + TIME_CONSTANTS * load * (capacity.value if capacity else 0.0))
+        both = TIME_CONSTANTS * (run_down + load * (capacity.value if capacity else 0.0))
+        waits |= {"idc": both, "vdc": both}
     return waits
-
-
-def significant_zero(log: PhasedLog, channel: str, spans: Sequence[Span], known: float = 0.0) -> float | None:
-    """Median of a channel in some spans beyond a known one; None where that is no more than its uncertainties, or where no zero
-    of the sensor is stated. [SI unit of the channel]
-    """
-    read, limit = log.samples(channel, spans) - known, log.zero_limit(channel)
-    if read.size < MIN_COMPARED // 2 or not limit:
-        return None
-    zero, u = median_and_error(read)
-    return zero if abs(zero) >= max(limit, CLEAR_ZERO * u) else None
 
 
 def zeros(log: PhasedLog) -> Iterator[Fault]:
@@ -103,124 +77,29 @@ def zeros(log: PhasedLog) -> Iterator[Fault]:
 
     A rest before a payout is not evaluated by itself: a line that tightens loads the shaft before it moves.
     """
-    found = rests_of(log)
+    rests = rests_of(log)
     for channel, wait in waits_of(log).items():
-        spans = [rest.after(wait) for rest in sorted([*found["rest"], *found["hold"]])]
-        zero, limit = significant_zero(log, channel, spans), log.phased.u_zero(channel)
-        if zero is not None:
-            yield Fault("zero", channel, read={"zero": zero, "limit": limit}, spans=spans)
-            continue
-        holds = [hold.after(wait) for hold in found["hold"]]
-        off = {span: x for span in holds if (x := significant_zero(log, channel, [span])) is not None}
-        if off:
-            read, values = {"zero": max(off.values(), key=abs), "limit": limit}, {"some": len(off), "all": len(holds)}
-            yield Fault("zero_in_holds", channel, values, read, list(off))
+        spans = [(max(rest.begin, rest.last + wait), rest.end) for rest in rests]
+        holds = [[span] for span, rest in zip(spans, rests, strict=True) if rest.hold]
+        for groups in ([spans], holds):
+            off = [(zero, group) for group in groups if (zero := significant_zero(log, channel, group))]
+            if off:
+                known = {"where": "at rest" if groups[0] is spans else f"in {len(off)} of {len(holds)} holds"}
+                zero, places = max((zero for zero, _ in off), key=abs), [span for _, group in off for span in group]
+                yield Fault("zero", channel, places, {"zero": zero, "limit": log.phased.u_zero(channel), **known})
+                break
 
 
-def open_clutch(log: PhasedLog) -> Iterator[Fault]:
-    """A torque in haul-in that the rests do not have: the rotor does not turn with the drum, so that it needs none."""
-    wait = waits_of(log).get("torque")
-    if wait is None:
-        return
-    found = rests_of(log)
-    at_rest = log.samples("torque", [rest.after(wait) for rest in (*found["rest"], *found["hold"])])
-    known = at_rest.size >= MIN_COMPARED // 2
-    spans = [span for rest in found["haul_in"] if (span := rest.after(wait))[1] > span[0]]
-    drag = significant_zero(log, "torque", spans, median(at_rest) if known else 0.0)
-    if drag is not None:
-        beside = "beside its value at rest" if known else "and no rest is long enough to show its zero"
-        values = {"beside": beside, "or_else": "" if known else ", or a zero of the sensor"}
-        yield Fault("open_clutch", "torque", values, {"drag": drag, "limit": log.phased.u_zero("torque")}, spans)
-
-
-def computed_current(log: PhasedLog) -> Iterator[Fault]:
-    """An Idc that follows even the noise of Vdc at rest: it was computed from Vdc and an assumed load."""
-    wait, found = waits_of(log).get("vdc"), rests_of(log)
-    spans = (
-        [] if wait is None else [span for r in (*found["rest"], *found["hold"]) if (span := r.after(wait))[1] > span[0]]
-    )
-    volt, ampere = log.samples("vdc", spans), log.samples("idc", spans)
-    if not volt.size == ampere.size >= MIN_COMPARED or np.mean(volt < 0.0) < BELOW:
-        return
-    volt, ampere = np.diff(volt, 2), np.diff(ampere, 2)  # without what a slow motion gives both
-    size = float(np.linalg.norm(volt) * np.linalg.norm(ampere))
-    if size > 0.0 and float(volt @ ampere) >= SAME_NOISE * size:
-        values = {"ohm": float(volt @ volt) / float(volt @ ampere)}
-        yield Fault("computed_current", "idc", values, spans=spans, places=ampere.size)
-
-
-def forces_at_rest(log: PhasedLog, rests: Sequence[Rest]) -> Mapping[Span, tuple[float, float]]:
-    """Median line tension in each rest, and the one that holds the gas without friction (Sec. 2.1.2). [N]"""
-    rig = log.phased.rig
-    part, radius, found = rig.restoring, rig.r_drum, {}
-    if radius is None or part.lead is None or part.area_piston is None or not log.phased.u_zero("force"):
-        return {}
-    per_travel = (
-        part.area_piston.value * part.lead.value / (2.0 * math.pi * radius)
-    )  # gas volume, or force per pressure
-    for rest in rests:
-        span = (rest.begin, rest.end)
-        force, gauge, paid = (log.samples(name, [span]) for name in ("force", "pressure", "displacement"))
-        balanced = 0.0
-        if gauge.size:
-            balanced = median(gauge) * per_travel
-        elif paid.size and part.p_precharge is not None and part.volume_gas is not None:
-            left = 1.0 - per_travel * median(paid) / part.volume_gas.value
-            balanced = ((part.p_precharge.value + ATMOSPHERE) / left - ATMOSPHERE) * per_travel if left > 0.0 else 0.0
-        if force.size >= MIN_COMPARED // 2 and balanced > 0.0:
-            found[span] = median(force), balanced
-    return found
-
-
-def force_at_rest(log: PhasedLog) -> Iterator[Fault]:
-    """A line tension at rest that the friction of the screw cannot explain, by its efficiencies forth and back (Table 3)."""
-    part, found = log.phased.rig.restoring, rests_of(log)
-    if part.lead_angle is None or part.half_angle is None or part.mu_screw is None:
-        return
-    held = forces_at_rest(log, sorted([*found["rest"], *found["hold"]]))
-    tangent, flank, mu = math.tan(part.lead_angle.value), math.cos(part.half_angle.value), part.mu_screw.value
-    band = (flank - mu / tangent) / (flank + mu * tangent), (flank + mu / tangent) / (flank - mu * tangent)
-    rows = []
-    for force, balanced in held.values():
-        low, high = max(band[0], 0.0) * balanced, band[1] * balanced
-        outside = max(force - high, 0.0) + min(force - low, 0.0)
-        margin = CERTAIN * math.hypot(log.phased.u_zero("force"), KNOWN * balanced)
-        rows.append((outside if abs(outside) > margin else 0.0, force, low, high))
-    if rows and median(np.array(rows)[:, 0]) != 0.0:
-        _, force, low, high = max(rows, key=lambda row: abs(row[0]))
-        slack = " (or the line was slack)" * (force < low)
-        yield Fault(
-            "force_at_rest", "force", {"force": force, "low": low, "high": high, "slack": slack}, spans=list(held)
-        )
-
-
-def force_drift(log: PhasedLog) -> Iterator[Fault]:
-    """A line tension that rises or falls from rest to rest while the gas does not: the zero of the force cell drifts.
-
-    Rests after haul-ins and holds after payouts have their own friction. Each is divided by the frictionless force, and a line
-    over the time is fitted to both. They scatter at least by the standard uncertainty of the zero.
+def significant_zero(log: PhasedLog, channel: str, spans: list[Span], least: float = 0.0) -> float:
+    """Median of a channel in some spans; 0 where the uncertainties of zero and median explain it, or where neither a zero of
+    the sensor nor a least one is stated. [SI unit of the channel]
     """
-    found, columns, read = rests_of(log), [], []
-    for kind, rests in enumerate((found["rest"][1:], found["hold"])):
-        held = forces_at_rest(log, rests)
-        usual = median(np.array([balanced for _, balanced in held.values()])) if held else 0.0
-        for (begin, end), (force, balanced) in held.items():
-            columns.append((float(kind == 0), float(kind == 1), 0.5 * (begin + end)))
-            read.append((force * usual / balanced, begin, end))
-    if len(read) < 3:
-        return
-    matrix, forces = np.array(columns), np.array(read)[:, 0]
-    matrix = matrix[:, np.any(matrix, axis=0)]
-    t = log.phased.run.t
-    matrix[:, -1] = (matrix[:, -1] - t[0]) / (t[-1] - t[0])
-    weight, *_ = np.linalg.lstsq(matrix, forces)
-    residual = forces - matrix @ weight
-    scatter = math.hypot(
-        log.phased.u_zero("force"), float(np.linalg.norm(residual)) / math.sqrt(max(forces.size - 3, 1))
-    )
-    u = scatter * math.sqrt(np.linalg.pinv(matrix.T @ matrix)[-1, -1])
-    if abs(weight[-1]) > max(log.zero_limit("force"), CERTAIN * u):
-        yield Fault("force_drift", "force", {"over": float(weight[-1])}, spans=sorted((a, b) for _, a, b in read))
+    read, u_zero = log.samples(channel, spans), log.phased.u_zero(channel)
+    least = max(least, CERTAIN * u_zero)
+    if read.size < MIN_COMPARED // 2 or not least or abs(median(read)) < least:
+        return 0.0
+    zero, u = median_and_error(read)
+    return zero if abs(zero) >= CERTAIN * math.hypot(u_zero, u) else 0.0
 
 
 def bench_zero(log: PhasedLog) -> Iterator[Fault]:
@@ -228,24 +107,80 @@ def bench_zero(log: PhasedLog) -> Iterator[Fault]:
 
     Where no accuracy of the torque sensor is stated, a zero counts from `UNSTATED` of the usual torque on.
     """
-    run, rig = log.phased.run, log.phased.rig
+    run, onset = log.run, log.rig.phases.omega_onset
     if {"velocity", "force"} & run.channels.keys() or not {"speed", "torque"} <= run.channels.keys():
         return
-    omega, torque, blur = np.abs(run.channels["speed"]), run.channels["torque"], 0.5 * rig.thresholds.smoothing
+    omega, blur = np.abs(run.channels["speed"]), 0.5 * log.rig.thresholds.smoothing
     top = largest(omega)
-    still = omega <= min(rig.phases.omega_onset, 0.2 * UNSTATED * top)
+    still = omega <= min(onset, 0.2 * UNSTATED * top)
     if still.all():
         return
     current = np.abs(run.channels.get("idc", np.zeros(omega.size)))
-    usual = median(current[~still])
-    ends = [(float(run.t[a]) + blur, float(run.t[b - 1]) - blur) for a, b in stretches_of(still).tolist()]
-    held = [(span, current[log.phased.rows(*span)]) for span in ends if span[1] > span[0]]
-    spans = [span for span, x in held if x.size and median(x) <= UNSTATED * usual]
-    read, stated = log.samples("torque", spans), log.phased.u_zero("torque")
-    level = 0.0 if stated or top < rig.phases.omega_onset else UNSTATED * median(np.abs(torque[~still]))
-    if read.size < MIN_COMPARED // 2 or not (stated or level):
+    stretches = [(float(run.t[a]) + blur, float(run.t[b - 1]) - blur) for a, b in stretches_of(still).tolist()]
+    held = [(span, current[log.phased.rows(*span)]) for span in stretches]
+    spans = [span for span, x in held if x.size and median(x) <= UNSTATED * median(current[~still])]
+    stated, torque = log.phased.u_zero("torque"), run.channels["torque"]
+    least = 0.0 if stated or top < onset else UNSTATED * median(np.abs(torque[~still]))
+    zero = significant_zero(log, "torque", spans, least)
+    if zero:
+        yield Fault("zero", "torque", spans, {"zero": zero, "limit": stated, "where": "while the shaft rests"})
+
+
+def force_at_rest(log: PhasedLog) -> Iterator[Fault]:
+    """A line tension at rest that the friction of the screw cannot explain, by its efficiencies forth and back (Table 3), and
+    one that rises or falls from rest to rest while the gas does not: the zero of the force cell drifts.
+
+    Rests after haul-ins and holds after payouts have their own friction: each is divided by the force that holds the gas
+    without friction (Sec. 2.1.2), and a line over the time is fitted to both. They scatter at least by the zero.
+    """
+    part, held = log.rig.restoring, forces_at_rest(log)
+    u_zero, spans = log.phased.u_zero("force"), [(rest.begin, rest.end) for rest, _, _ in held]
+    if part.lead_angle and part.half_angle and part.mu_screw and held:
+        tangent, flank, mu = math.tan(part.lead_angle.value), math.cos(part.half_angle.value), part.mu_screw.value
+        lowest = max((flank - mu / tangent) / (flank + mu * tangent), 0.0)
+        highest = (flank + mu / tangent) / (flank - mu * tangent)
+        rows = []
+        for _, force, balanced in held:
+            outside = max(force - highest * balanced, 0.0) + min(force - lowest * balanced, 0.0)
+            certain = abs(outside) > CERTAIN * math.hypot(u_zero, KNOWN * balanced)
+            rows.append((outside if certain else 0.0, force, lowest * balanced, highest * balanced))
+        _, force, low, high = max(rows, key=lambda row: abs(row[0]))
+        if median(np.array([row[0] for row in rows])) != 0.0:
+            yield Fault("force_at_rest", "force", spans, {"force": force, "low": low, "high": high})
+    held = [row for row in held if row[0].hold or row[0].begin > log.phased.cycles[0].onset]
+    kinds = np.array(
+        [(not rest.hold, rest.hold, 0.5 * (rest.begin + rest.end)) for rest, _, _ in held], dtype=np.float64
+    )
+    if len(held) < 3:
         return
-    zero, u = median_and_error(read)
-    if abs(zero) >= max(CERTAIN * stated, level, CLEAR_ZERO * u):
-        known = f"its zero is known to {stated:.2g} N.m" if stated else "the rig file states no accuracy of the sensor"
-        yield Fault("bench_zero", "torque", {"known": known}, {"zero": zero}, spans)
+    forces, balances = np.array([(force, balanced) for _, force, balanced in held]).T
+    usual = kinds[:, :2] @ [median(balances[kinds[:, k] > 0.0]) if kinds[:, k].any() else 0.0 for k in range(2)]
+    kinds[:, 2] = (kinds[:, 2] - log.run.t[0]) / (log.run.t[-1] - log.run.t[0])
+    kinds = kinds[:, kinds.any(axis=0)]
+    weight, *_ = np.linalg.lstsq(kinds, forces * usual / balances)
+    residual = forces * usual / balances - kinds @ weight
+    scatter = math.hypot(u_zero, float(np.linalg.norm(residual)) / math.sqrt(max(forces.size - 3, 1)))
+    u = scatter * math.sqrt(np.linalg.pinv(kinds.T @ kinds)[-1, -1])
+    if abs(weight[-1]) > CERTAIN * max(u_zero, u):
+        yield Fault(
+            "force_drift", "force", [(rest.begin, rest.end) for rest, _, _ in held], {"over": float(weight[-1])}
+        )
+
+
+def forces_at_rest(log: PhasedLog) -> list[tuple[Rest, float, float]]:
+    """Rests with the median line tension, and with the one that holds the gas without friction. [N]"""
+    part, radius, found = log.rig.restoring, log.rig.r_drum, []
+    if radius is None or part.lead is None or part.area_piston is None or not log.phased.u_zero("force"):
+        return []
+    per_travel = part.area_piston.value * part.lead.value / (2.0 * math.pi * radius)  # of gas; force per pressure
+    for rest in rests_of(log):
+        force, gauge, paid = (log.samples(name, [rest[:2]]) for name in ("force", "pressure", "displacement"))
+        balanced = 0.0
+        if gauge.size:
+            balanced = median(gauge) * per_travel
+        elif paid.size and part.p_precharge is not None and part.volume_gas is not None:
+            left = 1.0 - per_travel * median(paid) / part.volume_gas.value
+            balanced = ((part.p_precharge.value + ATMOSPHERE) / left - ATMOSPHERE) * per_travel if left > 0.0 else 0.0
+        if force.size >= MIN_COMPARED // 2 and balanced > 0.0:
+            found.append((rest, median(force), balanced))
+    return found

@@ -13,136 +13,93 @@ from winchcascade.reduction.efficiency_changes import changed_efficiencies
 Check = Callable[[PhasedLog], Iterable[Fault]]
 
 CHECKS: tuple[Check, ...] = (
-    cycles.opposed_powers, load.other_load, load.shaft_power, at_rest.bench_zero, sampling.coarse_resolution,
-    cycles.odd_ratios, cycles.copied_cycles,
+    cycles.opposed_powers, load.other_load, at_rest.bench_zero, sampling.coarse_resolution, cycles.odd_ratios,
+    cycles.copied_cycles,
 )  # fmt: skip
 """Checks of any log with cycles."""
 
 CHECKS_OF_MOTION: tuple[Check, ...] = (
-    pairs.in_step, at_rest.zeros, at_rest.open_clutch, at_rest.computed_current,
-    at_rest.force_at_rest, at_rest.force_drift, sampling.coarse_sampling, sampling.slow_channel, cycles.uneven_strokes,
-    changed_efficiencies,
+    pairs.in_step, at_rest.zeros, load.computed_current, at_rest.force_at_rest, sampling.coarse_sampling,
+    sampling.held_channels, cycles.uneven_strokes, changed_efficiencies,
 )  # fmt: skip
 """Checks that need payouts which are alike, and the rests between them."""
 
+READ = ("zero", "limit", "change", "level", "step")
+"""Values of the channel in its SI unit, which are written in the unit of the log."""
 
-SIGNED = ("zero", "drag", "change")
-"""Values of a channel that are written with their sign."""
-
-CHECK_ZERO = "reported and kept; energies go with it: check the zero of the sensor"
-EVERY_SAMPLE = "reported and kept; log it with every sample"
-LOG_FASTER = "log faster, or use the window payout"
+KEPT = "reported and kept"
+CHECK_ZERO = KEPT + "; energies go with it: check the zero of the sensor"
+LOG_FASTER = KEPT + " and part of the uncertainty; log faster, or use the window payout"
 OTHER_LOAD = "check the load, Vdc and Idc: this ratio cannot distinguish them"
+READS = "Vdc {volt:.4g} V and Idc {ampere:.4g} A, a load of {ohm:.4g} ohm"
 
 FAULTS: dict[str, tuple[FindingKind, str, str]] = {
     "opposed": (
         "sign_mismatch",
         "the powers of {one} ({first}) and {other} ({second}) have opposite signs: their correlation is {share:.2f}",
-        "reported and kept; check the signs of these channels, and state a minus sign under [stage] of the rig file",
+        KEPT + "; check the signs of these channels, and state a minus sign under [stage] of the rig file",
     ),
-    "other_load": (
-        "load_mismatch",
-        "load {load:g} ohm is stated, but Vdc / Idc {where} is {volt:.4g} V / {ampere:.4g} A = {ohm}",
-        "reported and kept; " + OTHER_LOAD,
-    ),
+    "other_load": ("load_mismatch", "load {load:g} ohm is stated, and the log has " + READS, KEPT + "; " + OTHER_LOAD),
     "loaded_open_circuit": (
-        "load_mismatch",
-        "load inf is stated, but Vdc {volt:.4g} V and Idc {ampere:.4g} A {where} are {watt:.3g} W, as of a load of {ohm}",
+        "load_mismatch", "load inf is stated, and the log has " + READS,
         "reduced as open circuit, without eta_gen and eta_pto; " + OTHER_LOAD,
     ),
     "load_not_stated": (
-        "load_mismatch",
-        "no load is stated, and Vdc {volt:.4g} V with Idc {ampere:.4g} A {where} ({ohm}) is what an open circuit has",
+        "load_mismatch", "no load is stated, and the log has " + READS + ", as an open circuit",
         "eta_gen and eta_pto are reported as of a load; state the load: inf for an open circuit",
-    ),
-    "shaft_power": (
-        "load_mismatch",
-        "on the plateau Vdc x Idc of {given:.4g} W and the losses of the rig {rig} need {needed:.4g} W at the shaft; torque "
-        "and velocity give {taken:.4g} W",
-        "reported and kept; check Vdc, Idc and torque, and whether Idc was computed from a load that is not the true one",
     ),
     "computed_current": (
         "load_mismatch",
         "idc was computed: at rest it repeats the noise of vdc, divided by {ohm:.3g} ohm; Vdc / Idc cannot show the load",
-        "reported and kept; E_gen is right only if that is the true load: log a measured current",
+        KEPT + "; E_gen is right only if that is the true load: log a measured current",
     ),
     "late": (
         "channel_lag",
-        "{late} is {seconds:.2f} s behind {early} (standard uncertainty {u:.3f} s); expected less than {limit:.2g} s",
-        "reported and kept; powers take both at one time: check filters and clocks of their loggers",
-    ),
-    "smoothed": (
-        "channel_lag",
-        "velocity is smoothed over {width:.2f} s beside displacement: onsets and energies move",
-        "reported and kept; log the velocity without a filter, or leave its column out",
+        "{channel} is {seconds:.2f} s behind {early} (standard uncertainty {u:.3f} s); expected less than {least:.2g} s",
+        KEPT + "; powers take both at one time: check filters and clocks of their loggers",
     ),
     "stepped": (
         "gain_step",
         "{channel} steps by {change} ({share:+.1%} of its largest value) where it passes {level}, while {partner} does not",
-        "reported and kept; check both for a meter that changes its range, and for an offset that appears under load",
+        KEPT + "; check both for a meter that changes its range, and for an offset that appears under load",
     ),
     "zero": (
         "zero_offset",
-        "{channel} reads {zero} at rest, after rotor and capacitor have run down; its zero is known to {limit}",
+        "{channel} reads {zero} {where}; its zero has a standard uncertainty of {limit} (0: not stated)",
         CHECK_ZERO,
-    ),
-    "zero_in_holds": (
-        "zero_offset",
-        "in {count} of {all} holds, but not over the whole log, {channel} reads up to {zero}; its zero is known to {limit}",
-        CHECK_ZERO,
-    ),
-    "bench_zero": ("zero_offset", "torque reads {zero} while the shaft rests; {known}", CHECK_ZERO),
-    "open_clutch": (
-        "open_clutch_torque",
-        "torque reads {drag} in haul-in, {beside}; its zero is known to {limit}",
-        "reported and kept: drag of the open clutch{or_else}",
     ),
     "force_at_rest": (
-        "zero_offset",
-        "force reads {force:.0f} N at rest, where gas and friction of the screw allow {low:.0f} to {high:.0f} N",
-        CHECK_ZERO + "{slack}",
+        "zero_offset", "force reads {force:.0f} N at rest, where gas and friction of the screw allow {low:.0f} to {high:.0f} N",
+        CHECK_ZERO + ", and whether the line was slack",
     ),
     "force_drift": ("zero_offset", "force at rest changes by {over:+.0f} N over the log, beside what the gas does", CHECK_ZERO),
-    "no_window": (
-        "coarse_sampling",
-        "{rate:.3g} Hz is too coarse for this motion: {count} of {all} windows are shorter than {shortest:g} samples",
-        "no energy is computed; " + LOG_FASTER,
-    ),
     "coarse_sampling": (
         "coarse_sampling",
-        "{rate:.3g} Hz is too coarse for this motion: every second or third sample alone changes an energy of a cycle by up to "
-        "{extreme:.1%}, so that the log itself may err by {error:.1%}",
-        "reported and part of the uncertainty; " + LOG_FASTER,
+        "{rate:.3g} Hz is too coarse for this motion: by every second and third sample, a mean energy errs by {error:.1%}",
+        LOG_FASTER,
     ),
     "held": (
         "coarse_sampling",
-        "{channel} is updated every {every} samples ({interval:.2g} s) and held, {late:.2g} s late on average; energies of "
-        "{channel} may err by {share:.1%}",
-        EVERY_SAMPLE,
-    ),
-    "straight": (
-        "coarse_sampling",
-        "{channel} is straight between values that lie {every} samples ({interval:.2g} s) apart, as if interpolated from a "
-        "slower log; energies of {channel} may err by {share:.1%}",
-        EVERY_SAMPLE,
+        "{channel} is updated every {every} samples ({interval:.2g} s) and held, {late:.2g} s late on average; its energies "
+        "may err by {error:.1%}",
+        KEPT + "; log it with every sample",
     ),
     "coarse_resolution": (
         "coarse_resolution",
-        "{channel} is recorded in steps of {step}, {share:.1%} of its mean in the windows and more than its noise; energies of "
-        "{channel} may err by {error:.1%}{moves}",
-        "reported and kept; record it with more digits",
+        "{channel} is recorded in steps of {step}, more than its noise; its energies may err by {error:.1%}",
+        KEPT + "; record it with more digits",
     ),
     "above_one": (
         "efficiency_above_one",
-        "{name} is above 1 {where} ({value:.4f}{place}); unless its uncertainty contains 1, check units, gains and signs",
-        "reported and kept",
+        "{name} is above 1 ({value:.4f} in {place}); unless its uncertainty contains 1, check units, gains and signs",
+        KEPT,
     ),
     "below_zero": (
-        "out_of_range", "{name} lies below 0 {where} ({value:.3f}{place}); check units, gains and signs", "not reported",
+        "out_of_range", "{name} lies below 0 ({value:.3f} in {place}); check units, gains and signs", "not reported",
     ),
     "against": (
         "out_of_range",
-        "{name} has no value {where}, as the energy that comes in is negative ({value:.4g} J{place}): power flows against the "
+        "{name} has no value in {place}, as the energy that comes in is negative ({put:.4g} J): power flows against the "
         "cascade; check the sign of {channels} and the order of the stages, or state a power of the opposite sign under "
         "[stage.{stage}] of the rig file",
         "not reported",
@@ -150,23 +107,23 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
     "too_small": (
         "out_of_range",
         "{name} is {value:.2g} of all cycles together: check the units of what it is made of, unless nothing is delivered",
-        "reported and kept",
+        KEPT,
     ),
     "copied": (
         "repeated_rows",
         "{count} of {all} cycles ({cycles}) equal earlier ones in every sample: repeatability and uncertainty are too low",
-        "reported and kept; leave the copies out",
+        KEPT + "; leave the copies out",
     ),
     "stopped": (
         "stroke_mismatch",
         "{count} of {all} payouts stop or slow down within their windows as the others do not: cycle {cycle} travels "
         "{value:.0%} of what its speed allows, where {usual:.0%} is usual",
-        "reported and kept; choose the cycles that count",
+        KEPT + "; choose the cycles that count",
     ),
     "other_stroke": (
         "stroke_mismatch",
         "{count} of {all} payouts travel otherwise than the others: cycle {cycle} {value:.2f} m, where {usual:.2f} m is usual",
-        "reported and kept; look for half strokes and jogs, and choose the cycles that count",
+        KEPT + "; look for half strokes and jogs, and choose the cycles that count",
     ),
     "changed_efficiency": (
         "efficiency_change",
@@ -179,8 +136,8 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
 
 
 def find_faults(log: PhasedLog) -> list[Finding]:
-    """Run the checks, and word what they find; numbers of a channel get its unit."""
-    checks = CHECKS + (CHECKS_OF_MOTION if log.phased.rig.phases.by_motion else ())
+    """Run the checks, and word what they find; what a channel reads gets its unit."""
+    checks = CHECKS + (CHECKS_OF_MOTION if log.rig.phases.by_motion else ())
     return [_finding(log, fault) for check in checks for fault in check(log)]
 
 
@@ -188,10 +145,10 @@ def _finding(log: PhasedLog, fault: Fault) -> Finding:
     kind, message, action = FAULTS[fault.name]
     count = len(fault.spans) or 1
     values: dict[str, object] = {"channel": fault.channel, "count": count, **fault.values}
-    for name, value in fault.read.items():
-        channel = log.phased.rig.known_channels[fault.channel or ""]
-        sign = "+" if name in SIGNED and value > 0.0 else ""
-        values[name] = f"{sign}{text_of(channel, value, 3)} {channel.unit}"
+    channel = log.rig.known_channels.get(fault.channel or "")
+    for name, value in fault.values.items():
+        if name in READ and channel is not None and isinstance(value, float):
+            values[name] = f"{text_of(channel, value, 3)} {channel.unit}"
     start, end = (min(a for a, _ in fault.spans), max(b for _, b in fault.spans)) if fault.spans else (None, None)
     places = count if fault.places is None else fault.places
     return Finding(kind, message.format(**values), action.format(**values), fault.channel, start, end, places)

@@ -1,9 +1,8 @@
-"""Pairs of channels that follow one motion: whether one is late, smoothed, or steps at a level that the other passes smoothly.
+"""Pairs of channels that follow one motion: whether one is late, or steps at a level that the other passes smoothly.
 
-Two channels y and x that follow each other give `y(t) = a + b x(t - lag)`, and to second order `y = a + b x - b lag dx/dt +
-b w d2x/dt2` with w of a symmetric smoothing. A regression of y on x and its slopes therefore gives lag and smoothing, to a few
-milliseconds where the line starts and stops. A lag that is found is applied and the regression repeated, until it is the whole
-lag. A meter that changes its range, or an offset that appears under load, leaves a step in what remains of y at one level of x.
+Two channels y and x that follow each other give `y(t) = a + b x(t - lag)`, to first order `a + b x - b lag dx/dt`. A regression
+of y on x and its slope gives the lag, to a few milliseconds where the line starts and stops; it is applied and the regression
+repeated. A meter that changes its range, or an offset that appears under load, leaves a step in what remains of y at one level.
 """
 
 from __future__ import annotations
@@ -15,22 +14,16 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.cascade import BUILT_IN
-from winchcascade.core.channels import CHANNELS
-from winchcascade.core.integrate import largest, median, white_noise
-from winchcascade.core.run import Signal
-from winchcascade.reduction.checks.load import losses
+from winchcascade.core.integrate import largest, white_noise
+from winchcascade.core.run import Mask, Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog, Span
-from winchcascade.reduction.phases import Plateau
 
 SAME_TIME = 0.1
 """Smallest lag that is reported between channels without a physical lag: energies change by more than 0.5 %. [s]"""
 
-OF_THE_ROTOR = 0.25
-"""The same between torque and electrical power: rotor, capacitor and filters of the meters lag by up to 0.2 s. [s]"""
-
 OF_THE_MACHINE = 0.35
-"""The same between velocity and Vdc: as above, and a back-EMF that falls with the current changes Vdc like 0.15 s. [s]"""
+"""The same between velocity and Vdc: rotor and capacitor lag by up to 0.2 s, and a back-EMF that falls with the current changes
+Vdc like 0.15 s. [s]"""
 
 SLOPE = 0.2
 """Time on either side over which slopes are taken, or one sample where samples are farther apart. [s]"""
@@ -48,23 +41,21 @@ plateau. [1]"""
 
 
 class Pair(NamedTuple):
-    """Two channels of one payout: names, lag that physics explains [s], stamps [s], signals, what else y depends on, (n,) each.
+    """Two channels x and y of one payout: names, lag that physics explains [s], span [s] and stamps [s].
 
-    `degree` is that of the polynomial of x that y follows but for steps, 0 where the two are not compared for steps.
+    `rows` are x, y and what else y depends on, (m, n), `v` is the smoothed velocity, (n,) [m/s]. `degree` is that of the
+    polynomial of x that y follows but for steps, 0 where the two are not compared for steps; `ramp` marks the samples outside
+    the plateau, whose noise would set the slope.
     """
 
-    first: str
-    second: str
+    names: tuple[str, str]
     limit: float
     degree: int
+    span: Span
     t: Signal
-    x: Signal
-    y: Signal
-    beside: tuple[Signal, ...] = ()
-
-
-Group = tuple[list[Pair], list[Span], list[Plateau | None]]
-"""One pair of channels in all checked payouts whose onset the log holds, with the spans and plateaus of these."""
+    rows: Signal
+    v: Signal
+    ramp: Mask
 
 
 class Fitted(NamedTuple):
@@ -75,45 +66,53 @@ class Fitted(NamedTuple):
     residual: float
 
 
+class Lag(NamedTuple):
+    """Lag of y behind x with its standard error [s], and what it leaves of the variance of y [1]."""
+
+    seconds: float
+    u: float
+    residual: float
+
+
+def in_step(log: PhasedLog) -> Iterator[Fault]:
+    """Pairs of channels of which one is late or stepped, in the checked payouts whose onset the log holds."""
+    cycles = [k for k in log.phased.chosen() if not log.phased.cycles[k].begins_inside]
+    for group in zip(*(pairs_of(log, k) for k in cycles), strict=True):
+        yield from late(log, group)
+        if group[0].degree and not log.run.open_circuit:  # in open circuit friction alone makes the torque
+            yield from stepped(log, group)
+
+
 def pairs_of(log: PhasedLog, k: int) -> Iterator[Pair]:
     """The pairs that a log has in one payout.
 
-    Displacement and the integral of the velocity, whose zero makes it drift; Vdc and Idc at a resistor; the power of the shaft
-    and the one that DC link, known losses and known storage need; velocity and Vdc; torque and line tension, whose rest grows
-    with the displacement. While the clutch drives, the last three follow each other.
+    Displacement and the integral of the velocity, whose zero makes it drift; Vdc and Idc at a resistor; while the clutch
+    drives, velocity and Vdc; torque and line tension, whose rest grows with the displacement.
     """
-    run, rig, cycle, plateau = log.phased.run, log.phased.rig, log.phased.cycles[k], log.phased.plateaus[k]
-    blur, end, channels = rig.thresholds.smoothing, cycle.payout_end, run.channels
-    braking = end if plateau is None else plateau.braking
-    payout, driven = log.phased.rows(cycle.onset - blur, end + blur), log.phased.rows(cycle.onset - blur, braking)
-    t, electrical = run.t[payout], "vdc" in channels and "idc" in channels and not run.open_circuit
+    run, limits, cycle, plateau = log.run, log.rig.thresholds, log.phased.cycles[k], log.phased.plateaus[k]
+    blur, channels, v = limits.smoothing, {"time": run.t, **run.channels}, log.phased.v_smooth
+    end = braking = settled = cycle.payout_end
+    if plateau is not None:
+        settled, braking = plateau.begin + limits.settle, plateau.braking
+
+    def pair(first: str, second: str, limit: float, degree: int, start: float, stop: float, *beside: str) -> Pair:
+        inside = log.phased.rows(start, stop)
+        t, rows = run.t[inside], np.array([channels[name][inside] for name in (first, second, *beside)])
+        ramp = (t < settled) | (t > braking - limits.settle)
+        return Pair((first, second), limit, degree, (cycle.onset, end), t, rows, v[inside], ramp)
+
     if {"displacement", "velocity"} <= channels.keys():
-        v = channels["velocity"][payout]
-        travel = np.concatenate((np.zeros(min(1, t.size)), np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))))
-        yield Pair("displacement", "velocity", SAME_TIME, 0, t, channels["displacement"][payout], travel, (t,))
-    if electrical:
-        yield Pair("vdc", "idc", SAME_TIME, 1, t, channels["vdc"][payout], channels["idc"][payout])
-        t, v_dc, i_dc, v = run.t[driven], channels["vdc"][driven], channels["idc"][driven], log.phased.v_smooth[driven]
-        shaft = BUILT_IN["mech"].stream(channels, rig.r_drum)
-        if "torque" in channels and shaft is not None:
-            omega = v * ((rig.rpm_per_velocity or 0.0) * math.pi / 30.0)
-            needed = v_dc * i_dc + losses(rig, i_dc, omega)
-            for part, x in ((rig.dc_link.c_dc, v_dc), (rig.drivetrain.inertia_rotor, omega)):
-                needed += part.value * x * slope_of(t, x) if part is not None else 0.0
-            yield Pair("torque", "Vdc x Idc", OF_THE_ROTOR, 0, t, shaft(driven), needed)
-        yield Pair("velocity", "vdc", OF_THE_MACHINE, 0, t, v, v_dc)
-    if "torque" in channels and "force" in channels:
-        driven = log.phased.rows(cycle.onset + blur, braking)  # before, the friction of the restoring module reverses
-        t, along = run.t[driven], channels.get("pressure", channels.get("displacement", run.t))[driven]
-        yield Pair("torque", "force", SAME_TIME, 2, t, channels["torque"][driven], channels["force"][driven], (along,))
-
-
-def slope_of(t: Signal, x: Signal) -> Signal:
-    """Slope of a signal at each sample, by the mean of the steps on either side; zeros for fewer than three samples."""
-    if t.size < 3:
-        return np.zeros(t.size)
-    step = np.diff(x) / np.diff(t)
-    return np.concatenate((step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]))
+        of = pair("displacement", "velocity", SAME_TIME, 0, cycle.onset - blur, end + blur, "time")
+        steps = 0.5 * (of.rows[1, 1:] + of.rows[1, :-1]) * np.diff(of.t)
+        of.rows[1] = np.concatenate((np.zeros(min(1, of.t.size)), np.cumsum(steps)))
+        yield of
+    if {"vdc", "idc"} <= channels.keys() and not run.open_circuit:
+        yield pair("vdc", "idc", SAME_TIME, 1, cycle.onset - blur, end + blur)
+        channels |= {"velocity": v}
+        yield pair("velocity", "vdc", OF_THE_MACHINE, 0, cycle.onset - blur, braking)
+    if {"torque", "force"} <= channels.keys():  # at the onset the friction of the restoring module reverses
+        along = next(name for name in ("pressure", "displacement", "time") if name in channels)
+        yield pair("torque", "force", SAME_TIME, 2, cycle.onset + blur, braking, along)
 
 
 def fit(columns: Signal, y: Signal) -> Fitted | None:
@@ -121,7 +120,7 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
 
     The residual is correlated from sample to sample, so that fewer of them count.
     """
-    if y.size < MIN_COMPARED:
+    if y.size < max(MIN_COMPARED, 5 * len(columns)):
         return None
     columns, y = columns - columns.mean(axis=1, keepdims=True), y - y.mean()
     product = np.einsum("ij,kj->ik", columns, columns)  # not by BLAS, whose threads wait for each other
@@ -141,157 +140,97 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     return Fitted(weight / size, error / size, left / of_y)
 
 
-def at_lag(pair: Pair, applied: float) -> tuple[float, float, Fitted] | None:
-    """Lag of y behind x and its standard error [s] by one regression after a lag; None where they do not rise alike."""
-    half = max(1, round(SLOPE * (pair.t.size - 1) / max(float(np.ptp(pair.t)), 1e-9))) if pair.t.size else 1
-    inner = slice(half, -half)
-    t = pair.t[inner]
-    kept = (t - applied >= t[:1]) & (t - applied <= t[-1:])
-    slope = (pair.x[2 * half :] - pair.x[: -2 * half]) / (pair.t[2 * half :] - pair.t[: -2 * half])
-    moved = [np.interp(t[kept] - applied, t, signal) if t.size else t for signal in (pair.x[inner], slope)]
-    found = fit(np.array([*moved, *(signal[inner][kept] for signal in pair.beside)]), pair.y[inner][kept])
+def late(log: PhasedLog, group: Sequence[Pair]) -> Iterator[Fault]:
+    """A channel that was recorded late against another one, in the first or the last payout; no channel is shifted."""
+    limit = max(group[0].limit, 1.0 / log.run.fs)
+    lags = [(lag, pair.span) for pair in (group[0], group[-1]) if (lag := lag_of(pair, limit)) is not None]
+    if lags:
+        lag, _ = max(lags, key=lambda of: abs(of[0].seconds))
+        early, behind = group[0].names if lag.seconds > 0.0 else group[0].names[::-1]
+        values = {"early": early, "seconds": abs(lag.seconds), "u": max(lag.u, 0.001), "least": limit}
+        yield Fault("late", behind, sorted({span for _, span in lags}), values)
+
+
+def lag_of(pair: Pair, limit: float) -> Lag | None:
+    """Lag of the second signal behind the first; None if it is below a limit [s], uncertain, or explains no difference."""
+    found = at_lag(pair, 0.0)
+    alike = found is not None and found.residual < UNLIKE
+    if found is not None and alike and abs(found.seconds) < 0.5 * limit:
+        return None
+    if any(np.ptp(x, axis=0) < 2.0 * CERTAIN * white_noise(x) for x in pair.rows[:2]):
+        return None
+    tried = [found, *(at_lag(pair, lag) for lag in (() if alike else FAR_LAGS))]
+    for _ in range(4):  # a filter delays as its slope does, without a shift: then the first remains the best
+        found = min((one for one in tried if one is not None), key=lambda one: one.residual, default=None)
+        if found is None or abs(found.seconds) > FAR_LAGS[-1]:
+            return None
+        tried.append(at_lag(pair, found.seconds))
+    unmoved = fit(np.delete(pair.rows, 1, axis=0), pair.rows[1])
+    explains = found is not None and found.residual < 5.0 * UNLIKE * (1.0 if unmoved is None else unmoved.residual)
+    certain = found is not None and abs(found.seconds) >= max(limit, CERTAIN * found.u)
+    return found if certain and explains else None
+
+
+def at_lag(pair: Pair, applied: float) -> Lag | None:
+    """Lag of y behind x by one regression after a lag is applied; None where they do not rise alike."""
+    if pair.t.size < MIN_COMPARED:
+        return None
+    at, half = pair.t - applied, max(SLOPE, float(pair.t[-1] - pair.t[0]) / (pair.t.size - 1))
+    kept = (
+        np.abs(2.0 * at - pair.t[0] - pair.t[-1]) <= pair.t[-1] - pair.t[0] - 2.0 * half + 1e-6 * half
+    )  # rounding of stamps
+    before, here, after = (np.interp(at[kept] + shift, pair.t, pair.rows[0]) for shift in (-half, 0.0, half))
+    found = fit(np.array([here, (after - before) / (2.0 * half), *pair.rows[2:, kept]]), pair.rows[1, kept])
     if found is None or found.weight[0] <= 0.0:
         return None
-    return applied - float(found.weight[1] / found.weight[0]), float(found.error[1] / found.weight[0]), found
+    return Lag(
+        applied - float(found.weight[1] / found.weight[0]), float(found.error[1] / found.weight[0]), found.residual
+    )
 
 
-def groups(log: PhasedLog) -> Iterator[Group]:
-    """The pairs of channels that a log has."""
-    cycles = [k for k in log.phased.chosen() if not log.phased.cycles[k].begins_inside]
-    spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in cycles]
-    for group in zip(*(pairs_of(log, k) for k in cycles), strict=True):
-        yield list(group), spans, [log.phased.plateaus[k] for k in cycles]
-
-
-def in_step(log: PhasedLog) -> Iterator[Fault]:
-    """Pairs of channels of which one is late, smoothed or stepped."""
-    found = list(groups(log))
-    for check in (late, smoothed, stepped):
-        yield from check(log, found)
-
-
-def late(log: PhasedLog, found: Sequence[Group]) -> Iterator[Fault]:
-    """Channels that were recorded late against each other, in each payout; no channel is shifted."""
-    for group, spans, _ in found:
-        pair, limit = group[0], max(group[0].limit, 1.0 / log.phased.run.fs)
-        if not any(follows_late(one, 0.5 * limit) for one in (pair, group[-1])):
-            continue
-        lags = [(lag, span) for one, span in zip(group, spans, strict=True) if (lag := lag_of(one, limit)) is not None]
-        if lags:
-            seconds, u = max((lag for lag, _ in lags), key=lambda lag: abs(lag[0]))
-            behind, ahead = (pair.second, pair.first) if seconds > 0.0 else (pair.first, pair.second)
-            values = {"late": behind, "early": ahead, "seconds": abs(seconds), "u": max(u, 0.001), "limit": limit}
-            yield Fault("late", behind if behind in CHANNELS else None, values, spans=[span for _, span in lags])
-
-
-def follows_late(pair: Pair, limit: float) -> bool:
-    """Whether one regression shows a lag beyond a limit [s], or signals that do not follow each other."""
-    first = at_lag(pair, 0.0)
-    return first is None or first[2].residual > UNLIKE or abs(first[0]) > limit
-
-
-def lag_of(pair: Pair, limit: float) -> tuple[float, float] | None:
-    """Lag of the second signal behind the first, and its standard error; None if it is below a limit, uncertain, or explains no
-    difference. [s]
-    """
-    if pair.t.size < MIN_COMPARED or any(np.ptp(z) < 2.0 * CERTAIN * white_noise(z) for z in (pair.x, pair.y)):
-        return None
-    first = at_lag(pair, 0.0)
-    far = () if first is not None and first[2].residual < UNLIKE else FAR_LAGS
-    tried = [one for one in (first, *(at_lag(pair, lag) for lag in far)) if one is not None]
-    found = min(tried, key=lambda one: one[2].residual, default=None)
-    for _ in range(4):
-        if found is not None and abs(found[0]) <= FAR_LAGS[-1]:
-            step, found = found[0], at_lag(pair, found[0])
-            if found is not None and abs(found[0] - step) < 0.05 * limit:
-                break
-    if found is None or abs(found[0]) > FAR_LAGS[-1]:
-        return None
-    if first is not None and first[2].residual < found[2].residual:
-        found = first  # a filter delays as its slope does, without a shift
-    unmoved = fit(np.array([pair.x, *pair.beside]), pair.y)
-    explains = found[2].residual < 5.0 * UNLIKE * (1.0 if unmoved is None else unmoved.residual)
-    certain = abs(found[0]) >= limit and abs(found[0]) > CERTAIN * found[1]
-    return found[:2] if certain and explains else None
-
-
-def smoothed(log: PhasedLog, found: Sequence[Group]) -> Iterator[Fault]:
-    """A velocity that was smoothed before it was logged, beside the displacement: it begins too early and ends too late.
-
-    A symmetric mean over w changes a signal by its second derivative times w^2 / 24.
-    """
-    run, widths = log.phased.run, []
-    half = max(1, round(SLOPE * run.fs))
-    group, spans, _ = found[0] if found else ([], [], [])
-    for pair in group if group and group[0].first == "displacement" else ():
-        if pair.t.size > 2 * half + MIN_COMPARED:
-            x, inner, step = pair.x, slice(half, -half), 0.5 * (pair.t[2 * half :] - pair.t[: -2 * half])
-            slope = 0.5 * (x[2 * half :] - x[: -2 * half]) / step
-            bend = (x[2 * half :] - 2.0 * x[inner] + x[: -2 * half]) / step**2
-            of = fit(np.array([x[inner], slope, bend, pair.t[inner]]), pair.y[inner])
-            if of is not None and of.weight[2] > CERTAIN * of.error[2]:
-                widths.append(math.sqrt(24.0 * of.weight[2] / of.weight[0]))
-    if 2 * len(widths) > len(group) and median(np.array(widths)) > max(2.0 * SLOPE, 4.0 / run.fs):
-        yield Fault("smoothed", "velocity", {"width": median(np.array(widths))}, spans=spans)
-
-
-def stepped(log: PhasedLog, found: Sequence[Group]) -> Iterator[Fault]:
+def stepped(log: PhasedLog, group: Sequence[Pair]) -> Iterator[Fault]:
     """A channel that steps at a level which its partner passes smoothly: it changed its range, or has an offset under load.
 
-    In open circuit friction alone makes the torque. The more certain of the steps of both channels counts.
+    The ramps of all payouts count, and the more certain of the steps of both channels. Masses between the sensors add a
+    difference in proportion to the acceleration, which steps where the line does.
     """
-    for group, spans, plateaus in found:
-        pair, settle, steps = group[0], log.phased.rig.thresholds.settle, []
-        if pair.degree == 0 or log.phased.run.open_circuit:
-            continue
-        ramps = [ramp_of(one, plateau, settle) for one, plateau in zip(group, plateaus, strict=True)]
-        x, y, x_slope, y_slope, *beside = np.concatenate(ramps, axis=1)
-        for channel, partner, own, other, slope in (
-            (pair.second, pair.first, y, x, x_slope),
-            (pair.first, pair.second, x, y, y_slope),
-        ):
-            step = largest_step(own, other, [slope, *beside], pair.degree, log.zero_limit(channel))
-            steps.append((*step, channel, partner))
-        certain, share, change, level, channel, partner = max(steps)
-        if certain >= CERTAIN + 1.0:  # as one of many levels
-            yield Fault(
-                "stepped", channel, {"partner": partner, "share": share}, {"change": change, "level": level}, spans
-            )
+    ramps = []
+    for pair in group:
+        both = np.vstack((pair.v, pair.rows[:2]))
+        slopes = (both[:, 2:] - both[:, :-2]) / (pair.t[2:] - pair.t[:-2])
+        ramps.append(np.vstack((pair.rows[:, 1:-1], slopes))[:, pair.ramp[1:-1]])
+    x, y, *beside, x_slope, y_slope = np.concatenate(ramps, axis=1)
+    first, second = group[0].names
+    steps = []
+    for channel, partner, own, other, slope in ((second, first, y, x, x_slope), (first, second, x, y, y_slope)):
+        smooth = np.array([*(other**power for power in range(1, group[0].degree + 1)), slope, *beside])
+        steps.append((*largest_step(own, smooth, log.zero_limit(channel)), channel, partner))
+    certain, share, change, level, channel, partner = max(steps)
+    if certain:
+        values = {"partner": partner, "share": share, "change": change, "level": level}
+        yield Fault("stepped", channel, [pair.span for pair in group], values)
 
 
-def largest_step(
-    y: Signal, x: Signal, beside: Sequence[Signal], degree: int, zero: float
-) -> tuple[float, float, float, float]:
+def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, float, float]:
     """The most certain step of y: in standard errors, as a share of the largest value, its size, and its level; else zeros.
 
-    The ramps of all payouts together are fitted by a polynomial of x, its slope, and a step at the level by which the residual
-    divides most; on a plateau noise alone would set the slope. The level is that which the polynomial gives, so that noise of y
-    chooses no side; that of x does, and a step of its size is none, nor is one that the zero of a sensor explains. At half of
-    the scale, a gain is twice its step.
+    y, (n,), is fitted by smooth columns, (m, n), and a step at the level by which the residual divides most. The level is that
+    which the columns give, so that noise of y chooses no side; that of x does, and a step of its size is none, nor is one that
+    the zero of a sensor explains, or that hides in what the columns leave. At half of the scale, a gain is twice its step.
     """
-    nothing = 0.0, 0.0, 0.0, 0.0
-    if y.size < MIN_COMPARED:
-        return nothing
-    top, smooth = largest(y), np.array([*(x**power for power in range(1, degree + 1)), *beside])
     course = fit(smooth, y)
     if course is None or course.residual > UNLIKE:
-        return nothing
-    level = course.weight @ smooth
+        return 0.0, 0.0, 0.0, 0.0
+    top, level = largest(y), course.weight @ smooth
     level += float(np.mean(y - level))
     order, place = np.argsort(level), np.arange(1, y.size)
     between = (level[order[1:]] > LOWEST * top) & (level[order[1:]] < (1.0 - LOWEST) * top)
     weight = np.where(between, np.sqrt(place * (y.size - place)), np.inf)
     best = level[order[int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / weight)) + 1]]
     found = fit(np.vstack((smooth, level >= best)), y)
-    change = 0.0 if found is None else float(found.weight[-1])
-    if found is None or abs(change) < max(0.5 * REPORTED * top, 2.0 * white_noise(level), zero):
-        return nothing
+    if found is None or abs(found.weight[-1]) < (CERTAIN + 1.0) * found.error[-1]:  # as one of many levels
+        return 0.0, 0.0, 0.0, 0.0
+    change, left = float(found.weight[-1]), math.sqrt(found.residual) * float(np.std(y))
+    if abs(change) < max(0.5 * REPORTED * top, left, zero, 2.0 * white_noise(level)):
+        return 0.0, 0.0, 0.0, 0.0
     return abs(change / float(found.error[-1])), change / top, change, float(best)
-
-
-def ramp_of(pair: Pair, plateau: Plateau | None, settle: float) -> Signal:
-    """Both signals, their slopes, and what else the second depends on, outside the plateau, (m, n)."""
-    rows = np.array([pair.x, pair.y, slope_of(pair.t, pair.x), slope_of(pair.t, pair.y), *pair.beside])
-    if plateau is None:
-        return rows
-    return rows[:, (pair.t < plateau.begin + settle) | (pair.t > plateau.braking - settle)]

@@ -11,14 +11,17 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.run import Signal
+from winchcascade.core.cascade import ELECTRICAL, Power
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Run, Signal
+from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
 from winchcascade.reduction.energies import Energies
-from winchcascade.reduction.phase_summary import PhaseSummary, PlateauSummary
+from winchcascade.reduction.phase_summary import PhaseSummary
 from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.reduction_result import CycleResult
 
 REPORTED = 0.005
-"""Smallest error of an energy that is reported, by its sampling, a resolution or a step of a channel. [1]"""
+"""Smallest error of an energy that is reported, by updates, a resolution or a step of a channel. [1]"""
 
 MIN_COMPARED = 20
 """Smallest number of samples that shows how two channels depend on each other. [1]"""
@@ -28,27 +31,24 @@ Span = tuple[float, float]
 
 
 class Fault(NamedTuple):
-    """One fault, by its name in the table of words.
+    """One fault: its name in the table of words, the channel, the spans in order of time, and the values that fill the words.
 
-    `values` fill the words as they are; those of `read` are of the channel [SI] and get its unit. `places` are by default the
-    number of `spans`, which are in order of time.
+    `places` are by default the number of the spans.
     """
 
     name: str
-    channel: str | None = None
-    values: Mapping[str, object] = {}
-    read: Mapping[str, float] = {}
-    spans: Sequence[Span] = ()
+    channel: str | None
+    spans: Sequence[Span]
+    values: Mapping[str, object]
     places: int | None = None
 
 
 class OperatingPoints(NamedTuple):
-    """Vdc [V] and Idc [A] on k plateaus or cycles: means and their standard errors by noise, (2, k) each; spans, plateaus."""
+    """Vdc [V] and Idc [A] on k plateaus or cycles: means and their standard errors by noise, (2, k) each, and the spans."""
 
     mean: Signal
     error: Signal
-    spans: Sequence[Span]
-    plateaus: Sequence[PlateauSummary | None]
+    spans: list[Span]
 
 
 class PhasedLog(msgspec.Struct, frozen=True, dict=True):
@@ -63,9 +63,19 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
     thinned: Mapping[str, Signal]
     results: Sequence[CycleResult]
 
+    @property
+    def run(self) -> Run:
+        """The log."""
+        return self.phased.run
+
+    @property
+    def rig(self) -> Rig:
+        """Its rig."""
+        return self.phased.rig
+
     def samples(self, channel: str, spans: Sequence[Span]) -> Signal:
         """Samples of a channel in some spans; none of a channel that the log lacks."""
-        x = self.phased.run.channels.get(channel)
+        x = self.run.channels.get(channel)
         parts = [] if x is None else [x[self.phased.rows(begin, end)] for begin, end in spans if end > begin]
         return np.concatenate(parts) if parts else np.empty(0)
 
@@ -74,21 +84,38 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         return CERTAIN * self.phased.u_zero(channel)
 
     @cached_property
+    def complete(self) -> list[CycleResult]:
+        """The cycles that count."""
+        return [cycle for cycle in self.results if cycle.complete]
+
+    @cached_property
+    def idle(self) -> bool:
+        """Whether the machine delivers next to nothing, so that its losses decide every ratio to what it delivers."""
+        known = [name for name in self.rig.cascade.energies if all(c.metrics[name] is not None for c in self.complete)]
+        shares = [ratio(c.metrics[known[-1]], c.metrics[known[0]]) for c in self.complete if known]
+        return self.run.open_circuit or runs_idle(shares)
+
+    @cached_property
+    def powers(self) -> dict[str, Power]:
+        """Power of each stage whose energy counts: not of what an idle machine delivers."""
+        stages = [stage for stage in self.rig.cascade.stages if not (self.idle and stage.name in ELECTRICAL)]
+        known = {stage.name: stage.power(self.run.channels, self.rig.r_drum) for stage in stages}
+        joules = self.energies.joules
+        return {name: power for name, power in known.items() if power and max(joules[name] or [0.0]) > NOTHING}
+
+    @cached_property
     def points(self) -> OperatingPoints:
         """Vdc and Idc on the plateau of each checked cycle; with a stated load also over a cycle that is found in no motion."""
-        phased, by_motion = self.phased, self.phased.rig.phases.by_motion
-        channels = phased.run.channels
-        chosen = [(phased.cycles[k], self.summaries[k].payout.plateau) for k in phased.chosen()]
-        if not {"vdc", "idc"} <= channels.keys() or (phased.run.load is None and not by_motion):
-            chosen = []
-        found = []
-        for cycle, plateau in chosen:
-            span = (plateau.begin, plateau.braking) if plateau else (cycle.onset, span_end(cycle, phased.rig))
-            both = np.array([channels[name][phased.rows(*span)] for name in ("vdc", "idc")])
-            if both.size and (plateau is not None or not by_motion):
-                noise = (
-                    np.std(np.diff(both), axis=1) / math.sqrt(2.0 * both.shape[1]) if both.shape[1] > 1 else np.zeros(2)
-                )
-                found.append((both.mean(axis=1), noise, span, plateau))
-        means, errors, spans, plateaus = zip(*found, strict=True) if found else ((), (), (), ())
-        return OperatingPoints(np.reshape(means, (-1, 2)).T, np.reshape(errors, (-1, 2)).T, spans, plateaus)
+        phased, by_motion, channels = self.phased, self.rig.phases.by_motion, self.run.channels
+        means, errors, spans = [], [], []
+        if {"vdc", "idc"} <= channels.keys() and (self.run.load is not None or by_motion):
+            for k in phased.chosen():
+                cycle, plateau = phased.cycles[k], self.summaries[k].payout.plateau
+                span = (plateau.begin, plateau.braking) if plateau else (cycle.onset, span_end(cycle, self.rig))
+                both = np.array([channels[name][phased.rows(*span)] for name in ("vdc", "idc")])
+                if both.size and (plateau is not None or not by_motion):
+                    n = both.shape[1]
+                    means.append(both.mean(axis=1))
+                    errors.append(np.std(np.diff(both), axis=1) / math.sqrt(2.0 * n) if n > 1 else np.zeros(2))
+                    spans.append(span)
+        return OperatingPoints(np.reshape(means, (-1, 2)).T, np.reshape(errors, (-1, 2)).T, spans)
