@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from winchcascade import read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.run import Finding, Run
-from winchcascade.reduction.efficiency_between_runs import LogEfficiency, _distance, _rows, logs_apart
+from winchcascade.reduction.efficiency_between_runs import LogEfficiency, logs_apart
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADED = load_campaign(FIXTURES).runs[1:]
@@ -129,23 +129,6 @@ def test_a_log_with_a_wrong_gain_lies_apart_from_its_neighbours(load: float, err
         assert (apart.name, apart.metric) == (f"{load}", f"eta_{which}")
         sound = made(load, seed=seed).eta[f"eta_{which}"]
         assert apart.expected == pytest.approx(sound, abs=0.02)
-
-
-def test_the_laws_hold_losses_of_constant_and_of_viscous_friction_and_of_copper_and_bleed() -> None:
-    """1 / eta_trans = a + b v / P + c v^2 / P, and 1 / eta_gen = a + b / R + c R."""
-    logs = []
-    for load, v in zip(LOADS, (0.9, 0.3, 1.1, 0.5, 0.2, 0.7), strict=True):
-        power = 1500.0 * v * v * 27.0 / (load + 4.0)
-        eta = {
-            "eta_trans": 1.0 / (1.02 + 110.0 * v / power + 90.0 * v * v / power),
-            "eta_gen": 1.0 / (1.1 + 1.8 / load + 0.003 * load),
-        }
-        logs.append(LogEfficiency(f"{load}", "rig", load, v, power, eta, dict.fromkeys(eta, 0.002)))
-    for metric in ("eta_trans", "eta_gen"):
-        rows = _rows(metric, logs)
-        assert rows is not None
-        for k in range(len(logs)):
-            assert _distance(rows, [n for n in range(len(logs)) if n != k], k).off == pytest.approx(0.0, abs=1e-9)
 
 
 def test_one_of_three_logs_at_one_load_lies_apart_and_one_of_two_may_be_either() -> None:

@@ -16,8 +16,6 @@ from winchcascade import read_run, reduce
 from winchcascade.core.rig_toml import built_in
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
-SHARED = Path(__file__).parents[3] / "shared" / "data"
-here = pytest.mark.skipif(not SHARED.exists(), reason="the logs lie in ../shared/data, which is not here")
 
 RIG = """name = "dyno"
 [cascade]
@@ -155,18 +153,3 @@ def test_the_measured_dynamometer_has_a_zero_of_its_torque() -> None:
     record = json.loads(call("reduce", log, "--json", "-").out)
     (found,) = [f for f in record["quality"] if f["kind"] == "zero_offset"]
     assert (found["channel"], found["count"] > 1) == ("torque", True)
-
-
-@here
-@pytest.mark.parametrize(
-    ("log", "kind"), [("2025-04-16_13-50-42", "zero_offset"), ("2025-04-16_14-54-05", "dead_channel")]
-)
-def test_logs_of_a_bench_show_their_torque_sensor(tmp_path: Path, log: str, kind: str) -> None:
-    rig = tmp_path / "rig.toml"
-    rig.write_text(
-        RIG.format(stages='"mech"', source="whole")
-        + '[log]\nsample_rate_hz = 10\n[columns]\nspeed = { name = "Status_RPM_V2", unit = "rpm", side = "shaft" }\n'
-        + 'torque = { name = "TorqueValue", unit = "N.m" }\n'
-    )
-    record = json.loads(call("reduce", SHARED / "benches" / "vdyno" / f"{log}.csv", "--rig", rig, "--json", "-").out)
-    assert of_kind(record["quality"], kind) == ["torque"]

@@ -169,14 +169,3 @@ def test_a_gap_over_a_haul_in_from_plateau_to_plateau_parts_two_payouts(bridged:
 
 def test_a_haul_in_that_a_gap_hides_still_parts_two_payouts() -> None:
     assert len(found_in(without(profile(REST, *CYCLE, *CYCLE), (19.0, 31.0)))) == 2
-
-
-def test_a_payout_of_which_a_gap_hides_all_but_jogs_is_found() -> None:
-    jog = ((0.2, 0.3), (0.3, 0.3), (0.2, 0.0))
-    run = run_of(profile(REST, *jog, (12.0, 0.0), *jog, REST, (1.0, -0.7), (2.0, -0.7), (1.0, 0.0), (2.0, 0.0)))
-    hidden = (9.5, 13.5)
-    moved = run.channels["displacement"] + np.interp(run.t, hidden, (0.0, 1.0))
-    channels = {**run.channels, "displacement": moved}
-    (cycle,) = found_in(msgspec.structs.replace(run, channels=channels, gaps={CLOCK: np.array([hidden])}))
-    assert cycle.onset < 6.0
-    assert cycle.payout_end > 17.0

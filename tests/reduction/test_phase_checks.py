@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from functools import cache
@@ -10,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from calls import call
 from msgspec.structs import replace
 from synthetic import Scenario, make_log, write_csv
 
@@ -156,16 +154,6 @@ def test_an_idc_computed_from_an_assumed_load_is_found_by_its_noise(factor: floa
     assert one(of("r45ohm", run), "load_mismatch").channel == "idc"
 
 
-def test_the_record_has_the_measured_load_beside_the_stated_one(tmp_path: Path) -> None:
-    called = call(
-        "reduce", CAMPAIGN / "r36ohm.csv", "--rig", "hsu2026", "--load-ohm", "30", "--json", tmp_path / "it.json"
-    )
-    record = json.loads((tmp_path / "it.json").read_bytes())
-    assert record["log"]["load_measured_ohm"] == pytest.approx(36.0, rel=0.002)
-    assert 0.0 < record["log"]["load_measured_u_ohm"] < 0.2
-    assert f"{record['log']['load_measured_ohm']:.4g}" in called.out
-
-
 # ------------------------------------------------------------------------------------------------ zeros
 def test_a_zero_that_steps_within_the_last_payout_is_reported_with_its_hold() -> None:
     last = of("r45ohm", clean()).cycles[-1].phases
@@ -184,16 +172,15 @@ def test_without_pressure_the_gas_law_and_the_displacement_give_the_force() -> N
 
 
 # ------------------------------------------------------------------------------------------------ cycles
-@pytest.mark.parametrize("times", [2, 4])
-def test_a_cycle_that_was_pasted_again_is_reported_as_a_copy(times: int) -> None:
+def test_a_cycle_that_was_pasted_again_is_reported_as_a_copy() -> None:
     first = of("r45ohm", clean()).cycles[0].phases
     assert first.haul_in is not None
     a, b = np.searchsorted(clean().t, (first.onset - 2.0, first.haul_in[1] + 1.5)).tolist()
-    rows = np.concatenate([np.arange(a, b)] * times)
+    rows = np.concatenate([np.arange(a, b)] * 3)
     channels = {name: x[rows] for name, x in clean().channels.items()}
     run = replace(clean(), t=0.04 * np.arange(rows.size), channels=channels, samples=rows.size)
     found = of("r45ohm", run)
-    assert one(found, "repeated_rows").count == times - 1
+    assert one(found, "repeated_rows").count == 2
     assert found.max_deviation_percent.energy_line == pytest.approx(0.0, abs=0.1)
 
 

@@ -69,34 +69,6 @@ def test_the_energy_of_each_wave_is_that_between_its_zero_crossings(tmp_path: Pa
     assert all(c.phases.haul_in is not None and c.complete for c in found.cycles)
 
 
-def test_the_energies_of_irregular_waves_are_those_of_a_fine_quadrature(tmp_path: Path) -> None:
-    rng = np.random.default_rng(3)
-    omega = np.linspace(2.0 * np.pi / 9.0, 2.0 * np.pi / 3.0, 40)
-    size, phase = rng.rayleigh(0.3, 40), rng.uniform(0.0, 2.0 * np.pi, 40)
-
-    def speed(t: Signal) -> Signal:
-        waves: Signal = np.sum(size[:, None] * np.cos(omega[:, None] * t + phase[:, None]), axis=0)
-        return waves
-
-    def torque(v: Signal) -> Signal:
-        one_way: Signal = np.maximum(20.0 * v, 0.0)
-        return one_way
-
-    t = np.arange(0.0, 300.0, 0.04, dtype=np.float64)
-    found = reduced(
-        tmp_path, '[phases]\nfrom = "waves"\n', {"t (s)": t, "n (rad/s)": speed(t), "Torque (N.m)": torque(speed(t))}
-    )
-    fine = np.arange(0.0, 300.0, 0.001, dtype=np.float64)
-    v = speed(fine)
-    power = torque(v) * v
-    up = fine[1:][(v[:-1] <= 0.0) & (v[1:] > 0.0)]
-    assert len(found.cycles) > 40
-    for cycle in found.cycles:
-        onset, cutoff = (float(up[np.argmin(np.abs(up - at))]) for at in (cycle.window.onset, cycle.window.cutoff))
-        truth = float(np.trapezoid(power[(fine >= onset) & (fine <= cutoff)], dx=0.001))
-        assert cycle.metrics.energy_mech == pytest.approx(truth, rel=0.01)
-
-
 # ------------------------------------------------------------------------------------------------------------- steps
 def test_steps_are_the_steady_stretches_without_their_settling(tmp_path: Path) -> None:
     omega = stairs([0.0, 50.0, 100.0, -80.0, 0.0])

@@ -179,14 +179,15 @@ def zero_share(log: PhasedLog, cycles: Sequence[CycleResult]) -> float:
 
 
 def energy_noise(log: PhasedLog, stage: str) -> float:
-    """Relative standard deviation of the energy of a stage in a window by the white noise of its power. [1]
+    """Relative standard deviation of the energy of a stage in a window by the white noise of its power in the payout. [1]
 
     In the sum of the power over n samples the noise averages out by the square root of n.
     """
     count, shares = max(1, int(INDEPENDENT * log.run.fs + 1e-6)), [0.0]
-    power = log.powers[stage]
+    stream = log.powers[stage].stream(log.run.channels, log.rig.r_drum)
     for cycle in log.complete:
-        watts = power.stream(log.run.channels, log.rig.r_drum)(log.phased.rows(cycle.window.onset, cycle.window.cutoff))
-        means = watts[: watts.size // count * count].reshape(-1, count).mean(axis=1)
-        shares.append(white_noise(means) * math.sqrt(means.size) / max(abs(float(means.sum())), NOTHING))
+        spans = (cycle.phases.onset, cycle.phases.payout_end), (cycle.window.onset, cycle.window.cutoff)
+        watts = [stream(log.phased.rows(*span)) for span in spans]
+        payout, window = (x[: x.size // count * count].reshape(-1, count).mean(axis=1) for x in watts)
+        shares.append(white_noise(payout) * math.sqrt(window.size) / max(abs(float(window.sum())), NOTHING))
     return math.sqrt(float(np.sum(np.square(shares))) / max(len(log.complete), 1))

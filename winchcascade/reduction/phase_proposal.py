@@ -14,14 +14,14 @@ from winchcascade.reduction.phase_sources import find_steps, find_waves, smoothe
 from winchcascade.reduction.phased_run import PhasedRun
 from winchcascade.reduction.reduction_result import CycleResult
 
-FEW_WAVES, MANY_WAVES = 2, 5
-"""Smallest numbers of waves that show a reciprocating motion: in a log without payouts, and in one whose payouts were found."""
-
-RECIPROCATES = 0.2
-"""Smallest share of the top speed that a reciprocating motion reaches in the other direction. [1]"""
+MANY_WAVES = 5
+"""Smallest number of waves that shows a reciprocating motion."""
 
 FEW_ROWS = 500
 """Largest number of rows of a table of step means."""
+
+RECIPROCATES = 0.2
+"""Smallest share of the top speed that a reciprocating motion reaches in the other direction. [1]"""
 
 SEA_PERIOD = 30.0
 """Median period up to which a motion without plateaus is that of waves: swell has 20 s at most, a crane needs more. [s]"""
@@ -65,7 +65,7 @@ def _proposal(run: Run, rig: Rig) -> str:
         return 'The log shows no motion: for the energies of the whole record, set from = "whole"'
     waves = find_waves(run.t, motion.v_smooth, motion.thresholds.v_onset)
     slower, faster = sorted((-float(np.min(motion.v_smooth)), float(np.max(motion.v_smooth))))
-    if len(waves) >= FEW_WAVES and slower > RECIPROCATES * faster:
+    if len(waves) >= MANY_WAVES and slower > RECIPROCATES * faster:
         return f'The motion reciprocates about zero: for its {len(waves)} waves, set from = "waves"'
     steps = _steps(run, rig)
     if steps:

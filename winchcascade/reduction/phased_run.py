@@ -137,17 +137,16 @@ def find_windows(phased: PhasedRun) -> list[Window]:
         else:
             cut = cycle.begins_inside or cycle.ends_inside
             window = Window(cycle.onset, span_end(cycle, rig), "the log begins or ends inside it" if cut else None)
-        length, late, fault = window.cutoff - window.onset, window.cutoff - cycle.payout_end, window.fault
-        if fault is not None:
-            pass
-        elif length * fs < SHORTEST and rig.phases.source != "rows":
-            fault = f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart"
-        elif alike and window.cutoff > after:
-            fault = "its window reaches into the next payout"
-        elif alike and not cycle.ends_inside and travel < rig.thresholds.aborted_below * usual:
-            fault = f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
-        elif alike and not cycle.ends_inside and late > _detection_slack(phased):
-            fault = f"the payout ends {late:.2f} s before its window does"
+        length, late = window.cutoff - window.onset, window.cutoff - cycle.payout_end
+        ended, short = alike and not cycle.ends_inside, length * fs < SHORTEST and rig.phases.source != "rows"
+        odd = {
+            f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart": short,
+            "its window reaches into the next payout": alike and window.cutoff > after,
+            f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m": ended
+            and travel < rig.thresholds.aborted_below * usual,
+            f"the payout ends {late:.2f} s before its window does": ended and late > _detection_slack(phased),
+        }
+        fault = window.fault or next((text for text, is_odd in odd.items() if is_odd), None)
         found.append(Window(window.onset, window.cutoff, fault))
     return found
 

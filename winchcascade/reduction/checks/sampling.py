@@ -132,9 +132,10 @@ def update_interval(x: Signal) -> int:
     >>> update_interval(np.repeat(np.arange(20.0), 3))
     3
     """
-    apart = np.diff(np.flatnonzero(np.diff(x))).astype(np.float64)
-    if x.size < MIN_COMPARED or not apart.size:
+    at = np.flatnonzero(np.diff(x))
+    if x.size < MIN_COMPARED or not 1 < at.size <= 0.6 * x.size:
         return 1
+    apart = np.diff(at).astype(np.float64)
     every = median(apart)
     uneven = np.abs(apart - every * np.maximum(np.round(apart / every), 1.0)) > (1.0 if every > 3.0 else 0.0)
     return round(every) if np.mean(uneven) <= 1.0 - EVENLY else 1
