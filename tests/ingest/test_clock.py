@@ -241,14 +241,6 @@ def test_numbers_that_name_their_unit_or_count_days_need_no_guess(name: str, tmp
     assert efficiencies(run) == pytest.approx(clean(), abs=1e-4)  # a day with eleven digits is good to a microsecond
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e3])
-@pytest.mark.parametrize("start", [0.0, EPOCH])
-def test_seconds_and_milliseconds_without_a_name_are_distinguished(scale: float, start: float, tmp_path: Path) -> None:
-    run = read(tmp_path, text(*with_time([f"{scale * (start + t):.3f}" for t in T], "unix time")))
-    assert kinds(run) == {"unit_assumed"}
-    assert efficiencies(run) == pytest.approx(clean(), abs=SAME * EPOCH * 1e-7)  # rounding of a large number
-
-
 @pytest.mark.parametrize("order", [("Date", "Time"), ("Time", "Date")])
 def test_the_time_of_day_decides_beside_a_date(order: tuple[str, str], tmp_path: Path) -> None:
     day, time = stamps("%d.%m.%Y", BEFORE_MIDNIGHT), stamps("%H:%M:%S.~", BEFORE_MIDNIGHT)

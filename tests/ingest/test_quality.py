@@ -66,12 +66,6 @@ def test_a_log_of_the_campaign_gives_no_finding(path: Path) -> None:
     assert reduce(read_run(path, load=entry.load), window=entry.window).quality == ()
 
 
-def test_28_labelled_logs_have_torque_above_its_range_and_no_log_anything_else(shared: Path) -> None:
-    found = {path: read_run(path).findings for path in sorted((shared / "labelled").glob("*/*.csv"))}
-    assert sum(bool(f) for f in found.values()) == 28
-    assert {(f.kind, f.channel) for fs in found.values() for f in fs} == {("out_of_range", "torque")}
-
-
 def has_no_finding(name: str, noise: float, rate: float) -> None:
     scenario = replace(SCENARIOS[name], noise=noise, rate=rate)
     log = make_log(scenario, np.random.default_rng(7))
@@ -183,17 +177,6 @@ def test_wild_values_outside_the_range_are_both_bridged_and_out_of_range(tmp_pat
     assert failures(check, all_pairs([-2.0, 2.0, 5.0, 9.0], [612.0, 5000.0], [1, 2, 5, 8, 50])) == []
 
 
-def test_a_line_force_below_zero_is_a_slack_line(tmp_path: Path) -> None:
-    rows = table().copy()
-    k = row_after_onset(20.0)
-    rows[k : k + 20, column("force")] -= 400.0
-    run = written(tmp_path, rows)
-    finding = only(run, "slack_line")
-    assert finding.removed == 0
-    assert run.channels["force"].min() < 0
-    assert "for a rod, state line_can_push = true under [winch]" in finding.message
-
-
 def test_the_force_of_a_rod_that_pushes_is_no_slack_line(tmp_path: Path) -> None:
     rig = parse_rig('name = "buoy with a rod"\n[winch]\nline_can_push = true\n[phases]\nfrom = "waves"\n', "rod.toml")
     t = np.arange(0.0, 60.0, 0.05)
@@ -238,35 +221,6 @@ def test_a_gap_of_more_than_a_second_in_the_window_makes_the_cycle_incomplete(tm
         assert "a gap of 1.24 s lies in its window" in result.quality[-1].message
 
     assert failures(check, product([*POWERS, "row"], [0.5, 1.5, 4.0])) == []
-
-
-def test_a_gap_that_changes_no_energy_leaves_the_cycle_complete(tmp_path: Path) -> None:
-    def check(name: str, place: tuple[float, int]) -> None:
-        assert [c.complete for c in with_gap(tmp_path, name, *place).cycles] == [True, True, True]
-
-    assert failures(check, product([*NAMES, "row"], [(4.8, 1), (8.0, 1), (16.0, 100), (-4.0, 50)])) == []
-
-
-@pytest.mark.parametrize("rows_lost", [False, True], ids=["cells", "rows"])
-@pytest.mark.parametrize("share", [0.01, 0.05, 0.2])
-def test_losses_all_over_the_log_never_falsify_a_cycle_that_counts(
-    tmp_path: Path, share: float, rows_lost: bool
-) -> None:
-    rng = np.random.default_rng(11)
-    for _ in range(2):
-        rows = table().copy()
-        if rows_lost:
-            rows = rows[rng.random(len(rows)) >= share]
-        else:
-            rows[:, 1:][rng.random((len(rows), 7)) < share] = np.nan
-        run = written(tmp_path, rows)
-        assert {f.kind for f in run.findings} == {"dropped_samples" if rows_lost else "not_a_number"}
-        result = reduce(run, window=WINDOW["r36ohm"])
-        assert len(result.cycles) == 3
-        assert share > 0.01 or any(c.complete for c in result.cycles)
-        for k, cycle in enumerate(result.cycles):
-            if cycle.complete:
-                assert energies(result, k) == pytest.approx(energies(clean(), k), rel=ENERGY)
 
 
 # ------------------------------------------------------------------------------------------------------- measured

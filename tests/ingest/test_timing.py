@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shipped_log import CAMPAIGN, ENERGY, WINDOW, clean, column, row_after_onset, table, written
+from shipped_log import ENERGY, WINDOW, clean, column, row_after_onset, table, written
 
-from winchcascade import Finding, Run, read_run, reduce
+from winchcascade import Finding, Run, reduce
 
 LOG = "r18ohm"
 LOST = 0.02
@@ -69,13 +69,6 @@ def test_a_counter_that_is_set_back_within_a_payout_is_mended(tmp_path: Path, st
     assert run.channels["displacement"] == pytest.approx(table(LOG)[:, column("displacement")], abs=0.003)
 
 
-def test_rows_that_were_written_twice_are_reported(tmp_path: Path) -> None:
-    k = row_after_onset(3.0, LOG)
-    rows = np.insert(table(LOG), k, table(LOG)[k - 40 : k], axis=0)
-    rows[:, 0] = 0.04 * np.arange(len(rows))
-    assert only(written(tmp_path, rows, load=18.0)).repair is not None
-
-
 def test_a_counter_set_at_rest_by_less_than_a_stroke_gives_no_finding(tmp_path: Path) -> None:
     rows = table(LOG).copy()
     rows[row_after_onset(-2.0, LOG) :, column("displacement")] += 0.1
@@ -87,10 +80,3 @@ def test_a_displacement_that_is_updated_rarely_has_no_jump(tmp_path: Path, every
     rows = table(LOG).copy()
     rows[:, column("displacement")] = rows[np.arange(len(rows)) // every * every, column("displacement")]
     assert [f for f in written(tmp_path, rows, load=18.0).findings if f.kind == "clock_mismatch"] == []
-
-
-@pytest.mark.parametrize("window", [0.01, 0.079])
-def test_a_window_shorter_than_two_samples_makes_its_cycle_incomplete(window: float) -> None:
-    result = reduce(read_run(CAMPAIGN / f"{LOG}.csv"), window=window)
-    assert not result.complete
-    assert "is shorter than two samples, which are 0.04 s apart" in result.quality[0].message

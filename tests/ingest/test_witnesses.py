@@ -52,22 +52,6 @@ def test_a_torque_reversal_that_the_current_shows_is_kept(tmp_path: Path, curren
     assert np.array_equal(torque, rows[:, column("torque")])
 
 
-@pytest.mark.parametrize("samples", [1, 3, 10, 25])
-def test_a_torque_reversal_that_no_other_channel_shows_is_taken_out(tmp_path: Path, samples: int) -> None:
-    rows, k = table().copy(), row_after_onset(3.0)
-    rows[k : k + samples, column("torque")] *= -1.0
-    assert repaired(written(tmp_path, rows, load=36.0)) == [("spike", "torque")]
-
-
-@pytest.mark.parametrize("name", ["velocity", "force", "torque", "vdc", "idc"])
-def test_a_spike_that_is_an_error_code_is_taken_out_whatever_the_others_do(tmp_path: Path, name: str) -> None:
-    rows, k = table().copy(), row_after_onset(3.0)
-    for other in {"force", "torque", "idc"} - {name}:
-        rows[k : k + 40, column(other)] *= 0.7
-    rows[k, column(name)] = -99999.0
-    assert ("spike", name) in repaired(written(tmp_path, rows, load=36.0))
-
-
 def slow_payouts(step: float, law: str, slow: float) -> pd.DataFrame:
     """A log at 25 Hz of payouts at 0.9 m/s and slower ones, whose power is coarse and as noisy as it is large."""
     rng, rate = np.random.default_rng(2), 25
@@ -104,27 +88,9 @@ def test_a_coarse_power_that_holds_a_value_in_a_slow_payout_is_not_stuck(step: f
     assert sum(cycle.complete for cycle in reduce(run, window="payout").cycles) == 5
 
 
-@pytest.mark.parametrize("name", ["force", "torque", "vdc", "idc"])
-def test_a_saturated_sensor_is_reported_although_it_holds_the_same_value_in_each_payout(
-    tmp_path: Path, name: str
-) -> None:
-    rows = table().copy()
-    x = rows[:, column(name)]
-    rows[:, column(name)] = np.minimum(x, 0.8 * x.max())
-    run = written(tmp_path, rows, load=36.0)
-    assert {f.channel for f in run.findings if f.kind == "out_of_range"} == {name}
-
-
 @pytest.mark.parametrize("names", [("vdc", "idc"), ("torque", "vdc", "idc")])
 def test_a_zero_of_several_channels_at_once_is_a_fault_of_the_logger(tmp_path: Path, names: tuple[str, ...]) -> None:
     rows, k = table().copy(), row_after_onset(3.0)
     for name in names:
         rows[k : k + 12, column(name)] = 0.0
     assert {channel for _, channel in repaired(written(tmp_path, rows, load=36.0))} >= {"vdc", "idc"}
-
-
-@pytest.mark.parametrize("name", ["force", "torque", "vdc", "idc"])
-def test_a_value_that_is_held_while_the_others_have_their_noise_is_stuck(tmp_path: Path, name: str) -> None:
-    rows, k = table().copy(), row_after_onset(3.0)
-    rows[k : k + 20, column(name)] = rows[k, column(name)]
-    assert repaired(written(tmp_path, rows, load=36.0)) == [("stuck", name)]

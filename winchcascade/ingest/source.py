@@ -150,7 +150,7 @@ def log_table(
             if not stamps:
                 values[k] = np.concatenate([np.array([*map(_number, words)])[at] for words, at in map(_words, kept)])
             if stamps or not np.isfinite(values[k]).any():
-                texts[k] = [text or "" for chunk in kept for text in chunk.to_pylist()]
+                texts[k] = [text for chunk in kept for text in _texts(chunk)]
                 values[k] = np.full(len(texts[k]), np.nan)
         elif kept:
             seconds, first = _seconds_of(pa.chunked_array(kept))
@@ -206,6 +206,14 @@ def _words(chunk: pa.Array) -> tuple[list[str], Any]:
     encoded = chunk if pa.types.is_dictionary(chunk.type) else chunk.dictionary_encode()
     words = [text or "" for text in encoded.dictionary.to_pylist()]
     return [*words, ""], encoded.indices.cast(pa.int64()).fill_null(len(words)).to_numpy(zero_copy_only=False)
+
+
+def _texts(chunk: pa.Array) -> list[str]:
+    """Texts of a chunk, empty for nulls; equal ones of a dictionary are one object, as a long one would fill the memory."""
+    if not pa.types.is_dictionary(chunk.type):
+        return [text or "" for text in chunk.to_pylist()]
+    words, rows = _words(chunk)
+    return [words[row] for row in rows.tolist()]
 
 
 def _number(text: str) -> float:

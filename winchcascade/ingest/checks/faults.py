@@ -306,8 +306,9 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     for start in range(0, x.size - 2, BLOCK):
         bend = np.abs(np.diff(x[start : start + BLOCK + 2], 2))
         calm[start + 1 : start + 1 + bend.size] = bend <= max(CALM * usual, ROUNDED * level.step)
-    for a, b in _stretches(x[1:] == x[:-1], MIN_HELD - 1):
-        calm[a : b + 1] = False  # what holds one value is judged as stale
+    if _stretches(calm, MIN_HELD):
+        for a, b in _stretches(x[1:] == x[:-1], MIN_HELD - 1):
+            calm[a : b + 1] = False  # what holds one value is judged as stale
     for a, b in _stretches(calm, MIN_HELD):
         change = np.diff(x[max(a - 2, 0) : b + 2])
         jumps = np.max(np.abs(change[[0, -1]] - median(change))) > level.long_fault

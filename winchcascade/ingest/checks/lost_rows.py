@@ -71,11 +71,11 @@ def _makes_up(log: Samples, before: int, metres: float) -> bool:
 
 def _steps(t: Signal, x: Signal, v: Signal, first: int, last: int) -> tuple[Signal, Signal, Signal]:
     """Interval [s], mean speed [m/s], and travel beyond any speed from a row before to a row after [m], of some steps."""
-    rows = np.clip(np.arange(first - 1, last + 2), 0, t.size - 1)
-    near = np.lib.stride_tricks.sliding_window_view(v[rows], 4)
+    v = v[np.clip(np.arange(first - 1, last + 2), 0, t.size - 1)]
+    near = v[:-3], v[1:-2], v[2:-1], v[3:]
     interval, moved = np.diff(t[first : last + 1]), np.diff(x[first : last + 1])
-    beyond = moved - np.clip(moved, near.min(axis=1) * interval, near.max(axis=1) * interval)
-    return interval, 0.5 * (near[:, 1] + near[:, 2]), beyond
+    beyond = moved - np.clip(moved, np.minimum.reduce(near) * interval, np.maximum.reduce(near) * interval)
+    return interval, 0.5 * (near[1] + near[2]), beyond
 
 
 def _jumps(log: Samples) -> list[tuple[int, float, float]]:

@@ -115,6 +115,7 @@ class Samples(msgspec.Struct):
     open_circuit : no current flows, and a voltage does not show a load
     lost : (n,) which samples were taken out of each channel
     logged : places and values of those that were taken out as spikes
+    levels, moving : what was found of the channels, and of the motion by one of them, until samples are taken out
     """
 
     t: Signal
@@ -125,6 +126,7 @@ class Samples(msgspec.Struct):
     lost: dict[str, Mask] = {}
     logged: dict[str, tuple[Index, Signal]] = {}
     levels: dict[str, Level] = {}
+    moving: tuple[Signal, Directions] | None = None
 
     def level(self, name: str) -> Level:
         """What a channel usually does."""
@@ -150,9 +152,12 @@ class Samples(msgspec.Struct):
     def motion(self) -> Directions:
         """Direction of the line, or the shaft of a bench without one, (n,): 1, -1, 0 at rest; 1 if it is unknown."""
         for name, onset in (("velocity", self.rig.thresholds.v_onset), ("speed", self.rig.phases.omega_onset)):
-            if name in self.channels and np.isfinite(self.channels[name]).any():
-                x = whole(self.t, self.channels[name])
-                return (x > onset).astype(np.int8) - (x < -onset).astype(np.int8)
+            x = self.channels.get(name)
+            if x is not None and (np.isfinite(x[0]) or np.isfinite(x).any()):
+                if self.moving is None or self.moving[0] is not x:
+                    bridged = whole(self.t, x)
+                    self.moving = x, (bridged > onset).astype(np.int8) - (bridged < -onset).astype(np.int8)
+                return self.moving[1]
         return np.ones(self.t.size, dtype=np.int8)
 
     def take_out(self, name: str, bad: Mask) -> None:
@@ -163,6 +168,7 @@ class Samples(msgspec.Struct):
         self.channels[name][bad] = np.nan
         self.lost[name] = self.lost[name] | bad if name in self.lost else bad
         self.levels.pop(name, None)
+        self.moving = None
 
     def report(
         self, kind: FindingKind, name: str, bad: Mask, what: str, *, removed: bool = True, bridged: int = 0
