@@ -230,7 +230,7 @@ def test_a_window_longer_than_the_payouts_is_rejected(log: Path, seconds: str) -
     done = winchcascade("reduce", log, "--window", seconds)
     assert done.returncode == 2
     assert f"3 of 3 payouts end before their window of {seconds} s does" in done.stderr
-    assert "Give a window of at most 13.4" in done.stderr
+    assert "a window of at most 13.4" in done.stderr
 
 
 def test_a_foreign_file_is_kept_unless_forced(log: Path, tmp_path: Path) -> None:

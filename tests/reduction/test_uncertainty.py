@@ -104,7 +104,7 @@ def test_cycles_means_rows_and_freedom_are_those_of_gtc(window: WindowRule, movi
     errors = {key: GTC.ureal(0.0, limit / math.sqrt(3.0)) for key, limit in limits.items()}
     spans = [(c.window.onset, c.window.cutoff) for c in reduction.cycles]
     cycles = [metrics_of(errors, begin, end) for begin, end in spans]
-    rows = {(row.source.channel, row.source.part): row.of for row in ours.rows if row.source is not None}
+    rows = {(row.source.channel, str(row.source.part)): row.of for row in ours.rows if row.source is not None}
     assert (set(rows), len(rows)) == (set(errors), len(ours.rows))
     for m in METRICS:
         sensors = sum(c[m] for c in cycles) / len(cycles)

@@ -143,7 +143,7 @@ def test_sensors_widen_the_intervals_by_their_budget_and_an_unknown_accuracy_is_
     found, run = waves_by(tmp_path, torque="accuracy = 1.0")
     mech, gen = found.power["mech"], found.power["gen"]
     assert mech.value == pytest.approx(found.record_power["mech"])
-    mean_speed = np.trapezoid(run.channels["velocity"], run.t) / found.record_duration / R_DRUM
+    mean_speed = float(np.trapezoid(run.channels["velocity"], run.t)) / found.record_duration / R_DRUM
     assert mech.u_sensors == pytest.approx(0.5 * abs(mean_speed), rel=1e-6)  # a zero of the torque of 0.5 N m
     assert (gen.u_sensors, found.efficiency["eta_gen"].u_sensors) == (None, None)
     assert mech.u_waves == pytest.approx(1.25 * (gen.u_waves or 0.0), rel=1e-3)  # the same waves, of which 0.8 arrive

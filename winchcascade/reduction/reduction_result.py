@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import msgspec
@@ -76,6 +77,16 @@ class Reduction(Viewed, frozen=True):
     def complete(self) -> tuple[CycleResult, ...]:
         """The cycles that count."""
         return tuple(c for c in self.cycles if c.complete)
+
+    @property
+    def lost_share(self) -> float:
+        """Share of the time of the log in which at least one channel was bridged. [1]"""
+        step = 1.0 / self.run.fs
+        lost, end = 0.0, -math.inf
+        for a, b in sorted((a, b) for gaps in self.run.gaps.values() for a, b in gaps.tolist()):
+            lost += max(0.0, b - max(a, end) - (step if a >= end else 0.0))
+            end = max(end, b)
+        return lost / max(float(self.run.t[-1] - self.run.t[0]), step)
 
     @property
     def extremes(self) -> tuple[CycleResult, CycleResult, str] | None:

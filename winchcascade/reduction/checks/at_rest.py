@@ -123,7 +123,8 @@ def bench_zero(log: PhasedLog) -> Iterator[Fault]:
     least = 0.0 if stated or top < onset else UNSTATED * median(np.abs(torque[~still]))
     zero = significant_zero(log, "torque", spans, least)
     if zero:
-        yield Fault("zero", "torque", spans, {"zero": zero, "limit": stated, "where": "while the shaft rests"})
+        name = "zero" if stated else "zero_of_unknown_sensor"
+        yield Fault(name, "torque", spans, {"zero": zero, "limit": stated, "where": "while the shaft rests"})
 
 
 def force_at_rest(log: PhasedLog) -> Iterator[Fault]:

@@ -65,8 +65,11 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
     ),
     "zero": (
         "zero_offset",
-        "{channel} reads {zero} {where}; its zero has a standard uncertainty of {limit} (0: not stated)",
+        "{channel} reads {zero} {where}; its zero has a standard uncertainty of {limit}",
         CHECK_ZERO,
+    ),
+    "zero_of_unknown_sensor": (
+        "zero_offset", "{channel} reads {zero} {where}; the rig file states no accuracy of the sensor", CHECK_ZERO,
     ),
     "force_at_rest": (
         "zero_offset", "force reads {force:.0f} N at rest, where gas and friction of the screw allow {low:.0f} to {high:.0f} N",

@@ -147,8 +147,7 @@ def _outcome(reduction: Reduction) -> list[Note]:
     n, of = len(reduction.complete), len(reduction.cycles)
     kinds = Counter(finding.kind.replace("_", " ") for finding in reduction.quality)
     named = ", ".join(kind + (f" ({times})" if times > 1 else "") for kind, times in kinds.items())
-    share = sum(finding.lost_share(reduction.run.samples) for finding in reduction.quality)
-    lost = f"; {100.0 * share:.2g} % of the samples removed" if share else ""
+    lost = f"; {100.0 * share:.2g} % of the time bridged" if (share := reduction.lost_share) else ""
     extremes = ""
     if reduction.extremes is not None:
         best, worst, name = reduction.extremes
