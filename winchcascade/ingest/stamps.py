@@ -51,9 +51,8 @@ def looks_like_a_stamp(cell: str) -> bool:
     >>> looks_like_a_stamp("2026-04-18T10:00:00.040"), looks_like_a_stamp("12.5")
     (True, False)
     """
-    timed = (
-        ":" in cell or cell[8:9] == "T" or "時" in cell or "时" in cell
-    )  # at no cost for the cells of a table of numbers
+    # At no cost for the cells of a table of numbers.
+    timed = ":" in cell or cell[8:9] == "T" or "時" in cell or "时" in cell
     return timed and len(cell) < STAMP_LENGTH_MAX and re.match(_STAMP, cell, re.VERBOSE) is not None
 
 

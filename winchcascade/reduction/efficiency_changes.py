@@ -96,9 +96,8 @@ def largest_change(log: PhasedLog, metric: str, given: Sequence[int], metrics: i
         best = int(t.argmax())
         if not t[best] or probability(float(t[best]), freedom) * change.size * metrics > ALPHA:
             return
-    apart = (
-        min(int(masks[best].sum()), n - int(masks[best].sum())) or 0.5 * n
-    )  # cycles of the smaller part; of a drift half
+    # Cycles of the smaller part; of a drift half.
+    apart = min(int(masks[best].sum()), n - int(masks[best].sum())) or 0.5 * n
     if (abs(change[best]) - allowed[best]) * mean * apart / n >= MOVES:
         yield _fault(metric, cycles, masks[best], mean, float(change[best]), float(allowed[best]))
 

@@ -104,9 +104,8 @@ def clock_mismatch(log: Samples) -> str | None:
             if log.by_line and usual > smoothing
             else None
         )
-    rows = min(
-        BLOCK_TIME / usual, max(1.0, log.t.size / 200.0)
-    )  # whatever the clock, a log has more than a hundred blocks
+    # Whatever the clock, a log has more than a hundred blocks.
+    rows = min(BLOCK_TIME / usual, max(1.0, log.t.size / 200.0))
     blocks = speed_blocks(log, round(rows))
     blocks = blocks.known((np.abs(blocks.v) > MOVING * log.rig.thresholds.v_onset) & (blocks.by_displacement != 0.0))
     if blocks.v.size < MIN_BLOCKS:

@@ -119,9 +119,8 @@ def jumped(log: Samples, name: str) -> Mask:
     spikes = set(_spikes(log, name, x, at))
     by_travel = name == "velocity" and "displacement" in log.channels  # which decides, however small the jump
     one_end = level.long_fault if by_travel else ONE_END * level.span, max(round(HELD_TIME / log.interval), MIN_HELD)
-    for first, after in sorted(
-        spikes.union(_held(x, at, level.long_fault, one_end)), key=lambda ends: ends[1] - ends[0]
-    ):
+    stretches = spikes.union(_held(x, at, level.long_fault, one_end))
+    for first, after in sorted(stretches, key=lambda ends: ends[1] - ends[0]):
         begin, last, inside = int(place[first]), int(place[after - 1]) + 1, x[first:after]
         beside = bad[max(begin - 1, 0)] or bad[min(last, bad.size - 1)]  # a code, from which any value departs
         if last - begin >= bad.size or bad[begin] or beside:
@@ -193,9 +192,7 @@ def _held(x: Signal, at: Index, least: float, one_end: tuple[float, int]) -> lis
     low, high, count = np.minimum.reduceat(x, starts), np.maximum.reduceat(x, starts), np.diff(starts, append=x.size)
     jump, end, held = np.fmin(np.abs(into), np.abs(out)), np.isnan(into * out), low == high
     _, which, times = np.unique(low, return_inverse=True, return_counts=True)
-    often = (times >= SHORT)[
-        which
-    ]  # one code again and again, of which single samples are no spikes: some lie side by side
+    often = (times >= SHORT)[which]  # a code, of which single samples are no spikes: some lie side by side
     flat = np.where(held, (count > 1) | often | end, (count > SHORT) & (high - low < HOLDS * jump) & ~end)
     chosen = ~(into * out > 0.0) & (jump > least) & flat
     found = list(zip(starts[chosen].tolist(), (starts + count)[chosen].tolist(), strict=True))
@@ -336,9 +333,7 @@ def _is_noise_that_stops(log: Samples, name: str, still: Mask, first: int, last:
     if (last - first) * math.log(chance * factor) >= CERTAIN:
         return False
     x, both, step = log.channels[name], np.concatenate(sides), log.level(name).step
-    held = np.unique(
-        x[both[still[both]]]
-    )  # on the steps of a coarse channel, though a logger interpolates between them
+    held = np.unique(x[both[still[both]]])  # the steps of a coarse channel, though a logger interpolates between them
     if factor == 1.0 and held.size >= SHORT:
         step = max(step, float(np.diff(held).min()))
     return all(_is_noisy(x[rows], step) for rows in [rows for rows in sides if rows.size >= BESIDE // 4] or [both])

@@ -53,9 +53,8 @@ def _changes(log: Samples, name: str, first: int, last: int, share: float, at_en
     y, n, level = log.channels[name], log.t.size, log.level(name)
     begin, end = max(first - 2, 0), min(last + 2, n)
     edges = [y[begin:end]]
-    if (
-        last - first > 1
-    ):  # converters read one channel after the other, so that a step of one sample counts beside an edge
+    # Converters read one channel after the other, so that a step of one sample counts beside an edge.
+    if last - first > 1:
         edges = [part for part, inside in ((y[begin : first + 2], first > 0), (y[last - 2 : end], last < n)) if inside]
     beside = y[max(begin - NEARBY, 0) : begin + 1], y[end - 1 : end + NEARBY]
     for order in (1, 2):

@@ -81,9 +81,8 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
     channels = {name: x for name, x in log.run.channels.items() if name != "displacement"}
     if len(log.complete) < 2 or any(f.kind == "repeated_rows" for f in log.run.findings):
         return
-    weights = np.random.default_rng(0).uniform(
-        1.0, 2.0, len(channels)
-    )  # rows that differ have other sums, but for chance
+    # Rows that differ have other sums, but for chance.
+    weights = np.random.default_rng(0).uniform(1.0, 2.0, len(channels))
     seen: list[Signal] = []
     copies = []
     for cycle in log.complete:

@@ -176,9 +176,8 @@ def at_lag(pair: Pair, applied: float) -> Lag | None:
     if pair.t.size < MIN_COMPARED:
         return None
     at, half = pair.t - applied, max(SLOPE, float(pair.t[-1] - pair.t[0]) / (pair.t.size - 1))
-    kept = (
-        np.abs(2.0 * at - pair.t[0] - pair.t[-1]) <= pair.t[-1] - pair.t[0] - 2.0 * half + 1e-6 * half
-    )  # rounding of stamps
+    within = pair.t[-1] - pair.t[0] - 2.0 * half + 1e-6 * half  # as stamps are rounded
+    kept = np.abs(2.0 * at - pair.t[0] - pair.t[-1]) <= within
     before, here, after = (np.interp(at[kept] + shift, pair.t, pair.rows[0]) for shift in (-half, 0.0, half))
     found = fit(np.array([here, (after - before) / (2.0 * half), *pair.rows[2:, kept]]), pair.rows[1, kept])
     if found is None or found.weight[0] <= 0.0:

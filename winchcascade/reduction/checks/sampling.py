@@ -98,9 +98,8 @@ def coarse_sampling(log: PhasedLog) -> Iterator[Fault]:
             float(change[rows][found[rows]].mean()) if found[rows].any() else 0.0 for rows in (slice(2), slice(2, None))
         ]
         lost = not found[:2].any(axis=0).all()
-        error = max(
-            error, 1.0 if lost else abs(3.0 * mean[0] + 8.0 * mean[1]) / (3.0**2 + 8.0**2)
-        )  # least squares of both
+        least_squares = abs(3.0 * mean[0] + 8.0 * mean[1]) / (3.0**2 + 8.0**2)
+        error = max(error, 1.0 if lost else least_squares)
     if error >= REPEATABILITY:  # smaller ones hide in it
         spans = [(cycle.window.onset, cycle.window.cutoff) for cycle in log.complete]
         yield Fault("coarse_sampling", None, spans, {"rate": log.run.fs, "error": error})
