@@ -50,7 +50,7 @@ def means_over_speed(c: ModelComparison) -> Callable[[Signal], dict[float, float
 def without_stored(c: ModelComparison, run: Run) -> tuple[Signal, Signal]:
     """P_mech and P_gen without what rotor, shaft and capacitor store, with the numbers of the paper's rig."""
     x = run.channels
-    stored = stored_powers(run, built_in())
+    stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, built_in()).items()}
     taken: Signal = x["torque"] * x["velocity"] / 0.13 - stored["rotor"] - stored["spring"]
     given: Signal = x["vdc"] * x["idc"] + stored["capacitor"]
     return taken, given

@@ -112,9 +112,9 @@ def test_what_the_rig_file_does_not_state_is_null(tmp_path: Path) -> None:
 def test_a_speed_that_is_logged_stores_as_one_of_the_line() -> None:
     rig, t = built_in(), np.arange(0.0, 4.0, 0.04)
     v = 0.1 + 0.2 * t
-    by_line = stored_powers(Run("a", t, {"velocity": v}, 25.0, t.size), rig)["rotor"]
+    by_line = stored_powers(Run("a", t, {"velocity": v}, 25.0, t.size), rig)["rotor"](slice(0, t.size))
     no_drum = replace(rig, winch=replace(rig.winch, r_drum=None))
-    by_speed = stored_powers(Run("a", t, {"speed": v / 0.13}, 25.0, t.size), no_drum)["rotor"]
+    by_speed = stored_powers(Run("a", t, {"speed": v / 0.13}, 25.0, t.size), no_drum)["rotor"](slice(0, t.size))
     assert by_speed == pytest.approx(by_line)
     middle = t.size // 2
     assert by_line[middle] == pytest.approx(6260e-7 * (50.0 / 0.13) ** 2 * v[middle] * 0.2, rel=1e-6)

@@ -134,7 +134,8 @@ def quantities(comparison: ModelComparison, run: Run) -> dict[str, Signal]:
     found |= {name: watt for name, watt in powers.items() if watt is not None}
     if found.keys() >= powers.keys():
         shaft = model.drivetrain
-        stored = stored_powers(run, comparison.rig, shaft.inertia_rotor, shaft.k_shaft, model.dc_link.c_dc)
+        numbers = shaft.inertia_rotor, shaft.k_shaft, model.dc_link.c_dc
+        stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, comparison.rig, *numbers).items()}
         found["input_w"] = found["power_mech_w"] - stored["rotor"] - stored.get("spring", 0.0)
         found["output_w"] = found["power_gen_w"] + stored["capacitor"]
         found["loss_w"] = found["input_w"] - found["output_w"]

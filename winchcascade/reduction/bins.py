@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import Stream
 from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import largest
+from winchcascade.core.integrate import BLOCK, largest
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Mask, Run, Signal
+from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.phase_summary import PlateauSummary
@@ -30,6 +31,10 @@ STORES = ("rotor", "spring", "capacitor")
 STORED_WITHIN = 0.2
 """Width over which a signal is smoothed before its change is taken: short against a braking of half a second. What remains of
 the noise averages out in a bin, as its changes add up to the difference of the ends. [s]"""
+
+
+AROUND = 5000
+"""Samples on either side of a part of a log that smooth its ends: those of `STORED_WITHIN` at up to 50 kHz. [1]"""
 
 
 class Bin(msgspec.Struct, frozen=True):
@@ -81,8 +86,9 @@ def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
     return None
 
 
-def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Signal]:
-    """Powers that go into `STORES`, (n,), of those whose signal is logged and whose number is known. [W]
+def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Stream]:
+    """Powers that go into `STORES`, as functions of rows of the log, of those whose signal is logged and whose number is known.
+    [W]
 
     J omega domega/dt of a rotor, tau dtau/dt / k of a spring, C V dV/dt of a capacitor; negative where it gives energy back.
 
@@ -99,12 +105,20 @@ def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Signa
         "spring": (run.channels.get(TORQUE), 1.0 / k_shaft if k_shaft else None),
         "capacitor": (run.channels.get("vdc"), c_dc),
     }
-    found = {}
-    for store, (signal, constant) in stores.items():
-        if signal is not None and constant is not None and run.t.size > 1:
-            smooth = local_quadratic(run.t, signal, STORED_WITHIN)
-            found[store] = constant * smooth * np.gradient(smooth, run.t)
-    return found
+    return {
+        store: partial(_stored, run.t, signal, constant)
+        for store, (signal, constant) in stores.items()
+        if signal is not None and constant is not None and run.t.size > 1
+    }
+
+
+def _stored(t: Signal, signal: Signal, constant: float, rows: slice | Index) -> Signal:
+    """A constant times a signal times its slope, in some rows that rise. [W]"""
+    first, last = (rows.start, rows.stop) if isinstance(rows, slice) else (int(rows[0]), int(rows[-1]) + 1)
+    part = slice(max(first - AROUND, 0), last + AROUND)
+    smooth = local_quadratic(t[part], signal[part], STORED_WITHIN)
+    power = constant * smooth * np.gradient(smooth, t[part])
+    return power[first - part.start : last - part.start] if isinstance(rows, slice) else power[rows - part.start]
 
 
 def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None]) -> tuple[Bin, ...]:
@@ -126,8 +140,8 @@ def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plat
         )
     streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     averaged = {name: watts for name, watts in streams.items() if watts is not None}
-    signals = {name: run.channels[name] for name in (TORQUE,) if name in run.channels} | stored_powers(run, rig)
-    averaged |= {name: x.__getitem__ for name, x in signals.items()}
+    averaged |= {name: run.channels[name].__getitem__ for name in (TORQUE,) if name in run.channels}
+    averaged |= stored_powers(run, rig)
     return bin_powers(speed, rpm, engaged(run, cycles, plateaus, rig), averaged, rig.thresholds.rpm_bin)
 
 
@@ -141,20 +155,25 @@ def bin_powers(speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Str
     powers : what is averaged, by name, as functions of the rows of the log
     width : of a bin [rpm]
     """
-    rows = np.flatnonzero(driven)
-    if rows.size == 0:
+    if not driven.any():
         return ()
-    number = np.floor(speed[rows] * (rpm / width)).astype(np.intp)
-    low = int(number.min())
-    number -= low
-    count = np.bincount(number)
+    low, high = (math.floor(of(speed[driven]) * (rpm / width)) for of in (np.min, np.max))
+    count = np.zeros(high - low + 1, dtype=np.intp)
+    sums = {name: np.zeros((2, count.size)) for name in powers}
+    for start in range(0, driven.size, BLOCK):
+        rows = start + np.flatnonzero(driven[start : start + BLOCK])
+        if rows.size:
+            number = np.floor(speed[rows] * (rpm / width)).astype(np.intp) - low
+            count += np.bincount(number, minlength=count.size)
+            for name, stream in powers.items():
+                x = stream(rows)
+                sums[name] += [np.bincount(number, of, count.size) for of in (x, x * x)]
     n = np.maximum(count, 1)
     means, errors = {}, {}
-    for name, stream in powers.items():
-        x = stream(rows)
-        average, square = np.bincount(number, x) / n, np.bincount(number, x * x) / n
+    for name, (total, squares) in sums.items():
+        average = total / n
         means[name] = average.tolist()
-        errors[name] = np.sqrt(np.maximum(square - average * average, 0.0) / np.maximum(n - 1, 1)).tolist()
+        errors[name] = np.sqrt(np.maximum(squares / n - average * average, 0.0) / np.maximum(n - 1, 1)).tolist()
     bins = []
     for k in np.flatnonzero(count).tolist():
         mean = {name: x[k] for name, x in means.items()}

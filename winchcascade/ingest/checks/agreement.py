@@ -192,7 +192,7 @@ def _smoothing(log: Samples) -> float | None:
     """
     rows = max(1, round(SHORT_BLOCK / log.interval))
     h = rows * log.interval
-    blocks = speed_blocks(log, rows)
+    blocks = SpeedBlocks(*(x[:ENOUGH] for x in speed_blocks(log, rows)))
     v, off = blocks.v, (blocks.v - blocks.by_displacement)[1:-1]
     rise, bend = 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2
     terms = np.column_stack((np.ones(off.size), v[1:-1], rise, bend))

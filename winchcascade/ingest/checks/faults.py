@@ -6,7 +6,7 @@ A check takes a log and the name of a channel and returns a mask of the samples 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -90,9 +90,11 @@ def filled_rows(log: Samples, name: str) -> Mask:
     Zeros that last longer than two updates are measurements: of them the rows of the updates are kept.
     """
     x, filled = log.channels[name], np.zeros(log.t.size, dtype=bool)
+    if not 4 * SHORT <= np.count_nonzero(x) <= 0.55 * x.size:
+        return filled
     held = np.flatnonzero(x)
     steps = np.diff(held)
-    if 2 * held.size > 1.1 * x.size or held.size < 4 * SHORT or np.count_nonzero(steps == 1) > SLOW * held.size:
+    if np.count_nonzero(steps == 1) > SLOW * held.size:
         return filled
     every = int(median(steps.astype(np.float64)))
     if every < 2 or np.count_nonzero(steps % every) > SLOW * held.size:
@@ -109,8 +111,11 @@ def jumped(log: Samples, name: str) -> Mask:
     """Spikes, codes and dropouts: what lies beyond all measurements, or jumps away and back without the machine."""
     level = log.level(name)
     bad = level.is_far(log.channels[name])
-    place = np.flatnonzero(np.isfinite(log.channels[name]) & ~bad)
-    x = log.channels[name][place]
+    x = log.channels[name]
+    good = np.isfinite(x) & ~bad
+    place: Sequence[int] | Index = range(x.size)
+    if not good.all():
+        place, x = np.flatnonzero(good), x[good]
     at = _jumps(x, level.fault)
     if not at.size:
         return bad
@@ -128,7 +133,7 @@ def jumped(log: Samples, name: str) -> Mask:
         if (np.ptp(inside) == 0.0 and abs(inside[0]) > limit) or _cannot_be(log, name, begin, last):
             bad[begin:last] = True
             continue
-        ends = place[max(first - 1, 0)], place[min(after, place.size - 1)]
+        ends = int(place[max(first - 1, 0)]), int(place[min(after, x.size - 1)])
         if last - begin > SHORT and max(begin - ends[0], ends[1] - last) > SHORT:
             continue  # beside a hole
         if (first, after) in spikes:
@@ -149,10 +154,10 @@ def _jumps(x: Signal, size: float) -> Index:
 def _spikes(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int, int]]:
     """Stretches [first, after) of a few samples that lie off a calm line through their neighbours alike (a Hampel filter at
     the jumps after the samples `at`)."""
-    level, jump = log.level(name), np.zeros(x.size + 1)
-    jump[at + 1] = x[at + 1] - x[at]
+    level, jump = log.level(name), x[at + 1] - x[at]
     for length in range(1, SHORT + 1):
-        before = np.flatnonzero(jump[:-length] * jump[length:] < 0.0) - 1
+        back = np.minimum(np.searchsorted(at, at + length), at.size - 1)  # the jump after so many samples
+        before = at[(at[back] == at + length) & (jump * jump[back] < 0.0)]
         if length == 1:  # one that repeats its neighbour on a ramp jumps at one end only
             before = np.append(before, at[(at > 0) & (x[at] == x[at - 1])] - 1)
         if not before.size:
