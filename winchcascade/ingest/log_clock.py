@@ -68,13 +68,19 @@ def log_clock(source: LogSource, table: LogTable, found: Assignment, rig: Rig, s
     if table.stamped or stamps is not table.stamps or found.time is None:
         return read_clock(stamps, where)
     if found.time.unit is not None:
-        return read_clock(stamps if found.time.factor == 1.0 else stamps * found.time.factor, where)
+        return read_clock(_times(stamps, found.time.factor), where)
     digits = clock_of_digits(stamps)
     if digits is not None:
         return read_clock(digits, where)
     factor, finding = _assumed_unit(stamps, table, found)
-    clock = read_clock(stamps if factor == 1.0 else stamps * factor, where)
+    clock = read_clock(_times(stamps, factor), where)
     return Clock(clock.t, clock.fs, clock.rows, clock.gaps, (finding, *clock.findings))
+
+
+def _times(stamps: Signal, factor: float) -> Signal:
+    """Stamps times a factor; what becomes too large for a number is infinite, as no time that a log can have."""
+    with np.errstate(over="ignore"):
+        return stamps if factor == 1.0 else stamps * factor
 
 
 def _assumed_unit(stamps: Signal, table: LogTable, found: Assignment) -> tuple[float, Finding]:
