@@ -145,7 +145,7 @@ def _rate(interval: float) -> float:
 def _fill(log: _Stamps) -> None:
     """Fill stamps that could not be read between their neighbours.
 
-    Rows at the ends that have none are left out, and those between two stamps that leave no room for so many samples, as the
+    Rows at the ends that have none are left out, and those between two stamps that leave no time for so many samples, as the
     empty ones that a spreadsheet holds between two tables.
     """
     good, n = np.flatnonzero(np.abs(log.t) < STAMP_MAX), log.t.size
@@ -165,7 +165,7 @@ def _fill(log: _Stamps) -> None:
     lost, filled = log.t[np.isin(rows, good, invert=True).nonzero()[0] + good[0]], rows.size - good.size
     log.keep(rows)
     done = [f"{filled} filled between their neighbours"] if filled else []
-    done += [f"{n - rows.size} rows without room for them left out"] if rows.size < n else []
+    done += [f"{n - rows.size} rows left out for which the stamps beside them leave no time"] if rows.size < n else []
     message = f"{n - good.size} stamps could not be read"
     log.report("not_a_number", message, "; ".join(done), lost if lost.size else log.t, n - good.size, n - rows.size)
 
