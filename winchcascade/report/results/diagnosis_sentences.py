@@ -35,7 +35,7 @@ from winchcascade.report.diagnosis_names import (
     spot_words,
     word_of,
 )
-from winchcascade.report.glossary import CHANNELS, SENSORS
+from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import WrongEntry
 
@@ -93,11 +93,6 @@ def arises_sentence(own: Arises | None) -> str:
     if own.worst is None:
         return f"{inputs} no stage deviates by more than {STANDS_OUT:g} standard uncertainties."
     stages = " and ".join([", ".join(own.off[:-1]), own.off[-1]] if len(own.off) > 1 else own.off)
-    if own.sensor is not None:
-        return (
-            f"{inputs} the {stages} stages deviate as they would with a gain error of about {100.0 * own.gain:+.1g} % in the "
-            f"{SENSORS[own.sensor]} alone."
-        )
     which = (
         f"the {stages} stages deviate, the {own.off[0]} most"
         if len(own.off) > 1
