@@ -14,7 +14,7 @@ from winchcascade.diagnosis.cause_numbers import cause_numbers
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.load_costs import worst_costs
-from winchcascade.diagnosis.model_account import COMPARED
+from winchcascade.diagnosis.model_comparison import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
 from winchcascade.report.diagnosis_names import signed
