@@ -15,7 +15,7 @@ from winchcascade.rig.open_rig import load_rig
 # ------------------------------------------------------------------------------------------------------------ the laws
 UNKNOWN = {
     "ke_rolloff", "rotor_windage", "line_drag", "drum_layering", "gas_polytropic", "electrical_lag", "drum_radius",
-    "gear_ratio", "pole_pairs", "screw_lead", "encoder_scale", "stribeck", "heating", "diode_drop", "clutch_drag",
+    "gear_ratio", "pole_pairs", "screw_lead", "encoder_scale", "stribeck", "clutch_drag",
     "load_proportional_loss",
 }  # fmt: skip
 """Effects that change nothing of which a tolerance is known, or several numbers by a law."""

@@ -12,7 +12,7 @@ from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis_parts import causes_table
 from winchcascade.report.results.effects import effects_report
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.effects.effect import Change, Display, Effect, Field
+from winchcascade.rig.effects.effect import Display, Effect, Parameter
 from winchcascade.rig.open_rig import load_rig
 
 PRESSURE_ZERO = Effect(
@@ -23,9 +23,8 @@ PRESSURE_ZERO = Effect(
     shows_as="pressure alone, by the same amount in every phase.",
     taken_for="another precharge (precharge), which force shows too.",
     source="Plausible range.",
-    fields=(Field("offset", "Pa", -1e5, 1e5, (-1e7, 1e7), "plausible range"),),
+    fields=(Parameter("offset", "Pa", -1e5, 1e5, (-1e7, 1e7), "plausible range", "sensors.zero.pressure"),),
     display=Display("zero of the pressure sensor", 1e-3, "kPa"),
-    law=Change("sensors.zero.pressure", "add"),
 )
 
 

@@ -12,7 +12,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import NamedCause, Reported
 from winchcascade.diagnosis.stator_current import stator_current
 from winchcascade.diagnosis.suspects import freedom, with_values
-from winchcascade.rig.effects.effect import Change, Effect
+from winchcascade.rig.effects.effect import Effect
 from winchcascade.rig.effects.generator import share_of_k_e
 from winchcascade.rig.parts import ROLLOFF_KNOTS, number_of, path_in_rig
 
@@ -39,11 +39,11 @@ class CauseNumber(NamedTuple):
 
 def tolerance_of(found: ModelDiagnosis, effect: Effect) -> float:
     """Standard uncertainty of the number that an effect changes, in the unit in which the effect is reported; 0 for none."""
-    law = effect.law
-    if not isinstance(law, Change):
+    field = effect.fields[0]
+    if not field.path:
         return 0.0
-    known = max((n.sd for n in found.data.nuisances if n.path == path_in_rig(law.path)), default=0.0)
-    share = known / abs(number_of(found.data.nominal, law.path)) if law.operation == "scale" else known
+    known = max((n.sd for n in found.data.nuisances if n.path == path_in_rig(field.path)), default=0.0)
+    share = known / abs(number_of(found.data.nominal, field.path)) if field.operation == "scale" else known
     absent, moved = (with_values(effect, freedom(effect).absent + by).reported for by in (0.0, 1.0))
     return share * abs(moved - absent)
 
