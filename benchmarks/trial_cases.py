@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import subprocess
 import time
@@ -132,6 +133,7 @@ class Result(msgspec.Struct, frozen=True):
     shares : true contribution of the effect to eta_pto by load in ohm, where the family compares it [1]
     plain : diagnosis with the built-in rig file, where the family compares two rig files
     commit : of the checkout that diagnosed it
+    processor : processor time of the diagnosis, that of child processes included [s]
     """
 
     plan: Plan
@@ -143,6 +145,12 @@ class Result(msgspec.Struct, frozen=True):
     shares: dict[str, float] = {}
     fault: str | None = None
     plain: Found | None = None
+    processor: float | None = None
+
+
+def processor_time() -> float:
+    """Processor time of this process and of its children that have ended. [s]"""
+    return sum(os.times()[:4])
 
 
 @cache
@@ -304,11 +312,14 @@ def rig_text(factors: Mapping[str, float]) -> str:
 
 
 class Order(msgspec.Struct, frozen=True):
-    """One case to do, the file that its result is added to, and a folder in which campaigns are kept, if any."""
+    """One case to do, the file that its result is added to, a folder in which campaigns are kept, and one of campaigns that
+    were made before, if any.
+    """
 
     plan: Plan
     results: str
     keep: str | None = None
+    made: str | None = None
 
 
 def do_case(order: Order) -> str:
@@ -319,29 +330,48 @@ def do_case(order: Order) -> str:
         if order.keep is not None:
             folder = Path(order.keep) / folder.name
         folder.mkdir(parents=True, exist_ok=True)
-        result = _result(plan, folder)
+        begin = time.perf_counter()
+        campaigns = _made_before(plan, Path(order.made)) if order.made else _campaigns(plan, folder)
+        result = _result(plan, campaigns, folder, time.perf_counter() - begin)
     with Path(order.results).open("ab") as lines:
         lines.write(msgspec.json.encode(result) + b"\n")
     return plan.family
 
 
-def _result(plan: Plan, folder: Path) -> Result:
+def _campaigns(plan: Plan, folder: Path) -> list[Path]:
+    """Make the campaign of a case; where two rig files are compared, the second is that with the built-in one."""
+    write_campaign(plan, folder)
+    return [folder / "campaign.toml", *([folder / PLAIN] if plan.calibrated else [])]
+
+
+def _made_before(plan: Plan, made: Path) -> list[Path]:
+    """The campaigns of a case in a folder that `--keep` or `--make` filled."""
+    kept, other = made / f"{plan.family}-{plan.number:04d}", made / plan.family / f"{plan.number:04d}"
+    found = kept if kept.is_dir() else other
+    plain = found / PLAIN if found is kept else found.with_name(f"{found.name}-plain") / "campaign.toml"
+    campaigns = [found / "campaign.toml", *([plain] if plan.calibrated else [])]
+    missing = next((path for path in campaigns if not path.is_file()), None)
+    if missing is not None:
+        raise FileNotFoundError(f"{missing}: expected a campaign that --keep or --make of trials.py has made")
+    return campaigns
+
+
+def _result(plan: Plan, campaigns: list[Path], scratch: Path, making: float) -> Result:
     from winchcascade.batch.campaign_diagnosis import diagnose_campaign
     from winchcascade.rig.effects.catalogue import EFFECTS
 
-    begin = time.perf_counter()
-    write_campaign(plan, folder)
-    made = time.perf_counter()
-    found, plain, fault = None, None, None
+    begin, used = time.perf_counter(), processor_time()
+    found: list[Found] = []
+    fault = None
     try:
-        record = diagnose_campaign(folder / "campaign.toml", suspects=EFFECTS, seed=0, predictions=None)
-        found = msgspec.convert(record, Found)
-        (folder / "diagnosis.json").write_bytes(msgspec.json.encode(record))
-        if plan.calibrated:
-            record = diagnose_campaign(folder / PLAIN, suspects=EFFECTS, seed=0, predictions=None)
-            plain = msgspec.convert(record, Found)
+        for campaign in campaigns:
+            record = diagnose_campaign(campaign, suspects=EFFECTS, seed=0, predictions=None)
+            found.append(msgspec.convert(record, Found))
+            if campaign.parent == scratch and campaign.name != PLAIN:
+                (scratch / "diagnosis.json").write_bytes(msgspec.json.encode(record))
     except Exception as error:  # a diagnosis that fails is a result, too
         fault = f"{type(error).__name__}: {error}"
-    end = time.perf_counter()
-    shares = true_shares(plan, folder) if plan.family == "contributions" else {}
-    return Result(plan, true_numbers(plan), found, made - begin, end - made, commit(), shares, fault, plain)
+    diagnosing, used = time.perf_counter() - begin, processor_time() - used
+    shares = true_shares(plan, scratch) if plan.family == "contributions" else {}
+    first, plain = (*found, None, None)[:2]
+    return Result(plan, true_numbers(plan), first, making, diagnosing, commit(), shares, fault, plain, used)

@@ -301,9 +301,11 @@ def report(family: str, results: Sequence[Result]) -> Iterator[str]:
     """Lines of the table of one family."""
     making, diagnosing = statistics.median(r.making for r in results), statistics.median(r.diagnosing for r in results)
     total = sum(r.making + r.diagnosing for r in results)
+    used = [r.processor for r in results if r.processor is not None]
     yield (
         f"{family}: {len(results)} cases, {total / 60:.1f} min of one core; median {making:.1f} s to make, "
         f"{diagnosing:.1f} s to diagnose"
+        + (f"; processor {statistics.median(used):.1f} s, in all {sum(used):.0f} s" if used else "")
     )
     yield from table(FIGURES[family](results))
     missed = [r for r in results if not WELL[family](r)]

@@ -1,11 +1,12 @@
 """Diagnose campaigns of the independent twin at any rate, noise and number of repeats, and print scores beside their bars.
 
 python benchmarks/trials.py [--family NAME ...] [--cases N] [--first K] [--jobs J] [--out FOLDER] [--keep FOLDER] [--score]
-                            [--make FOLDER]
+                            [--make FOLDER] [--from FOLDER]
 
 Results are lines of JSON in --out, one file a family; a case that is there already is not done again, so that a trial can be
 interrupted. --score prints the tables of what is there. --make only makes the campaigns, each with its truth.json, in
-FOLDER/family/number; trial_judge.py scores their diagnoses. Every seed is fixed in trial_plans.py.
+FOLDER/family/number; trial_judge.py scores their diagnoses. --from diagnoses campaigns that --keep or --make has made before.
+Every seed is fixed in trial_plans.py.
 """
 
 from __future__ import annotations
@@ -49,7 +50,10 @@ def run_family(name: str, options: argparse.Namespace) -> None:
     plans = [plan_case(name, number) for number in range(options.first, options.first + count) if number not in done]
     plans.sort(key=lambda plan: -plan.repeats)
     keep = str(options.keep) if options.keep else None
-    orders = {f"{name} {plan.number}: {plan.hidden}, {plan.settings}": Order(plan, str(path), keep) for plan in plans}
+    made = str(options.made) if options.made else None
+    orders = {
+        f"{name} {plan.number}: {plan.hidden}, {plan.settings}": Order(plan, str(path), keep, made) for plan in plans
+    }
     for _ in Workers(options.jobs).run(do_case, orders, Printed()):
         pass
 
@@ -73,6 +77,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=processes(), help="processes")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "trials", help="folder of the results")
     parser.add_argument("--keep", type=Path, help="keep the campaigns and diagnoses in this folder")
+    parser.add_argument("--from", type=Path, dest="made", help="diagnose campaigns of --keep or --make in this folder")
     parser.add_argument("--make", type=Path, help="only make the campaigns, with their truths, in this folder")
     parser.add_argument("--score", action="store_true", help="do no cases, print the scores of those that are done")
     options = parser.parse_args()

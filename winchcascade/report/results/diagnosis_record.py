@@ -180,9 +180,9 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
     effect = found.suspects[cause.effect]
     entry: dict[str, Any] = {}
     if effect.entry is not None:
-        entry = {"run": effect.entry.source, "load_ohm": effect.entry.stated} if effect.entry.log >= 0 else {}
+        entry = {"run": effect.entry.source, "load_ohm": effect.entry.value} if effect.entry.log >= 0 else {}
         explained = found.verdict == "explained"
-        entry["sentence"] = sentences.entry_sentence(cause, effect.entry, explained=explained)
+        entry["sentence"] = sentences.entry_sentence(cause, effect, explained=explained)
     return {
         "effect": effect.name,
         **entry,

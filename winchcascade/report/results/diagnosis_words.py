@@ -39,7 +39,6 @@ from winchcascade.report.results.diagnosis_sentences import (
     trend_sentence,
 )
 from winchcascade.report.wording import load_words
-from winchcascade.rig.effects.effect import Change
 from winchcascade.rig.parts import path_in_rig
 
 VERDICTS = {
@@ -173,13 +172,13 @@ class Action(NamedTuple):
 def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     """What to do about a cause: check an entry, separate it from its look-alikes, recalibrate a sensor, or enter it."""
     effect = found.suspects[cause.effect]
-    path = effect.law.path if isinstance(effect.law, Change) else ""
+    path = effect.path
     section, _, number = path_in_rig(path).partition(".")
     if effect.entry is not None:
         entry = effect.entry
         scale = f"check the load of {entry.source}" if entry.log >= 0 else "check the scale of the logged motion"
-        name = entry.number.rpartition(".")[2]
-        return Action(f"check the entry {name}" if name else scale, stated_text(entry))
+        name = effect.number.rpartition(".")[2]
+        return Action(f"check the entry {name}" if name else scale, stated_text(effect))
     if cause.look_alikes:
         plan = found.experiment
         planned = plan is not None and cause.effect in plan.separates and plan.expected_z >= FAR_ENOUGH
