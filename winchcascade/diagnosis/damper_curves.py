@@ -15,7 +15,7 @@ from winchcascade.diagnosis.model_comparison import LEAD, LONGEST, between
 from winchcascade.diagnosis.nuisances import with_quantity
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import Model
-from winchcascade.rig.simulate import Simulation, simulate
+from winchcascade.rig.simulate import simulate
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration
@@ -47,21 +47,6 @@ def calibrated_rig(calibration: Calibration) -> Rig:
     return rig
 
 
-def tensions(run: Run, model: Model, known: Simulation | None = None) -> list[Signal]:
-    """Line tension simulated with `FACTORS` times the damper of a model, (n,) each. [N]
-
-    Parameters
-    ----------
-    known : simulation of the model itself, where there is one
-    """
-    found = []
-    for factor in FACTORS:
-        shaft = msgspec.structs.replace(model.drivetrain, b_rotor=factor * model.drivetrain.b_rotor)
-        own = known if factor == 1.0 else None
-        found.append((own or simulate(run, msgspec.structs.replace(model, drivetrain=shaft))).run.channels["force"])
-    return found
-
-
 def damper_curves(calibration: Calibration) -> DamperCurves | None:
     """Simulate the first payout with the calibrated rig and other dampers; None where no rig can have its numbers."""
     if not calibration.settled:
@@ -72,10 +57,16 @@ def damper_curves(calibration: Calibration) -> DamperCurves | None:
         model = baseline(calibrated_rig(calibration))
         if model.drivetrain.b_rotor <= 0.0:
             return None
-        forces = tuple(tensions(run, model))
+        forces = tuple(_tension(run, model, factor) for factor in FACTORS)
     except RigError:
         return None
     dampers = tuple(factor * model.drivetrain.b_rotor for factor in FACTORS)
     payout, log = (run.t >= onset) & (run.t <= braking), run.channels["force"]
     rms = tuple(float(np.sqrt(np.mean((force - log)[payout] ** 2))) for force in forces)
     return DamperCurves(run, onset, dampers, forces, rms)
+
+
+def _tension(run: Run, model: Model, factor: float) -> Signal:
+    """Line tension simulated with a multiple of the damper of a model, (n,). [N]"""
+    shaft = msgspec.structs.replace(model.drivetrain, b_rotor=factor * model.drivetrain.b_rotor)
+    return simulate(run, msgspec.structs.replace(model, drivetrain=shaft)).run.channels["force"]

@@ -12,7 +12,7 @@ from winchcascade.core.errors import CampaignError
 from winchcascade.core.viewed import Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
@@ -88,32 +88,23 @@ class Place(Weighed, frozen=True, kw_only=True):
 class StagePlace(Place, frozen=True, kw_only=True):
     """One stage in one phase of one log: measured minus what the stage makes of its own measured `inputs`, SI units.
 
-    `channel` is the output of the stage. No zero is taken off: those of output and inputs are in `u_noise`. `by_gain` is what
-    the gain of the sensor of a channel moves the bias, for an error of 1, where that gain is not taken for exact.
+    `channel` is the output of the stage. No zero is taken off: those of output and inputs are in `u_noise`.
     """
 
     stage: str
     inputs: tuple[str, ...]
-    by_gain: Mapping[str, float]
 
 
 class Arises(msgspec.Struct, frozen=True):
-    """Where a gap arises: the stages that are `off` by themselves, most first, and the `worst` place of the first.
-
-    `sensor` is the channel whose gain error alone, of size `gain` [1], would have several of them off as they are.
-    """
+    """Where a gap arises: the stages that are `off` by themselves, most first, and the `worst` place of the first."""
 
     off: tuple[str, ...]
     worst: StagePlace | None
-    sensor: str | None = None
-    gain: float = 0.0
 
     @property
     def stage(self) -> str | None:
-        """Stage of the catalogue, or `sensor`; None where no stage deviates by itself."""
-        if not self.off:
-            return None
-        return "sensor" if self.sensor else CALLED.get(self.off[0], self.off[0])
+        """Stage of the catalogue; None where no stage deviates by itself."""
+        return CALLED.get(self.off[0], self.off[0]) if self.off else None
 
 
 class Where(msgspec.Struct, frozen=True):
@@ -219,15 +210,6 @@ class NamedCause(msgspec.Struct, frozen=True):
     def rivals(self) -> tuple[Alternative, ...]:
         """The first of its look-alikes, at most `RIVALS`."""
         return self.look_alikes[:RIVALS]
-
-
-class FittedEffect(msgspec.Struct, frozen=True):
-    """An effect with its numbers as the final fit has them; `chosen` ones are in it, others were tried beside it."""
-
-    effect: str
-    named: bool
-    parameters: dict[str, Reported]
-    chosen: bool = True
 
 
 class CycleEnergy(msgspec.Struct, frozen=True):
@@ -352,7 +334,6 @@ class Alarm(msgspec.Struct, frozen=True):
         "scatter",
         "ripple",
         "nuisance",
-        "slow",
         "drift",
         "range",
         "cancelling",

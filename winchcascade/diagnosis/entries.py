@@ -11,7 +11,7 @@ import numpy as np
 
 from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.rig.effects.catalogue import OF_THE_RIG
-from winchcascade.rig.effects.effect import ActiveEffect, Effect, Values, WrongEntry
+from winchcascade.rig.effects.effect import ActiveEffect, Effect, Stated, Values
 from winchcascade.rig.effects.wrong_entries import ENTRY, SHARED_RADIUS
 
 if TYPE_CHECKING:
@@ -36,9 +36,6 @@ effects still has more evidence, as it saves the price of one."""
 
 MIN_RUNS = 3
 """Minimum number of runs of which a change from run to run is suspected: of two, any difference is one."""
-
-USUAL_SHARE = 0.5
-"""Prior share of the wrong entries whose true number is a usual multiple of the stated one. [1]"""
 
 AGREES = 0.03
 """A load is no suspect where Vdc over Idc deviates from it by less: more than gains and warm resistors do. [1]"""
@@ -73,10 +70,10 @@ def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run]) -> Suspects:
         elif name == LOAD:
             found |= _of_each_run(effect, runs)
         else:
-            found[name] = _of_the_rig(effect, effect.entry, rig)
+            found[name] = _of_the_rig(effect, rig)
     if RADIUS in suspects:
         shared = SHARED_RADIUS
-        found[f"{RADIUS}(shared)"] = _of_the_rig(shared, shared.entry or WrongEntry(), rig)
+        found[f"{RADIUS}(shared)"] = _of_the_rig(shared, rig)
     return found
 
 
@@ -84,15 +81,13 @@ def _multiple(stated: float, values: Values) -> float:
     return stated * (1.0 + values[0])
 
 
-def _of_the_rig(effect: Effect, entry: WrongEntry, rig: Rig) -> Effect:
+def _of_the_rig(effect: Effect, rig: Rig) -> Effect:
     """An entry that reports the number of the rig file; one that is reported as a ratio knows it too."""
-    number = quantity_of(rig, *entry.number.split(".")) if entry.number else None
+    number = quantity_of(rig, *effect.number.split(".")) if effect.number else None
     if number is None:
         return effect
-    as_number = effect.reported_from is None
-    stated = msgspec.structs.replace(entry, stated=number.value, unit=number.unit, as_number=as_number)
-    bound = msgspec.structs.replace(effect, entry=stated)
-    if not as_number:
+    bound = msgspec.structs.replace(effect, entry=Stated(number.value, number.unit))
+    if effect.reported_from is not None:
         return bound
     return msgspec.structs.replace(bound, reported_from=partial(_multiple, number.value))
 
@@ -105,7 +100,7 @@ def _of_each_run(effect: Effect, runs: Sequence[Run]) -> dict[str, Effect]:
             continue
         name = f"{effect.name}({run.name})"
         name = name if name not in found else f"{effect.name}({run.name}, run {log + 1})"
-        entry = msgspec.structs.replace(effect.entry or WrongEntry(), log=log, stated=run.load, source=run.name)
+        entry = Stated(run.load, log=log, source=run.name)
         found[name] = msgspec.structs.replace(
             effect, label=f"Load of {run.load:g} ohm", entry=entry, reported_from=partial(_multiple, run.load)
         )
@@ -140,17 +135,16 @@ def usual_gain(names: Names, place: Mapping[str, slice], x: Signal, bounds: Boun
     """
     gain = 0.0
     for name in names:
-        entry = BY_NAME[effect_name(name)].entry if is_entry(name) else None
-        if entry is None or not entry.usual:
+        if not is_entry(name):
             continue
+        entry = BY_NAME[effect_name(name)].fields[0]
         k = place[name].start
         variance = max(float(np.linalg.pinv(curve, hermitian=True)[k, k]), 0.0)
         multiples = 1.0 + np.array(entry.usual)
         sd = np.sqrt(variance + (entry.scatter * multiples) ** 2)
         density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (math.sqrt(2.0 * math.pi) * sd)
         peaked = float(np.mean(density) * (bounds.inner_high[k] - bounds.inner_low[k]))
-        share = 1.0 if entry.always_usual else USUAL_SHARE
-        gain += math.log(max((1.0 - share) + share * peaked, 1e-30))
+        gain += math.log(max((1.0 - entry.usual_share) + entry.usual_share * peaked, 1e-30))
     return gain
 
 
@@ -158,11 +152,11 @@ def usual_gain(names: Names, place: Mapping[str, slice], x: Signal, bounds: Boun
 def usual_values(suspects: Suspects) -> Iterator[tuple[str, float, ActiveEffect]]:
     """Every wrong entry at each of its usual multiples: name of the suspect, value of its field, and the active effect."""
     for name, effect in suspects.items():
-        for value in effect.entry.usual if effect.entry is not None else ():
+        for value in effect.fields[0].usual:
             yield name, value, ActiveEffect(effect, (value,))
 
 
 def same_in_logs(suspects: Suspects, one: str, other: str) -> bool:
     """Whether the logs hardly distinguish two suspects, as their laws are the same or nearly so."""
     pair = (suspects[one], suspects[other])
-    return any(b.name in (a.same_as if a.entry is None else a.entry.same_as) for a, b in (pair, pair[::-1]))
+    return any(b.name in a.same_as for a, b in (pair, pair[::-1]))

@@ -1,4 +1,4 @@
-"""Figures of a log against its simulation, for one log and for all loads: log solid, simulation markers (Figs 11 to 17).
+"""Figures of a log against its simulation, for one log and for all loads: log solid, simulation markers (Figs 13 to 17).
 
 Also the loss budget as stacked bars: where the energy of the line goes, load by load.
 """
@@ -13,10 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.compared_curves import HAUL_IN, ComparedCurve
 from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
-from winchcascade.diagnosis.model_account import Regression, Sweep
+from winchcascade.diagnosis.model_comparison import HAUL_IN, ComparedCurve
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -37,6 +36,7 @@ from winchcascade.report.figures.style import (
     samples_entry,
     shade_over_speed,
 )
+from winchcascade.rig.backemf import BackEmf
 
 SPEED = "Generator speed (rpm)"
 
@@ -81,9 +81,6 @@ MAX_DRAWN = 2000
 BACK: Dashes = (0, (2.5, 1.2))
 """Dashes of what is drawn of the haul-ins."""
 
-Clouds = Mapping[str, tuple[Signal, Signal]]
-"""Samples of a log that are drawn behind its curve, x and y, by the curve's name."""
-
 
 class Drawn(NamedTuple):
     """One log in a figure: its name, its curves, colours of log and simulation, and the simulation's marker."""
@@ -114,7 +111,6 @@ def panels(
     *,
     word: str,
     rated: float | None,
-    clouds: Clouds | None = None,
     gear: float | None = None,
 ) -> Figure | None:
     """Draw curves of log and simulation, one panel for each name that any log has; None if no log has any.
@@ -138,25 +134,21 @@ def panels(
         if gear is not None and name == "torque_nm":
             slower = (lambda rpm, gear=gear: np.asarray(rpm) / gear, lambda rpm, gear=gear: np.asarray(rpm) * gear)
             ax.secondary_xaxis("top", functions=slower).set_xlabel("Drum speed (rpm)")
-        _panel(ax, letter if len(given) > 1 else "", name, drawn, (clouds or {}).get(name), MAX_MARKS // columns)
+        _panel(ax, letter if len(given) > 1 else "", name, drawn, MAX_MARKS // columns)
         if SHOWN[name].over == SPEED:
             ax.set_xlim(left=0.0)
             shaded |= shade_over_speed(ax, rated)
     for ax in grid[len(given) :]:
         ax.set_visible(False)
-    _legend(figure, drawn, word=word, shaded=shaded, sampled=bool(clouds))
+    _legend(figure, drawn, word=word, shaded=shaded)
     return figure
 
 
-def _panel(
-    ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], cloud: tuple[Signal, Signal] | None, maximum: int
-) -> None:
+def _panel(ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], maximum: int) -> None:
     """Draw one quantity of all logs with a maximum number of markers."""
     shown, keys = SHOWN[name], (name, HAUL_IN) if name == "pressure_kgcm2" else (name,)
     curves = [(d, key, d.curves[key]) for d in drawn for key in keys if key in d.curves]
     short, unit = readable(shown.unit, *(np.array((*c.log, *c.simulated)) for _, _, c in curves))
-    if cloud is not None:
-        dots(ax, cloud[0], cloud[1] * short, COLOURS["soft"])
     step = max(1, -(-sum(len(c.x) for _, _, c in curves) // maximum))
     for k, (d, key, c) in enumerate(curves):
         ax.plot(c.x, np.array(c.log) * short, color=COLOURS[d.log], lw=1.2, ls=BACK if key == HAUL_IN else "-")
@@ -174,13 +166,12 @@ def _panel(
         ax.set_ylim(max(low, 0.0), max(high, 0.9))
 
 
-def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool, sampled: bool) -> None:
+def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool) -> None:
     """Add the legend of lines, markers and shades above the panels; of several logs name each load once."""
     one = drawn[0] if len(drawn) == 1 else Drawn("", {}, simulated="ink")
     entries = [
-        *([samples_entry(f"{word}, samples", "soft")] if sampled else []),
-        line_entry(f"{word}, means" if sampled else word, one.log, lw=1.2),
-        line_entry("simulated, means" if sampled else "simulated", one.simulated, ls="none", **_mark(one.mark)),
+        line_entry(word, one.log, lw=1.2),
+        line_entry("simulated", one.simulated, ls="none", **_mark(one.mark)),
         *([patch_entry("over rated speed", "over")] if shaded else []),
     ]
     loads = {d.name: line_entry(d.name, d.log, lw=1.2, **_mark(d.mark)) for d in drawn} if len(drawn) > 1 else {}
@@ -204,18 +195,6 @@ def _draw_dampers(ax: Axes, x: Signal, forces: Sequence[Signal], own: str) -> li
     return entries
 
 
-def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
-    """Draw the line tension in open circuit over generator speed, logged and simulated with several dampers (Fig. 11)."""
-    figure, (ax,) = panel_figure(2.9)
-    entries: list[Entry] = [(ax.plot(sweep.rpm, sweep.log, color=COLOURS["ink"], lw=1.4)[0], word)]
-    entries += _draw_dampers(ax, np.array(sweep.rpm), [np.array(x) for x in sweep.simulated], "as in the rig file")
-    ax.set(xlim=(0.0, None), xlabel=SPEED, ylabel="Line tension (N)")
-    if shade_over_speed(ax, rated):
-        entries.append(patch_entry("over rated speed", "over"))
-    legend_above(figure, entries)
-    return figure
-
-
 def damper_histories(curves: DamperCurves, *, word: str) -> Figure:
     """Draw line velocity and tension of an open circuit over time, logged and simulated with several dampers (Fig. 11)."""
     rows = slice(None, None, -(-curves.run.samples // MAX_DRAWN))
@@ -230,26 +209,29 @@ def damper_histories(curves: DamperCurves, *, word: str) -> Figure:
     return figure
 
 
-def back_emf_figure(fit: Regression, *, word: str) -> Figure:
-    """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12)."""
+def back_emf_figure(fit: BackEmf, reference: float, *, word: str) -> Figure:
+    """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12).
+
+    Parameters
+    ----------
+    reference : back-EMF constant of the rig file, not finite where it has none [V/rpm]
+    """
     figure, (left, right) = panel_figure(2.6, 1, 2)
-    ends = np.array([0.0, 1.05 * max(fit.rpm)])
+    ends = np.array([0.0, 1.05 * float(fit.rpm.max())])
     rig: LineStyle = {"ls": (0, (5, 2)), "lw": 0.9}
-    known = np.isfinite(fit.reference)
-    if known:
-        right.fill_between(ends, 0.9 * fit.reference * ends, 1.1 * fit.reference * ends, color=COLOURS["payout"], lw=0)
-        right.plot(ends, fit.reference * ends, color=COLOURS["soft"], **rig)
-    right.plot(ends, fit.slope * ends, color=COLOURS["mech"], lw=0.9)
+    stated = []
+    if np.isfinite(reference):
+        right.fill_between(ends, 0.9 * reference * ends, 1.1 * reference * ends, color=COLOURS["payout"], lw=0)
+        right.plot(ends, reference * ends, color=COLOURS["soft"], **rig)
+        stated = [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")]
+    right.plot(ends, fit.k_e * ends, color=COLOURS["mech"], lw=0.9)
     titles = ("Voltage of the DC link", "Back-EMF, line to line, rms")
-    for ax, letter, title, volt in zip((left, right), "ab", titles, (fit.v_dc, fit.v_ll), strict=True):
-        dots(ax, np.array(fit.rpm), np.array(volt), COLOURS["ink"])
+    for ax, letter, title, volt in zip((left, right), "ab", titles, (fit.vdc, fit.v_ll), strict=True):
+        dots(ax, fit.rpm, volt, COLOURS["ink"])
         ax.set(xlim=ends, ylim=(0.0, None))
         label_panel(ax, letter, title, x=SPEED, unit="V")
-    stated = [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")] if known else []
-    legend_above(
-        figure,
-        [samples_entry(f"{word}, samples used", "ink"), line_entry("line through zero", "mech", lw=0.9), *stated],
-    )
+    own = [samples_entry(f"{word}, samples used", "ink"), line_entry("line through zero", "mech", lw=0.9)]
+    legend_above(figure, [*own, *stated])
     return figure
 
 

@@ -200,12 +200,9 @@ def _regression(calibration: Calibration) -> str:
 
 def fit_blocks(calibration: Calibration, curves: DamperCurves | None) -> list[Block | None]:
     """Figs 11 and 12: tension with several dampers, and the regression of the back-EMF. Called within the style of figures."""
-    from winchcascade.diagnosis.model_account import Regression
     from winchcascade.report.figures.model_figures import back_emf_figure, damper_histories
 
-    r, word = calibration.regression, calibration.run.origin.word
-    rpm, v_ll, vdc = (tuple(x.tolist()) for x in (r.rpm, r.v_ll, r.vdc))
-    drawn = Regression(rpm, v_ll, vdc, r.k_e, r.low, r.high, r.r2, r.rpm.size, calibration.numbers[0].before)
+    word = calibration.run.origin.word
     damper: list[Block | None] = []
     if curves is not None:
         damper = [
@@ -221,7 +218,7 @@ def fit_blocks(calibration: Calibration, curves: DamperCurves | None) -> list[Bl
     return [
         *damper,
         picture(
-            back_emf_figure(drawn, word=word), "model-emf",
+            back_emf_figure(calibration.regression, calibration.numbers[0].before, word=word), "model-emf",
             "DC voltage and back-EMF over generator speed; the line through zero has the slope k_e (Fig. 12 there).",
             "Dots along a straight line through zero.",
         ),
