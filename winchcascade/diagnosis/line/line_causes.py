@@ -23,7 +23,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Stability,
 )
 from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, RANGED, Lines, columns_of, reported_number
-from winchcascade.diagnosis.line.line_fit import Choice, LineFit, folds_of, noise_of
+from winchcascade.diagnosis.line.line_fit import FOLDS, Choice, LineFit, noise_of
 from winchcascade.diagnosis.stability import trends_of
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def line_causes(fit: LineFit, choice: Choice, suspects: Suspects) -> tuple[Named
                 probability=min(choice.share_with(name), AMBIGUOUS if alike else 1.0),
                 parameters={NUMBERS[name][0]: numbers[name]},
                 weight=choice.errors[without] - choice.errors[choice.chosen],
-                stability=_stability(every, choice.chosen, name),
+                stability=_stability(every, fit.coefficients(choice.chosen), name),
                 look_alikes=alike,
                 ablation=1.0 - float(np.sum(fit.judged_residual(without) ** 2)) / gap,
             )
@@ -127,43 +127,30 @@ def _difference(fit: LineFit, one: Names, other: Names) -> Spot:
 
 
 # --------------------------------------------------------------------------------------------------------- cycle by cycle
-def _stability(fit: LineFit, names: Names, cause: str) -> Stability:
-    """Estimate the number of one cause from every cycle, the other numbers common to the cycles.
+def _stability(fit: LineFit, x: Signal, cause: str) -> Stability:
+    """The number of one cause from every cycle alone, the other numbers as the joint fit has them.
 
     The noise within the phases, not the scatter of their means, is the uncertainty: the scatter is what is looked for.
 
     Parameters
     ----------
     fit : of all cycles, the withheld ones too: they only show here whether the numbers are the same
-    names : the set of the fit
+    x : coefficients of the joint fit, (suspects,)
     """
-    lines, cycle = fit.lines, fit.rows.blocks.cycle
-    first_row, number = np.unique(cycle, return_index=True)[1], np.unique(cycle, return_inverse=True)[1]
-    of_fold = number[np.unique(folds_of(cycle), return_index=True)[1]]
-    gram = np.zeros((first_row.size, *fit.gram.shape[1:]))
-    np.add.at(gram, of_fold, fit.gram)
-    k, others = lines.names.index(cause), fit.own(tuple(name for name in names if name != cause))
-    # each cycle has a coefficient of its own, in the last rows; those of the other suspects are common, in the first ones
-    common, size = gram.sum(axis=0), others.size
-    whole = np.diag(np.concatenate([np.zeros(size), gram[:, k, k]]))
-    whole[:size, :size] = common[np.ix_(others, others)]
-    whole[:size, size:] = gram[:, others, k].T
-    whole[size:, :size] = gram[:, others, k]
-    silent = gram[:, k, k] <= 1e-9 * gram[:, k, k].max(initial=1e-300)
-    whole[size:, size:] += np.diag(1.0 * silent)
-    covariance = np.linalg.pinv(whole, hermitian=True)
-    x = (covariance @ np.concatenate([common[others, -1], gram[:, k, -1]]))[size:]
-    joint = float(fit.coefficients(names)[k])
-    spread = covariance[size:, size:] + np.diag(np.full(x.size, (LAW * joint) ** 2))
-    half = COVERED * np.sqrt(np.diag(spread))
-    known = ~silent & (2.0 * half < lines.span[k])
-    runs = []
-    for row in range(x.size):
-        ends = [reported_number(cause, float(end)) for end in (x[row], x[row] - half[row], x[row] + half[row])]
-        runs.append(RunValue(row, ends[0], min(ends), max(ends)) if known[row] else RunValue(row))
+    k, cycles = fit.lines.names.index(cause), np.unique(fit.rows.blocks.cycle)
+    gram = np.zeros((cycles.size, *fit.gram.shape[1:]))
+    np.add.at(gram, np.arange(fit.folds) // -(-FOLDS // cycles.size), fit.gram)  # the folds of a cycle together
+    height, joint = np.maximum(gram[:, k, k], 1e-300), float(x[k])
+    own = joint + (gram[:, k, -1] - gram[:, k, :-1] @ x) / height
+    u = np.hypot(height**-0.5, LAW * joint)
+    known, runs = 2.0 * COVERED * u < fit.lines.span[k], []
+    for row, (value, half) in enumerate(zip(own.tolist(), (COVERED * u).tolist(), strict=True)):
+        low, high = sorted(reported_number(cause, end) for end in (value - half, value + half))
+        runs.append(RunValue(row, reported_number(cause, value), low, high) if known[row] else RunValue(row))
     slope = -1.0 / (1.0 + joint) ** 2 if cause == "force_gain" else 1.0  # of the reported number over the coefficient
-    order = np.flatnonzero(known) / max(float(np.ptp(np.flatnonzero(known))) if known.any() else 1.0, 1.0)
-    trends, _ = trends_of(slope * x[known], slope**2 * spread[np.ix_(known, known)], {"order": order})
+    order = np.flatnonzero(known)
+    order = (order - order.min(initial=0)) / max(int(np.ptp(order)) if order.size else 1, 1)
+    trends, _ = trends_of(slope * own[known], np.diag((slope * u[known]) ** 2), {"order": order})
     return Stability(tuple(runs), tuple(trends))
 
 
