@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.causes import covariance_of
+from winchcascade.diagnosis.causes import posterior_of
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import NamedCause, Reported
 from winchcascade.diagnosis.stator_current import stator_current
@@ -76,12 +76,12 @@ def profile_of(found: ModelDiagnosis) -> Profile | None:
         return None
     place = best.place[ROLLOFF]
     fitted = best.x[place]
-    root = np.linalg.eigh(covariance_of(found.data, best, found.found.scale)[place, place])
+    root = np.linalg.eigh(posterior_of(found.found, best).covariance[place, place])
     spread = root.eigenvectors * np.sqrt(np.maximum(root.eigenvalues, 0.0))
     drawn = fitted + np.random.default_rng(0).standard_normal((DRAWS, fitted.size)) @ spread.T
     reached = float(np.max(stator_current(found)[0], initial=ROLLOFF_KNOTS[1]))
     current = np.linspace(0.0, reached, POINTS)
-    fields = [fitted, *np.clip(drawn, best.bounds.low[place], best.bounds.high[place])]
+    fields = [fitted, *np.clip(drawn, best.free.minimum[place], best.free.maximum[place])]
     line, *lines = (share_of_k_e(tuple(x.tolist()), current) for x in fields)
     low, high = np.quantile(list(lines), (0.025, 0.975), axis=0)
     return Profile(current, line, low, high)

@@ -7,20 +7,17 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 
 from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.rig.effects.catalogue import OF_THE_RIG
-from winchcascade.rig.effects.effect import ActiveEffect, Effect, Values, WrongEntry
+from winchcascade.rig.effects.effect import Effect, Values, WrongEntry
 from winchcascade.rig.effects.wrong_entries import ENTRY, SHARED_RADIUS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Sequence
 
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.solve import Bounds
+    from winchcascade.core.run import Run
     from winchcascade.diagnosis.suspects import Suspects
 
 BY_NAME = {effect.name: effect for effect in ENTRY}
@@ -36,9 +33,6 @@ effects still has more evidence, as it saves the price of one."""
 
 MIN_RUNS = 3
 """Minimum number of runs of which a change from run to run is suspected: of two, any difference is one."""
-
-USUAL_SHARE = 0.5
-"""Prior share of the wrong entries whose true number is a usual multiple of the stated one. [1]"""
 
 AGREES = 0.03
 """A load is no suspect where Vdc over Idc deviates from it by less: more than gains and warm resistors do. [1]"""
@@ -128,38 +122,6 @@ def price_of(suspect: str) -> float:
     All effects of the rig are as likely, also where only a few of them are suspects; a wrong entry is rarer.
     """
     return math.log(len(OF_THE_RIG)) + (RARER if is_entry(suspect) else 0.0)
-
-
-def usual_gain(names: Names, place: Mapping[str, slice], x: Signal, bounds: Bounds, curve: Signal) -> float:
-    """Evidence that wrong entries gain or lose, as part of their prior lies at usual multiples and not even over their range.
-
-    Parameters
-    ----------
-    place, x, bounds : fields in a row, (k,), their bounds, and the place of each suspect among them
-    curve : (k, k) of the objective
-    """
-    gain = 0.0
-    for name in names:
-        entry = BY_NAME[effect_name(name)].entry if is_entry(name) else None
-        if entry is None or not entry.usual:
-            continue
-        k = place[name].start
-        variance = max(float(np.linalg.pinv(curve, hermitian=True)[k, k]), 0.0)
-        multiples = 1.0 + np.array(entry.usual)
-        sd = np.sqrt(variance + (entry.scatter * multiples) ** 2)
-        density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (math.sqrt(2.0 * math.pi) * sd)
-        peaked = float(np.mean(density) * (bounds.inner_high[k] - bounds.inner_low[k]))
-        share = 1.0 if entry.always_usual else USUAL_SHARE
-        gain += math.log(max((1.0 - share) + share * peaked, 1e-30))
-    return gain
-
-
-# ------------------------------------------------------------------------------------------------------ where fits begin
-def usual_values(suspects: Suspects) -> Iterator[tuple[str, float, ActiveEffect]]:
-    """Every wrong entry at each of its usual multiples: name of the suspect, value of its field, and the active effect."""
-    for name, effect in suspects.items():
-        for value in effect.entry.usual if effect.entry is not None else ():
-            yield name, value, ActiveEffect(effect, (value,))
 
 
 def same_in_logs(suspects: Suspects, one: str, other: str) -> bool:

@@ -21,7 +21,6 @@ from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK, Index, Run, Signal
 from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row, stretches_of
 from winchcascade.diagnosis.solve import Bounds
-from winchcascade.diagnosis.suspects import TAIL
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.stages import acceleration, line_power
 
@@ -31,6 +30,9 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnosis_result import Entries
     from winchcascade.diagnosis.suspects import Suspects
+
+TAIL = 0.25
+"""Beyond the plausible range of a field the probability falls by a factor e for each such share of the range. Assumed. [1]"""
 
 POWER = "power_mech"
 """Channel in which a winch without a model shows its gap."""
