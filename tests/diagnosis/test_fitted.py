@@ -92,7 +92,7 @@ def test_the_nominal_model_leaves_noise_alone(data: Fitted) -> None:
 
 def test_a_column_is_what_a_tolerance_moves(data: Fitted) -> None:
     nothing = np.zeros(len(data.nuisances))
-    at, columns = data.predict(nothing, []), data.jacobian(nothing, [])
+    at, columns = data.predict(nothing, []), data.columns(nothing, [])
     for j, n in enumerate(data.nuisances):
         one = np.eye(nothing.size)[j]
         if str(n) in FAR:
@@ -103,9 +103,9 @@ def test_a_column_is_what_a_tolerance_moves(data: Fitted) -> None:
 
 
 def test_a_zero_moves_its_own_log_and_a_load_its_own_runs(data: Fitted) -> None:
-    columns = data.jacobian(np.zeros(len(data.nuisances)), [])
+    columns = data.columns(np.zeros(len(data.nuisances)), [])
     for j, n in enumerate(data.nuisances):
-        first, second = np.split(columns @ np.eye(columns.size)[j], [len(CHANNELS) * data.sizes[0]])
+        first, second = np.split(columns @ np.eye(len(data.nuisances))[j], [len(CHANNELS) * data.sizes[0]])
         if n.kind == "zero":
             assert not (second if n.log == 0 else first).any()
         if n.kind == "load":

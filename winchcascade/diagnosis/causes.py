@@ -109,7 +109,7 @@ def probabilities(fits: dict[Names, Fit], evidence: Evidence) -> dict[Names, flo
 
 # ----------------------------------------------------------------------------------------------------- numbers of a cause
 class Posterior(NamedTuple):
-    """What the data leave open of the fields of a fit: `covariance` (k, k); `curve` (k, k) and `slope` (k,) of the objective."""
+    """What the data leave open of the fields of a fit: `covariance` (k, k), `curve` (k, k), `slope` (k,) of the objective."""
 
     fit: Fit
     covariance: Signal
@@ -227,9 +227,9 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
         elif other in confused or (other in same and lost < UNCONFUSED * (without.loss - best.loss)):
             by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
-    for fit in found.fits.values():
-        if len(fit.names) == len(best.names) and name not in fit.names and len(set(fit.names) - set(best.names)) > 1:
-            alike.append(LookAlike(fit, evidence.of(best) - evidence.of(fit)))
+    several = [fit for fit in found.fits.values() if len(fit.names) == len(best.names) and name not in fit.names]
+    several = [fit for fit in several if len(set(fit.names) - set(best.names)) > 1]
+    alike += [LookAlike(fit, evidence.of(best) - evidence.of(fit)) for fit in several]
     return sorted((one for one in alike if one.short <= AS_GOOD), key=lambda one: one.short)
 
 

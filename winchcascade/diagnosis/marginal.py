@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
@@ -46,7 +46,7 @@ def weights(z: Signal) -> Signal:
 
 
 class Columns(NamedTuple):
-    """Derivative of a prediction, whitened, over nuisances: `dense` (n, k), then those that concern few rows, `local` (n, q)."""
+    """Derivative of a prediction, whitened, over nuisances: `dense` (n, k), then `local` (n, q) of those of few rows."""
 
     dense: Signal
     local: csr_array
@@ -80,6 +80,10 @@ class Problem(Protocol):
     @property
     def groups(self) -> NDArray[np.intp]:
         """Number of the group of each residual, (n,): residuals of one group are not independent."""
+
+    @property
+    def begins(self) -> Mapping[str, Sequence[float]]:
+        """Values of the only field of some suspects from which a fit may begin, far from where they are absent."""
 
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""
@@ -128,7 +132,7 @@ class Marginal:
         return np.asarray(r + self.columns @ (self._stretch @ self.columns.onto(r)))
 
     def best(self, z: Signal, reach: float = np.inf) -> tuple[Signal, Signal]:
-        """Nuisances that explain whitened residuals best, and what they leave, by the curvature of all rows: each step descends.
+        """Nuisances that explain whitened residuals best, and what they leave: each step descends.
 
         Parameters
         ----------

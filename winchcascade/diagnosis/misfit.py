@@ -31,6 +31,7 @@ from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances,
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
+from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import Model, changed, possible
@@ -348,7 +349,8 @@ class Fitted:
         """
         columns, one = np.zeros((*at.shape, self.simulated)), np.eye(nu.size)
         moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
-        columns[:, :, moved] = self.predictions([(nu + one[j], effects) for j in moved]) - at[:, :, None]
+        there = self.predictions([(nu + PART * one[j], effects) for j in moved])
+        columns[:, :, moved] = (there - at[:, :, None]) / PART
         for j, n in self._of_kind.get("gain", ()):
             columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd
         return columns
@@ -357,25 +359,25 @@ class Fitted:
         """What one tolerance of each zero and of each discrepancy of the model moves, (M * 5, q), SI units."""
         from scipy.sparse import csr_array
 
-        rows, columns, values = [], [], []
+        phase, load = self.blocks.phase, np.repeat([log.load for log in self.logs], self.sizes)
+        courses = np.concatenate([log.courses for log in self.logs])
+        places, values = [np.zeros((2, 0), dtype=np.intp)], [np.zeros(0)]
         for j, n in enumerate(self.nuisances[self.simulated :]):
-            k = CHANNELS.index(n.name)
-            for number, (log, own) in enumerate(zip(self.logs, self.rows, strict=True)):
-                phase = log.course.blocks.phase
-                if n.kind == "zero":
-                    here = np.arange(phase.size) if n.log == number else np.zeros(0, dtype=np.intp)
-                    moved = np.full(here.size, n.sd)
-                else:
-                    concerned = math.isnan(n.load) or n.load == log.load
-                    here = np.flatnonzero((phase == PHASES.index(n.phase)) & concerned)
-                    moved = n.sd * log.courses[here, k, COURSES.index(n.course)]
-                rows.append(len(CHANNELS) * (own.start + here) + k)
-                columns.append(np.full(here.size, j))
-                values.append(moved)
+            k, moved = CHANNELS.index(n.name), np.ones(phase.size)
+            if n.kind == "zero":
+                here = np.arange(phase.size)[self.rows[n.log]]
+            else:
+                concerned = (load == n.load) | math.isnan(n.load)
+                here = np.flatnonzero(concerned & (phase == PHASES.index(n.phase)))
+                moved = courses[:, k, COURSES.index(n.course)]
+            places.append(np.array([len(CHANNELS) * here + k, np.full(here.size, j)]))
+            values.append(n.sd * moved[here])
         shape = (self.measured.size, len(self.nuisances) - self.simulated)
-        places = (np.concatenate(rows), np.concatenate(columns))
-        return csr_array((np.concatenate(values), places), shape=shape)
+        return csr_array((np.concatenate(values), tuple(np.hstack(places))), shape=shape)
 
+
+PART = 0.2
+"""Share of a tolerance by which derivatives are taken: wide tolerances are not linear as a whole."""
 
 LOCAL = ("zero", "discrepancy")
 """Kinds of nuisances that are not simulated and concern some rows alone; they come last."""
@@ -395,6 +397,12 @@ class RigProblem(msgspec.Struct, frozen=True):
     def groups(self) -> NDArray[np.intp]:
         """Number of the stretch of one phase of a cycle that each residual belongs to, (M * 5,)."""
         return np.repeat(np.cumsum(~self.data.blocks.joined) - 1, len(CHANNELS))
+
+    @property
+    def begins(self) -> dict[str, tuple[float, ...]]:
+        """Usual multiples of wrong entries, and simplifications as a whole."""
+        usual = {name: effect.entry.usual for name, effect in self.suspects.items() if effect.entry is not None}
+        return usual | {name: (1.0,) for name in self.suspects if name in SIMPLIFICATIONS}
 
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""

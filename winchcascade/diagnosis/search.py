@@ -1,4 +1,4 @@
-"""The search for the smallest set of effects that explains a problem: sets are screened in closed form and decided by refits."""
+"""The search for the smallest set of effects that explains a problem: sets are screened in closed form and then refitted."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ MANY, HOPELESS = 5, 2.0
 """Number of causes, and residual mean square in squares of the noise, with which the search ends: more causes do not help."""
 
 MUCH_LOWER = 0.7
-"""Share of the objective that a wrong entry at a usual multiple may leave for a fit to begin there. [1]"""
+"""Share of the objective that a suspect may leave far from its absence for a fit to begin there. [1]"""
 
 USUAL_SHARE = 0.5
 """Prior share of the wrong entries whose true number is a usual multiple of the stated one. [1]"""
@@ -114,7 +114,7 @@ class Evidence(msgspec.Struct, frozen=True):
 
 
 def prior_of(x: Signal, free: Freedom) -> float:
-    """Part of the objective that the prior of some fields makes, (k,): normal about their absence, wide as what is plausible."""
+    """Part of the objective of the prior of some fields, (k,): normal about their absence, wide as what is plausible."""
     return 0.5 * float(np.sum(((x - free.absent) / free.sd) ** 2))
 
 
@@ -314,7 +314,7 @@ def neighbours(expansion: Expansion, names: Names) -> list[Names]:
 
 
 class Found(msgspec.Struct, frozen=True):
-    """What a search found: the best fit, the one without any cause, every refit by its set, and the expansion about the best."""
+    """What a search found: the best fit, that without any cause, every refit by its set, and the expansion about the best."""
 
     best: Fit
     null: Fit
@@ -364,16 +364,19 @@ def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None
     """
     marginal = Marginal(problem.nuisance_columns([]))
     null, expansion = expand(problem, marginal, (), {}, 1.0)
-    best, fits = null, {(): null} | {one.names: one for one in _usual_starts(problem, marginal, null)}
-    visited = {()}
+    best = null
+    fits: dict[Names, Fit] = {(): null}
+    visited: set[Names] = {()}
     while True:
         on_progress(f"{len(visited)} sets expanded, best so far: {', '.join(best.names) or 'none'}")
         expansion = msgspec.structs.replace(expansion, evidence=_weighing(problem, fits))
         least = expansion.worth(best.names) - DOUBTFUL
         promising = [names for names in neighbours(expansion, best.names) if names not in fits][:REFITTED]
-        for names in promising:
-            if expansion.worth(names) > least:
-                fits[names] = expansion.refitted(marginal, names, best)
+        promising = [names for names in promising if expansion.worth(names) > least]
+        fits |= {names: expansion.refitted(marginal, names, best) for names in promising}
+        if promising and not best.names:
+            far = {one.names: one for one in _far_starts(problem, marginal)}
+            fits |= {names: one for names, one in far.items() if names not in fits or one.loss < fits[names].loss}
         weighing = _weighing(problem, fits)
         top = max(fits.values(), key=weighing.worth)
         if top.names in visited or (len(best.names) > MANY and best.scale > HOPELESS):
@@ -389,48 +392,55 @@ def _weighing(problem: Problem, fits: Mapping[Names, Fit]) -> Evidence:
     return Evidence(problem, min(fit.scale for fit in fits.values()))
 
 
-def _usual_starts(problem: Problem, marginal: Marginal, null: Fit) -> list[Fit]:
-    """Fits of wrong entries that begin at the usual multiples that lower the objective most: far from the rig file no expansion
-    holds.
+def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
+    """Fits of single suspects that begin where the objective is lowest of the places that the problem names: far from where a
+    suspect is absent no expansion holds.
     """
-    if null.scale < HOPELESS:
-        return []
-    begins = [
-        (name, np.array([value]))
-        for name, effect in problem.suspects.items()
-        for value in (effect.entry.usual if effect.entry is not None else ())
-    ]
+    begins = [(name, np.array([value])) for name, values in problem.begins.items() for value in values]
     effects = [[], *([with_values(problem.suspects[name], x)] for name, x in begins)]
-    given, *losses = (huber(z) for z in problem.residuals(effects).T)
+    given, *losses = (huber(marginal(z)) for z in problem.residuals(effects).T)
     lower = [k for k in np.argsort(losses).tolist()[:REFITTED] if losses[k] < MUCH_LOWER * given]
     return [fit_set(problem, marginal, (begins[k][0],), dict([begins[k]])) for k in lower]
 
 
 def covariance_of(found: Found, fit: Fit, columns: Signal) -> Signal:
-    """Covariance of the fields of a fit, (k, k): what the data and their priors leave, nuisances included; 0 for those at a bound.
+    """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included; 0 for those at a bound.
 
-    Residuals of one group are no independent numbers, in spite of the whitening: the variance of a field is at least that of the
-    sums of the scores of the groups (Liang and Zeger 1986).
+    The variance of a field is at least that by the scatter of the groups of residuals, as in `grown`.
 
     Parameters
     ----------
     columns : (n, k) derivative of the residuals over the fields, nuisances integrated out
     """
-    inside = np.flatnonzero(inside_of(fit))
-    found_covariance = np.zeros((fit.x.size, fit.x.size))
-    if not inside.size:
-        return found_covariance
-    weighted = columns[:, inside] * weights(fit.r)[:, None]
-    inverse = np.linalg.inv(weighted.T @ columns[:, inside] / found.scale + np.diag(fit.free.sd[inside] ** -2.0))
-    sums = np.zeros((int(found.problem.groups[-1]) + 1, inside.size))
-    np.add.at(sums, found.problem.groups, weighted * fit.r[:, None])
-    sums = sums[np.any(sums != 0.0, axis=1)] / found.scale
-    grown = np.ones(inside.size)
-    if sums.shape[0] >= FEW:
-        together = sums.shape[0] / (sums.shape[0] - 1.0) * np.diag(inverse @ sums.T @ sums @ inverse)
-        grown = np.sqrt(np.maximum(together / np.diag(inverse), 1.0))
-    found_covariance[np.ix_(inside, inside)] = inverse * np.outer(grown, grown)
-    return found_covariance
+    inside, covariance = np.flatnonzero(inside_of(fit)), np.zeros((fit.x.size, fit.x.size))
+    if inside.size:
+        own = columns[:, inside]
+        weighted = own * weights(fit.r)[:, None]
+        information = weighted.T @ own / found.scale + np.diag(fit.free.sd[inside] ** -2.0)
+        inverse = np.linalg.inv(information).astype(np.float64)
+        by = np.sqrt([grown(found, own, fit.r, inverse, way) for way in np.eye(inside.size)])
+        covariance[np.ix_(inside, inside)] = inverse * np.outer(by, by)
+    return covariance
+
+
+def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Signal) -> float:
+    """How much larger the variance of a sum of numbers is than their covariance says, at least 1.
+
+    Residuals of one group are no independent numbers, in spite of the whitening: the sums of the scores of the groups vary as
+    the variance does (Liang and Zeger 1986).
+
+    Parameters
+    ----------
+    columns, r : (n, k) derivative of the residuals over the numbers, and what these leave of them, (n,)
+    covariance, way : (k, k) of the numbers, and the weights of the sum, (k,)
+    """
+    groups, scores = found.problem.groups, weights(r) * r * (columns @ (covariance @ way)) / found.scale
+    sums = np.bincount(groups, scores, groups[-1] + 1)
+    sums = sums[sums != 0.0]
+    if sums.size < FEW:
+        return 1.0
+    together = sums.size / (sums.size - 1.0) * float(sums @ sums)
+    return max(together / float(way @ covariance @ way), 1.0)
 
 
 def inside_of(fit: Fit) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

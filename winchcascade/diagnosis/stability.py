@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.causes import COVERED, LAW, posterior_of, slope_of_reported
+from winchcascade.diagnosis.causes import COVERED, LAW
 from winchcascade.diagnosis.diagnosis_result import Along, NamedCause, RunValue, Stability, Trend
 from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import inside_of
+from winchcascade.diagnosis.search import grown, inside_of
 from winchcascade.diagnosis.suspects import freedom, with_values
 
 if TYPE_CHECKING:
@@ -51,8 +51,7 @@ def with_stability(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> 
 
 def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
     """Numbers of the causes of the best fit run by run, by effect."""
-    fit, posterior, several = found.best, posterior_of(found, found.best), {}
-    curved = np.linalg.inv(posterior.curve)
+    fit, several = found.best, {}
     for name in fit.names:
         effect, own = found.problem.suspects[name], fit.place[name]
         free = freedom(effect)
@@ -63,18 +62,18 @@ def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
                 tuple(RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))), ()
             )
             continue
-        by = slope_of_reported(effect, fit.x[own])
-        grown = float(by @ posterior.covariance[own, own] @ by) / max(float(by @ curved[own, own] @ by), 1e-300)
         runs, share, covariance = strengths(data, found, name)
-        covariance = max(grown, 1.0) * covariance
         stability = _stability(data, runs, share, covariance, abs((ends[3] - ends[2]) / size), len(fit.names))
         several[name] = _in_unit(stability, ends[0], size)
     return several
 
 
 def strengths(data: Fitted, found: Found, name: str) -> tuple[NDArray[np.intp], Signal, Signal]:
-    """Strength of one cause in each run, as shares of that in the best fit: the runs that depend on it, (q,), and the strengths,
-    (q,), with their covariance, (q, q). Other causes and nuisances are common to all runs.
+    """Strength of one cause in each run, as shares of that in the best fit; other causes and nuisances are common to all runs.
+
+    Returns
+    -------
+    Numbers of the runs that depend on it, (q,), strengths, (q,), and their covariance, (q, q)
     """
     fit, expansion = found.best, found.expansion
     columns, own = expansion.columns[:, expansion.index(fit.names)], fit.place[name]
@@ -89,9 +88,12 @@ def strengths(data: Fitted, found: Found, name: str) -> tuple[NDArray[np.intp], 
     both = np.hstack([found.marginal(parts), columns[:, others]])
     weighted, prior = both * weights(fit.r)[:, None], np.concatenate((np.zeros(runs.size), fit.free.sd[others] ** -2.0))
     pulled = np.concatenate((np.zeros(runs.size), (fit.x - fit.free.absent)[others]))
-    covariance = np.linalg.pinv(weighted.T @ both / found.scale + np.diag(prior), hermitian=True)
+    information = weighted.T @ both / found.scale + np.diag(prior)
+    covariance = np.linalg.pinv(information, hermitian=True).astype(np.float64)
     step = covariance @ (-weighted.T @ fit.r / found.scale - prior * pulled)
-    return runs, 1.0 + step[: runs.size], np.asarray(covariance[: runs.size, : runs.size], dtype=np.float64)
+    together = np.where(np.arange(step.size) < runs.size, 1.0, 0.0)
+    by = grown(found, both, fit.r + both @ step, covariance, together)
+    return runs, 1.0 + step[: runs.size], np.asarray(by * covariance[: runs.size, : runs.size])
 
 
 def _rows(blocks: slice) -> slice:
