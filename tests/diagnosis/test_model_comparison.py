@@ -1,164 +1,232 @@
-"""Which logs are laid beside a simulation, which samples of them, and why others are not."""
+"""A log beside its simulation: why others have none, which samples count, and the numbers that are kept of it."""
 
-from pathlib import Path
+import math
+from functools import cache
 
 import msgspec
 import numpy as np
 import pytest
-from compared import compared, reduced
+from compared import KGCM2, LOGS, before_braking, binned, compared, reduced
 
-from winchcascade.core.rig_toml import parse_rig
-from winchcascade.core.run import CLOCK
+from winchcascade.core.rig_toml import built_in, parse_rig
+from winchcascade.core.run import CLOCK, Run, Signal
+from winchcascade.diagnosis.loss_budget import GROUPS
 from winchcascade.diagnosis.model_comparison import (
+    BINS,
+    CURVES,
+    HAUL_IN,
     LONGEST,
-    SLOWEST,
-    LeftOut,
+    MIN_BIN_SAMPLES,
+    Account,
     ModelComparison,
-    compare,
+    account_of,
     compare_with_baseline,
 )
-from winchcascade.ingest.read import read_run
+from winchcascade.reduction.bins import stored_powers
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.rig.baseline import baseline
-from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.open_rig import load_rig
+from winchcascade.rig.simulate import LEDGER
 
-LONGEST_SENTENCE = 200
+KEPT = 5.1e-5
+"""Five significant digits are kept."""
 
+SMALL = 16_000
+"""What a campaign may keep of each log. [bytes]"""
 
-@pytest.fixture(scope="module")
-def loaded() -> Reduction:
-    return reduced("18 ohm")
+WHOLE = 1e-6
+"""The trapezoidal books of a simulation close to this share of the line's energy."""
 
-
-def why(reduction: Reduction) -> str:
-    found = compare_with_baseline(reduction)
-    assert isinstance(found, LeftOut)
-    assert len(found.why) < LONGEST_SENTENCE
-    assert found.why.count(". ") == 0
-    assert found.why.endswith(".")
-    return found.why
+BY_SAMPLES = 5e-4
+"""Energies from the samples alone differ from those of every step by less than this share of the line's energy."""
 
 
-def repeated(reduction: Reduction, times: int) -> Reduction:
-    """The same log several times in a row."""
-    run = reduction.run
-    span = float(run.t[-1] - run.t[0]) + 1.0 / run.fs
-    t = np.concatenate([run.t + k * span for k in range(times)])
-    channels = {name: np.tile(x, times) for name, x in run.channels.items()}
-    return reduce(msgspec.structs.replace(run, t=t, channels=channels, samples=t.size), window=5.96)
+@cache
+def comparison(name: str = "18 ohm") -> ModelComparison:
+    return compared(reduced(name))
+
+
+@cache
+def account(name: str = "18 ohm") -> Account:
+    return account_of(comparison(name))
+
+
+def changed(**fields: object) -> Reduction:
+    """The log at 18 ohm with other fields."""
+    reduction = reduced("18 ohm")
+    return msgspec.structs.replace(reduction, run=msgspec.structs.replace(reduction.run, **fields))
 
 
 # ------------------------------------------------------------------------------------------------------ what is left out
-def test_a_rig_without_numbers_of_a_model_is_named_with_the_sections_that_lack_them(loaded: Reduction) -> None:
-    text = why(msgspec.structs.replace(loaded, rig=load_rig("kitepower")))
-    assert text.startswith("the rig file of kitepower lacks what a model needs: 22 numbers under [winch], [restoring]")
-    assert "`winchcascade rig hsu2026`" in text
-
-
-def test_a_measured_log_of_another_winch_is_not_simulated(shared: Path) -> None:
-    rig = load_rig("kitepower")
-    run = read_run(shared / "kitepower-2019-10-08" / "ground_station_cycles_01_43.csv", rig=rig)
-    assert "kitepower lacks" in why(reduce(run, rig=rig))
-
-
-def test_few_missing_numbers_are_named_each(loaded: Reduction) -> None:
-    rig = load_rig("hsu2026")
-    shaft = msgspec.structs.replace(rig.drivetrain, k_shaft=None, b_rotor=None)
-    text = why(msgspec.structs.replace(loaded, rig=msgspec.structs.replace(rig, drivetrain=shaft)))
-    assert "lacks what a model needs: b_rotor under [drivetrain], k_shaft under [drivetrain] (" in text
-
-
-def test_a_log_of_unknown_load_is_left_out(loaded: Reduction) -> None:
-    run = msgspec.structs.replace(loaded.run, load=None)
-    assert "the load of the log is not known" in why(msgspec.structs.replace(loaded, run=run))
-
-
-def test_a_log_without_velocity_is_left_out(loaded: Reduction) -> None:
-    channels = {name: x for name, x in loaded.run.channels.items() if name != "velocity"}
-    run = msgspec.structs.replace(loaded.run, channels=channels)
-    assert "no line velocity" in why(msgspec.structs.replace(loaded, run=run))
-
-
-def test_a_log_without_a_complete_cycle_is_left_out(loaded: Reduction) -> None:
+def test_a_rig_a_motion_and_cycles_that_cannot_be_simulated_have_a_reason() -> None:
+    loaded = reduced("18 ohm")
+    assert "the load of the log is not known" in str(compare_with_baseline(changed(load=None)))
+    other = msgspec.structs.replace(loaded, rig=load_rig("kitepower"))
+    assert "kitepower" in str(compare_with_baseline(other))
+    still = {name: x for name, x in loaded.run.channels.items() if name != "velocity"}
+    assert "no line velocity" in str(compare_with_baseline(changed(channels=still)))
+    far = {**loaded.run.channels, "displacement": 5.0 * loaded.run.channels["displacement"]}
+    assert str(compare_with_baseline(changed(channels=far))).startswith("the line pays out 48.4")
     cycles = tuple(msgspec.structs.replace(c, complete=False) for c in loaded.cycles)
-    assert "no complete cycle" in why(msgspec.structs.replace(loaded, cycles=cycles))
-
-
-def test_a_log_of_few_samples_is_left_out(loaded: Reduction) -> None:
-    run = msgspec.structs.replace(loaded.run, fs=0.9 * SLOWEST)
-    assert "4.5 samples a second" in why(msgspec.structs.replace(loaded, run=run))
-
-
-def test_a_motion_that_the_rig_cannot_follow_is_left_out_with_the_models_sentence(loaded: Reduction) -> None:
-    channels = {**loaded.run.channels, "displacement": 5.0 * loaded.run.channels["displacement"]}
-    run = msgspec.structs.replace(loaded.run, channels=channels)
-    found = compare_with_baseline(msgspec.structs.replace(loaded, run=run))
-    assert isinstance(found, LeftOut)
-    assert found.why.startswith("the line pays out 48.4")
+    assert "no complete cycle" in str(compare_with_baseline(msgspec.structs.replace(loaded, cycles=cycles)))
 
 
 # ----------------------------------------------------------------------------------------------------- what is compared
-def test_payouts_end_with_braking_where_the_clutch_is_to_drive_the_generator(loaded: Reduction) -> None:
-    found = compared(loaded)
+def test_payouts_end_with_braking_where_the_clutch_is_to_drive_the_generator() -> None:
+    found = comparison()
     t = found.run.t
     for c in found.cycles:
-        inside = (t >= c.phases.onset) & (t <= c.phases.payout_end)
-        assert found.payout[inside].all()
-        flat = c.summary.payout.plateau
+        inside, flat = (t >= c.phases.onset) & (t <= c.phases.payout_end), c.summary.payout.plateau
         assert flat is not None
+        assert found.payout[inside].all()
         assert not found.driven[inside & (t > flat.braking)].any()
         assert found.driven[inside & (t > flat.begin) & (t < flat.braking)].all()
     assert not (found.payout & found.haul_in).any()
-    assert (found.run.channels["velocity"][found.haul_in] < 0.01).all()
 
 
-def test_bridged_samples_of_any_channel_are_not_compared(loaded: Reduction) -> None:
-    whole = compared(loaded)
-    c = whole.cycles[1]
+@pytest.mark.parametrize("channel", [CLOCK, "pressure"])
+def test_bridged_samples_of_any_channel_are_not_compared(channel: str) -> None:
+    whole, c = comparison(), comparison().cycles[1]
     gap = np.array([[c.phases.onset + 3.0, c.phases.onset + 4.0]])
-    for channel in (CLOCK, "pressure"):
-        run = msgspec.structs.replace(loaded.run, gaps={channel: gap})
-        found = compared(msgspec.structs.replace(loaded, run=run))
-        inside = (found.run.t > gap[0, 0]) & (found.run.t < gap[0, 1])
-        assert not (found.payout | found.driven)[inside].any()
-        assert (found.payout == whole.payout)[~inside].all()
+    found = compared(changed(gaps={channel: gap}))
+    inside = (found.run.t >= gap[0, 0]) & (found.run.t <= gap[0, 1])
+    assert not (found.payout | found.driven)[inside].any()
+    assert (found.payout == whole.payout)[~inside].all()
 
 
-def test_of_a_long_log_the_first_complete_cycles_are_compared(loaded: Reduction) -> None:
-    long = repeated(loaded, 5)
+def test_of_a_long_log_the_first_complete_cycles_are_compared() -> None:
+    run = reduced("18 ohm").run
+    span = float(run.t[-1] - run.t[0]) + 1.0 / run.fs
+    t = np.concatenate([run.t + k * span for k in range(5)])
+    channels = {name: np.tile(x, 5) for name, x in run.channels.items()}
+    long = reduce(msgspec.structs.replace(run, t=t, channels=channels, samples=t.size), window=5.96)
     found = compared(long)
     assert found.total == len(long.complete) >= 14
-    assert 3 <= len(found.cycles) < found.total
     assert [c.cycle for c in found.cycles] == [c.cycle for c in long.complete[: len(found.cycles)]]
-    assert found.run.t[-1] - found.run.t[0] <= LONGEST
-    first, last = found.cycles[0], found.cycles[-1]
-    assert found.run.t[0] < first.phases.onset
-    assert last.phases.haul_in is not None
-    assert found.run.t[-1] > last.phases.haul_in[1]
-    torque = found.simulation.run.channels["torque"]
-    short = compared(loaded)
-    n = int(np.count_nonzero(short.driven[short.run.t < short.cycles[1].phases.onset]))
-    assert np.flatnonzero(found.driven)[:n].size == n
-    first_long, first_short = torque[found.driven][:n], short.simulation.run.channels["torque"][short.driven][:n]
-    assert np.max(np.abs(first_long - first_short)) < 0.02 * np.max(first_short)
+    assert 3 <= len(found.cycles) < found.total
+    assert found.run.t[-1] - found.run.t[0] <= LONGEST + 5.0
 
 
-def test_a_model_with_an_effect_is_compared_alike_and_reported(loaded: Reduction) -> None:
-    model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).apply(baseline(loaded.rig))
-    found = compare(loaded, model, changed="gear_mesh_loss")
-    assert isinstance(found, ModelComparison)
-    assert found.changed == "gear_mesh_loss"
-    plain = compared(loaded)
-    assert plain.changed == ""
-    rows = plain.driven & (plain.rpm > 2000)
-    ratio = found.simulation.run.channels["torque"][rows] / plain.simulation.run.channels["torque"][rows]
-    assert np.median(ratio) == pytest.approx(0.95 / 0.90, rel=0.01)
-
-
-def test_a_rig_of_ones_own_is_simulated_with_its_own_numbers(loaded: Reduction) -> None:
+def test_a_rig_of_ones_own_is_simulated_with_its_own_numbers() -> None:
     rig = parse_rig('based_on = "hsu2026"\nname = "mine"\n[generator]\nk_e = { value = 0.031, unit = "V/rpm" }\n', "r")
-    rows = compared(loaded).driven
-    half = compared(msgspec.structs.replace(loaded, rig=rig)).simulation.run.channels["vdc"][rows].max()
-    assert half == pytest.approx(0.5 * compared(loaded).simulation.run.channels["vdc"][rows].max(), rel=0.05)
+    rows = comparison().driven
+    half = compared(msgspec.structs.replace(reduced("18 ohm"), rig=rig)).simulation.run.channels["vdc"][rows].max()
+    assert half == pytest.approx(0.5 * comparison().simulation.run.channels["vdc"][rows].max(), rel=0.05)
+
+
+# ----------------------------------------------------------------------------------------------------------- the curves
+def binned_over(c: ModelComparison, rows: list[int], x: Signal, y: Signal, least: float = 0.0) -> list[float]:
+    """Means of y in bins of x, one sample after the other."""
+    width = max(least, float(np.ptp(x[rows])) / BINS)
+    return list(binned(rows, x, y, width, MIN_BIN_SAMPLES).values())
+
+
+def without_stored(c: ModelComparison, run: Run) -> tuple[Signal, Signal]:
+    """P_mech and P_gen without what rotor, shaft and capacitor store, with the numbers of the paper's rig."""
+    x = run.channels
+    stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, built_in()).items()}
+    taken: Signal = x["torque"] * x["velocity"] / 0.13 - stored["rotor"] - stored["spring"]
+    given: Signal = x["vdc"] * x["idc"] + stored["capacitor"]
+    return taken, given
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_curves_are_means_of_the_samples_of_a_bin_or_ratios_of_these(side: int) -> None:
+    c, curves = comparison(), account().curves
+    run = (c.run, c.simulation.run)[side]
+    rows, x, (taken, given) = before_braking(c), run.channels, without_stored(c, run)
+    rpm = c.run.channels["velocity"] / 0.13 * 50.0 * 30.0 / math.pi
+    own, mech, gen, vdc, idc = (
+        np.array(binned_over(c, rows, rpm, y, 100.0)) for y in (rpm, taken, given, x["vdc"], x["idc"])
+    )
+    strong, current = mech > 0.02 * mech.max(), idc > 0.02 * idc.max()
+    expected = {
+        "torque_nm": binned_over(c, rows, rpm, x["torque"], 100.0),
+        "power_gen_w": binned_over(c, rows, rpm, x["vdc"] * x["idc"], 100.0),
+        "loss_w": binned_over(c, rows, rpm, taken - given, 100.0),
+        "vdc_v": vdc, "idc_a": idc, "eta_gen": (gen / mech)[strong], "resistance_ohm": (vdc / idc)[current],
+    }  # fmt: skip
+    for name, values in expected.items():
+        assert (curves[name].log, curves[name].simulated)[side] == pytest.approx(list(values), rel=KEPT), name
+    assert curves["torque_nm"].x == pytest.approx(own.tolist(), rel=KEPT)
+
+
+def test_pressure_and_force_are_means_over_displacement_and_velocity() -> None:
+    c, curves = comparison(), account().curves
+    out, back, x = np.flatnonzero(c.payout).tolist(), np.flatnonzero(c.haul_in).tolist(), c.run.channels
+    for name, rows in (("pressure_kgcm2", out), (HAUL_IN, back)):
+        expected = binned_over(c, rows, x["displacement"], x["pressure"] / KGCM2)
+        assert curves[name].log == pytest.approx(expected, rel=KEPT)
+    force = binned_over(c, sorted({*before_braking(c), *back}), x["velocity"], c.simulation.run.channels["force"])
+    assert curves["force_n"].simulated == pytest.approx(force, rel=KEPT)
+
+
+def test_in_open_circuit_nothing_that_needs_a_current_is_reported() -> None:
+    found = account("open circuit")
+    assert set(found.curves) == {"pressure_kgcm2", HAUL_IN, "force_n", "vdc_v"}
+    assert set(found.differences) == {"vdc", "pressure", "force"}
+    assert found.budget is not None
+    assert set(found.budget.log) == {"line"}
+    assert set(account().curves) == set(CURVES)
+
+
+def test_differences_are_log_minus_simulation_over_the_payouts() -> None:
+    c = comparison()
+    for name, one in account().differences.items():
+        unit = KGCM2 if name == "pressure" else 1.0
+        apart = (c.run.channels[name] - c.simulation.run.channels[name])[c.payout] / unit
+        assert (one.bias, one.rms) == pytest.approx((apart.mean(), math.sqrt((apart @ apart) / apart.size)))
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_what_is_kept_is_small_and_comes_back_from_json(name: str) -> None:
+    content = msgspec.json.encode(account(name))
+    assert len(content) < SMALL
+    assert msgspec.json.decode(content, type=Account) == account(name)
+
+
+# ------------------------------------------------------------------------------------------------------ the loss budget
+def test_every_entry_of_the_ledger_is_reported_once() -> None:
+    listed = [entry for group in GROUPS.values() for entry in (*group.behind, *group.before)]
+    assert sorted(listed) == sorted(set(LEDGER) - {"line"})
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_the_loss_budget_sums_to_the_lines_energy(name: str) -> None:
+    budget = account(name).budget
+    assert budget is not None
+    assert sum(budget.shares.values()) == pytest.approx(1.0, abs=WHOLE)
+    assert min(budget.shares.values()) > -1e-9
+
+
+def energy(c: ModelComparison, watt: Signal) -> float:
+    """Mean energy over the windows from the samples, their ends between samples. [J]"""
+    t, joules = c.run.t, []
+    for cycle in c.cycles:
+        begin, end = cycle.window.onset, cycle.window.cutoff
+        stamps = np.array([begin, *t[(t > begin) & (t < end)], end])
+        joules.append(float(np.trapezoid(np.interp(stamps, t, watt), stamps)))
+    return float(np.mean(joules))
+
+
+def test_the_parts_of_the_budget_are_the_powers_of_the_simulation() -> None:
+    c, budget = comparison(), account().budget
+    assert budget is not None
+    sim = c.simulation
+    x, omega, v = sim.run.channels, sim.rpm_gen * math.pi / 30.0, c.run.channels["velocity"]
+    expected = {
+        "dc": x["vdc"] * x["idc"],
+        "copper": 3.0 * 0.61 * sim.i_s**2,
+        "damper": 7.5e-4 * omega**2,
+        "mesh": 0.05 * x["torque"] * omega / 50.0,
+    }
+    for name, watt in expected.items():
+        assert budget.groups[name] == pytest.approx(energy(c, watt), abs=BY_SAMPLES * budget.line), name
+    assert budget.line == pytest.approx(energy(c, x["force"] * v), rel=2 * BY_SAMPLES)
+    assert budget.mech == pytest.approx(energy(c, x["torque"] * v / 0.13) / budget.line, abs=2 * BY_SAMPLES)
+    assert budget.log["mech"] == pytest.approx(energy(c, c.run.channels["torque"] * v / 0.13), rel=2 * BY_SAMPLES)
+    ends = [cycle.window.cutoff for cycle in c.cycles]
+    v_end, omega_end = np.interp(ends, c.run.t, v), np.interp(ends, c.run.t, omega)
+    drum, rotor = np.mean(0.5 * 0.3 * (v_end / 0.13) ** 2), np.mean(0.5 * 626e-6 * omega_end**2)
+    assert budget.drum == pytest.approx(drum, rel=0.02)
+    assert budget.groups["inertia"] == pytest.approx(drum + rotor, rel=0.02)

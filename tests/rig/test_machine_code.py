@@ -39,7 +39,7 @@ assert all(before[name] for name in names)
 from winchcascade.batch.campaign_diagnosis import diagnose_listed
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.report.results.drawn_reduction import drawn_report
-from winchcascade.diagnosis.model_account import modelled
+from winchcascade.diagnosis.model_comparison import modelled
 from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.effects.catalogue import EFFECTS

@@ -67,7 +67,7 @@ def _reports(
     reduction: Reduction, found: Uncertainty, endings: Sequence[str], command: str
 ) -> tuple[dict[str, bytes], object]:
     """Reports of a log, and the account of its model, which the report of the campaign draws."""
-    from winchcascade.diagnosis.model_account import modelled
+    from winchcascade.diagnosis.model_comparison import modelled
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
     from winchcascade.report.results.campaign_index import links_to
@@ -77,7 +77,7 @@ def _reports(
     report = drawn_report(reduction, found, model=model, command=command)
     report = replace(report, links=links_to([CAMPAIGN_PAGE, INDEX], above=True))
     files = {"html": page_text(report).encode()} if "html" in endings else {}
-    return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {}), model.account
+    return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {}), model
 
 
 def reduce_campaign(plan: Plan, workers: Workers) -> CampaignReduction:

@@ -10,7 +10,7 @@ import msgspec
 
 from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.rig.effects.catalogue import OF_THE_RIG
-from winchcascade.rig.effects.effect import Effect, Values, WrongEntry
+from winchcascade.rig.effects.effect import Effect, Stated, Values
 from winchcascade.rig.effects.wrong_entries import ENTRY, SHARED_RADIUS
 
 if TYPE_CHECKING:
@@ -67,10 +67,10 @@ def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run]) -> Suspects:
         elif name == LOAD:
             found |= _of_each_run(effect, runs)
         else:
-            found[name] = _of_the_rig(effect, effect.entry, rig)
+            found[name] = _of_the_rig(effect, rig)
     if RADIUS in suspects:
         shared = SHARED_RADIUS
-        found[f"{RADIUS}(shared)"] = _of_the_rig(shared, shared.entry or WrongEntry(), rig)
+        found[f"{RADIUS}(shared)"] = _of_the_rig(shared, rig)
     return found
 
 
@@ -78,15 +78,13 @@ def _multiple(stated: float, values: Values) -> float:
     return stated * (1.0 + values[0])
 
 
-def _of_the_rig(effect: Effect, entry: WrongEntry, rig: Rig) -> Effect:
+def _of_the_rig(effect: Effect, rig: Rig) -> Effect:
     """An entry that reports the number of the rig file; one that is reported as a ratio knows it too."""
-    number = quantity_of(rig, *entry.number.split(".")) if entry.number else None
+    number = quantity_of(rig, *effect.number.split(".")) if effect.number else None
     if number is None:
         return effect
-    as_number = effect.reported_from is None
-    stated = msgspec.structs.replace(entry, stated=number.value, unit=number.unit, as_number=as_number)
-    bound = msgspec.structs.replace(effect, entry=stated)
-    if not as_number:
+    bound = msgspec.structs.replace(effect, entry=Stated(number.value, number.unit))
+    if effect.reported_from is not None:
         return bound
     return msgspec.structs.replace(bound, reported_from=partial(_multiple, number.value))
 
@@ -99,7 +97,7 @@ def _of_each_run(effect: Effect, runs: Sequence[Run]) -> dict[str, Effect]:
             continue
         name = f"{effect.name}({run.name})"
         name = name if name not in found else f"{effect.name}({run.name}, run {log + 1})"
-        entry = msgspec.structs.replace(effect.entry or WrongEntry(), log=log, stated=run.load, source=run.name)
+        entry = Stated(run.load, log=log, source=run.name)
         found[name] = msgspec.structs.replace(
             effect, label=f"Load of {run.load:g} ohm", entry=entry, reported_from=partial(_multiple, run.load)
         )
@@ -127,4 +125,4 @@ def price_of(suspect: str) -> float:
 def same_in_logs(suspects: Suspects, one: str, other: str) -> bool:
     """Whether the logs hardly distinguish two suspects, as their laws are the same or nearly so."""
     pair = (suspects[one], suspects[other])
-    return any(b.name in (a.same_as if a.entry is None else a.entry.same_as) for a, b in (pair, pair[::-1]))
+    return any(b.name in a.same_as for a, b in (pair, pair[::-1]))

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.diagnosis_result import Arises, Place, StagePlace, Weighed, Where
+from winchcascade.diagnosis.diagnosis_result import Arises, Place, Where
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 ZERO_REACH = 3.0
 """Bound of a zero, in its standard uncertainties; more is a gap."""
 
-SHARED = 0.9
-"""Minimum share of the squares of several stages that the gain of one sensor must remove to be named for them."""
-
 STAGE_OF = {
     "pressure": "restoring",
     "force": "transmission",
@@ -35,17 +32,17 @@ STAGE_OF = {
 }
 """Stage whose output a channel is."""
 
-DOWNSTREAM = ("idc", "vdc", "torque", "pressure", "force")
-"""Channels in the order in which a gap is assigned to a stage: an error at the end of the cascade shows upstream too."""
-
 STANDS_OUT = 4.0
 """A bias is significant beyond this many standard uncertainties of noise, repeatability and tolerance."""
 
 EDGE = 0.02
 """Share of the significant blocks that a region leaves out at either end."""
 
+LARGEST = 0.975
+"""Quantile of the differences of the significant blocks that counts as the largest: single blocks may be disturbed."""
 
-def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: float, tolerances: Signal) -> Weighed:
+
+def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: float, tolerances: Signal) -> Place:
     """Weigh the bias of some blocks of one phase, in the unit of their channel.
 
     Parameters
@@ -62,7 +59,8 @@ def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: floa
     means = [float(np.mean(residual[cycle == c])) for c in np.unique(cycle)]
     u_repeat = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else math.nan
     u = math.hypot(u_noise, u_tolerance, 0.0 if math.isnan(u_repeat) else u_repeat)
-    return Weighed(
+    return Place(
+        blocks=residual.size,
         bias=bias,
         rms=float(np.sqrt(np.mean(residual**2))),
         noise=own,
@@ -88,14 +86,9 @@ def zero_of(log: Log, residual: Signal, u_zero: Signal) -> Signal:
     return np.asarray(np.nan_to_num(mean)).clip(-ZERO_REACH * u_zero, ZERO_REACH * u_zero)
 
 
-def zeros_of(data: Fitted) -> Signal:
-    """Standard uncertainty of the zeros of every log, (logs, 5), SI units; 0 where a sensor has none."""
-    return data.zeros(np.ones(len(data.nuisances)))
-
-
 def without_zeros(data: Fitted, residual: Signal) -> Signal:
     """Residual blocks of every log, (M, 5), the zeros of each log taken off."""
-    each = zip(data.rows, data.logs, zeros_of(data), strict=True)
+    each = zip(data.rows, data.logs, data.zeros(np.ones(len(data.nuisances))), strict=True)
     return np.concatenate([residual[rows] - zero_of(log, residual[rows], u) for rows, log, u in each])
 
 
@@ -107,53 +100,29 @@ def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place,
     predicted : (M, 5) blocks of the model, without zeros
     tolerances : (M, 5, k) what one standard uncertainty of each nuisance that is simulated moves
     """
-    residual, u_zero, cycle = without_zeros(data, data.measured - predicted), zeros_of(data), data.blocks.cycle
+    residual, cycle = without_zeros(data, data.measured - predicted), data.blocks.cycle
+    u_zero = data.zeros(np.ones(len(data.nuisances)))
     tolerances = np.concatenate((tolerances, data.discrepancies()), axis=2)
     return tuple(
-        Place(
-            **msgspec.structs.asdict(
-                weigh(residual[here, k], cycle[here], data.noise[here, k], u_zero[log, k], tolerances[here, k])
-            ),
+        msgspec.structs.replace(
+            weigh(residual[here, k], cycle[here], data.noise[here, k], u_zero[log, k], tolerances[here, k]),
             channel=CHANNELS[k],
             phase=PHASES[phase],
             log=log,
             load=data.logs[log].run.load,
-            blocks=here.size,
         )
         for log, k, phase, here in data.cells()
         if here.size >= 2
     )
 
 
-def arises(places: Sequence[StagePlace]) -> Arises:
-    """Find the stages that deviate by themselves.
-
-    Parameters
-    ----------
-    places : of `stagewise`
-    """
-    stages = dict.fromkeys(place.stage for place in places)
-    worst = [max((p for p in places if p.stage == stage), key=lambda p: abs(p.z)) for stage in stages]
-    worst = sorted((p for p in worst if abs(p.z) > STANDS_OUT), key=lambda p: -abs(p.z))
-    if not worst:
-        return Arises((), None)
-    off = tuple(p.stage for p in worst)
-    return Arises(off, worst[0], *_shared(places, off))
-
-
-def _shared(places: Sequence[StagePlace], off: Sequence[str]) -> tuple[str | None, float]:
-    """The channel whose gain error alone explains the deviations of several stages, None where there is none, and its size."""
-    u = np.array([math.hypot(p.u_noise, p.u_tolerance, 0.0 if math.isnan(p.u_repeat) else p.u_repeat) for p in places])
-    seen = u > 0.0
-    z = np.array([p.bias for p in places])[seen] / u[seen]
-    found: list[tuple[float, str | None, float]] = [(1.0 - SHARED, None, 0.0)]
-    for channel in CHANNELS if len(off) > 1 else ():
-        if set(off) <= {p.stage for p in places if p.by_gain.get(channel, 0.0)}:
-            way = np.array([p.by_gain.get(channel, 0.0) for p in places])[seen] / u[seen]
-            gain = float(way @ z / (way @ way))
-            found.append((float(np.sum((z - gain * way) ** 2) / np.sum(z**2)), channel, gain))
-    _, sensor, gain = min(found, key=lambda one: one[0])
-    return sensor, gain
+def arises(places: Sequence[Place]) -> Arises:
+    """Find the stages that deviate by themselves in the map of `stagewise`, the worst first."""
+    worst: dict[str, Place] = {}
+    for place in sorted(places, key=lambda p: -abs(p.z)):
+        if abs(place.z) > STANDS_OUT:
+            worst.setdefault(place.stage, place)
+    return Arises(tuple(worst), next(iter(worst.values()), None))
 
 
 def locate(
@@ -165,30 +134,24 @@ def locate(
     ----------
     residual : (M, 5) measured minus simulated blocks, zeros taken off
     places : the map of the gap
-    stage : of its main cause, or the one that deviates by itself, where either is known; else the last one of the cascade whose
-        output deviates significantly
+    stage : of its main cause, or the one that deviates by itself, where either is known; else the one of the largest deviation
     own : where it arises stage by stage
     """
-    significant = {p.channel for p in places if abs(p.z) > STANDS_OUT}
-    if stage in (None, "sensor"):
-        channels = [name for name in DOWNSTREAM if name in significant][:1]
-    else:
-        channels = [name for name in CHANNELS if STAGE_OF[name] == stage and name in significant]
+    channels = {p.channel for p in places if abs(p.z) > STANDS_OUT and STAGE_OF[p.channel] == stage}
     worst = max((p for p in places if not channels or p.channel in channels), key=lambda p: abs(p.z))
-    rpm, current, size = _region(data, residual, CHANNELS.index(worst.channel), PHASES.index(worst.phase))
-    return Where(stage or STAGE_OF[worst.channel], worst, rpm, current, size, own)
-
-
-def _region(
-    data: Fitted, residual: Signal, k: int, phase: int
-) -> tuple[tuple[float, float], tuple[float, float], float]:
-    """Speeds [rpm] and DC currents [A] of the significant blocks, and the maximum bias there (97.5 % of the blocks)."""
+    k, phase = CHANNELS.index(worst.channel), PHASES.index(worst.phase)
     here = data.seen[:, k] & (data.blocks.phase == phase)
     far = here & (np.abs(residual[:, k]) > STANDS_OUT * data.noise[:, k])
     far = far if far.any() else here
-    line = np.concatenate([log.course.blocks.mean(log.run.channels["velocity"]) for log in data.logs])
-    speeds, currents = line[far] * (data.rig.rpm_per_velocity or math.nan), data.measured[far, CHANNELS.index("idc")]
-    low, high = np.quantile(np.array([speeds, currents]), (EDGE, 1.0 - EDGE), axis=1).tolist()
+    velocity = np.concatenate([log.course.blocks.mean(log.run.channels["velocity"]) for log in data.logs])
+    speed, current = velocity * (data.rig.rpm_per_velocity or math.nan), data.measured[:, CHANNELS.index("idc")]
     gaps = residual[far, k]
     side = np.sign(np.median(gaps)) or 1.0
-    return (low[0], high[0]), (low[1], high[1]), float(side * np.quantile(side * gaps, 0.975))
+    size = float(side * np.quantile(side * gaps, LARGEST))
+    return Where(stage or STAGE_OF[worst.channel], worst, _span(speed[far]), _span(current[far]), size, own)
+
+
+def _span(values: Signal) -> tuple[float, float]:
+    """From the smallest to the largest value, without `EDGE` at either end."""
+    low, high = np.quantile(values, (EDGE, 1.0 - EDGE)).tolist()
+    return low, high

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.model_comparison import ModelComparison
+from winchcascade.reduction.reduction_result import CycleResult
+from winchcascade.rig.simulate import Simulation
 
 
 class Group(NamedTuple):
@@ -65,20 +67,24 @@ class LossBudget(msgspec.Struct, frozen=True):
         return (sum(self.groups[name] for name, group in GROUPS.items() if group.behind) - self.drum) / self.line
 
 
-def budget_of(comparison: ModelComparison) -> LossBudget | None:
-    """Book the energy of the simulation between onset and cutoff of each compared cycle, as a mean over the cycles."""
-    booked, t, open_circuit = comparison.simulation.energy, comparison.run.t, comparison.run.open_circuit
-    ends = np.array([(c.window.onset, c.window.cutoff) for c in comparison.cycles]).T
-    joule = {name: float(np.mean(np.diff(np.interp(ends, t, x), axis=0))) for name, x in booked.items()}
+def budget_of(simulation: Simulation, cycles: Sequence[CycleResult]) -> LossBudget | None:
+    """Book the energy of a simulation between onset and cutoff of each cycle, as a mean over the cycles."""
+    run = simulation.run
+    ends = np.array([(c.window.onset, c.window.cutoff) for c in cycles]).T
+    joule = {name: float(np.mean(np.diff(np.interp(ends, run.t, x), axis=0))) for name, x in simulation.energy.items()}
     if joule["line"] <= 0.0:
         return None
-    log = {
-        stage: [x for c in comparison.cycles if (x := c.metrics[f"energy_{stage}"]) is not None]
-        for stage in (("line",) if open_circuit else ("line", "mech", "gen"))
+    logged = {
+        stage: [c.metrics[f"energy_{stage}"] for c in cycles]
+        for stage in (("line",) if run.open_circuit else ("line", "mech", "gen"))
     }
     return LossBudget(
         line=joule["line"],
         groups={name: sum(joule[entry] for entry in (*g.behind, *g.before)) for name, g in GROUPS.items()},
         drum=joule["drum"],
-        log={stage: float(np.mean(values)) for stage, values in log.items() if len(values) == len(comparison.cycles)},
+        log={
+            stage: sum(known) / len(known)
+            for stage, x in logged.items()
+            if None not in x and (known := [*filter(None, x)])
+        },
     )

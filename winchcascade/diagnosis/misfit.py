@@ -401,7 +401,7 @@ class RigProblem(msgspec.Struct, frozen=True):
     @property
     def begins(self) -> dict[str, tuple[float, ...]]:
         """Usual multiples of wrong entries, and simplifications as a whole."""
-        usual = {name: effect.entry.usual for name, effect in self.suspects.items() if effect.entry is not None}
+        usual = {name: effect.fields[0].usual for name, effect in self.suspects.items()}
         return usual | {name: (1.0,) for name in self.suspects if name in SIMPLIFICATIONS}
 
     def price(self, name: str) -> float:

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.block_means import PAYOUT, PHASES
+from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.causes import LAW
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.misfit import Fitted, Log
+    from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
-    from winchcascade.rig.parts import Model
 
 FACTORS = {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen": ("vdc", "idc")}
 """Channels whose product is the power of each stage; the speed of the drum is that of the line over its radius."""
@@ -30,7 +29,6 @@ class PhaseEnergy(msgspec.Struct, frozen=True):
 
     `before` is that of the model of the rig file, `after` that of the fit, each with the zeros of the sensors of the run. `u`
     is the standard uncertainty of measured minus after: noise, zeros, the discrepancy of the model and the laws of the causes.
-    `scale` is the energy of the stage in payout, of the line where it is larger, `cycles` the number of cycles.
     """
 
     run: int
@@ -40,15 +38,7 @@ class PhaseEnergy(msgspec.Struct, frozen=True):
     before: float
     after: float
     u: float
-    scale: float
     cycles: int
-
-
-class _Readings(NamedTuple):
-    """Channels of one run at its stamps, (n, 5) each, SI units: by the model before and after."""
-
-    before: Signal
-    after: Signal
 
 
 def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[PhaseEnergy, ...]:
@@ -58,61 +48,54 @@ def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[PhaseEnergy
 
     def of_run(k: int) -> list[PhaseEnergy]:
         log = data.logs[k]
-        readings = _Readings(_read(log, given[k], np.zeros_like(skew), zeros[k]), _read(log, fitted[k], skew, zeros[k]))
-        return [one for stage in FACTORS for one in _of_stage(data, k, stage, readings)]
+        own = log.offset_at_stamps + zeros[k]
+        before, after = (
+            log.course.at_stamps(log.course.on_grid(model, skew=late)) + own
+            for model, late in ((given[k], np.zeros_like(skew)), (fitted[k], skew))
+        )
+        return [one for stage in FACTORS for one in _of_stage(data, k, stage, before, after)]
 
     several = all_at_once([partial(of_run, k) for k in range(len(data.logs))], data.sizes)
     return tuple(one for own in several for one in own)
 
 
-def _read(log: Log, model: Model, skew: Signal, zeros: Signal) -> Signal:
-    return log.course.at_stamps(log.course.on_grid(model, skew=skew)) + log.offset_at_stamps + zeros
+def _of_stage(data: Fitted, k: int, stage: str, before: Signal, after: Signal) -> list[PhaseEnergy]:
+    """Energies of one stage of one run by phase.
 
-
-def _of_stage(data: Fitted, k: int, stage: str, readings: _Readings) -> list[PhaseEnergy]:
-    """Energies of one stage of one run by phase."""
+    Parameters
+    ----------
+    before, after : (n, 5) channels of the run by the model of the rig file and of the fit, SI units
+    """
     log, (name, other) = data.logs[k], FACTORS[stage]
     run, blocks, column = log.run, log.course.blocks, CHANNELS.index(name)
     if not {name, other} <= run.channels.keys() or (stage == "gen" and math.isinf(log.load)):
         return []
-    radius = data.nominal.r_motion if stage == "mech" else 1.0
+    factor = run.channels[other] / (data.nominal.r_motion if stage == "mech" else 1.0)
     seconds = blocks.count / run.fs
-    factor = run.channels[other] / radius
-
-    def joule(x: Signal, beside: Signal) -> Signal:
-        """Energy of each block, (m,)."""
-        return blocks.mean(x * beside) * seconds
-
-    by_model = [
-        joule(x[:, column], x[:, CHANNELS.index(other)] if stage == "gen" else factor)
-        for x in (readings.before, readings.after)
-    ]
-    measured = joule(run.channels[name], factor)
-    # Uncertainties: what a channel's own moves the energy of a block, the other factor as logged.
-    both = [(column, np.abs(blocks.mean(factor)))]
+    powers = [run.channels[name] * factor]
+    powers += [x[:, column] * (x[:, CHANNELS.index(other)] if stage == "gen" else factor) for x in (before, after)]
+    joule = np.array([blocks.mean(power) * seconds for power in powers])
+    # Uncertainties of a block: what those of a channel move, the other factor as logged.
+    moved = {column: np.abs(blocks.mean(factor)) * seconds}
     if stage == "gen":
-        both.append((CHANNELS.index(other), np.abs(blocks.mean(run.channels[name]))))
+        moved[CHANNELS.index(other)] = np.abs(blocks.mean(run.channels[name])) * seconds
+    columns, weights = list(moved), np.array(list(moved.values()))
+    u_zero = data.zeros(np.ones(len(data.nuisances)))[k, columns]
     sd = data.rig.model.discrepancy / math.sqrt(log.courses.shape[2])
-    zero = {n.name: n.sd for n in data.nuisances if n.kind == "zero" and n.log == k}
-    columns, weights = [c for c, _ in both], np.array([weight * seconds for _, weight in both])
     noise = np.linalg.norm(weights * log.noise.logged[:, columns].T, axis=0)
     model = np.sum(weights * sd * np.linalg.norm(log.courses[:, columns], axis=2).T, axis=0)
-    zeros = np.array([zero.get(CHANNELS[c], 0.0) for c in columns]) @ weights
-    payout = blocks.phase == PAYOUT
-    line = joule(run.channels["force"], run.channels["velocity"]) if "force" in run.channels else measured
-    scale = max(abs(float(np.sum(x[payout]))) for x in (measured, line))
     found = []
     for number, phase in enumerate(PHASES):
         here = blocks.phase == number
         if not here.any() or (phase == "hold" and stage != "gen"):
             continue
-        was, before, after = (float(np.sum(x[here])) for x in (measured, *by_model))
-        u = math.hypot(
-            float(np.linalg.norm(noise[here])),
-            float(np.sum(model[here])),
-            float(np.sum(zeros[here])),
-            LAW * (after - before),
+        measured, given, fitted = joule[:, here].sum(axis=1).tolist()
+        parts = (
+            np.linalg.norm(noise[here]),
+            np.sum(model[here]),
+            np.sum((u_zero @ weights)[here]),
+            LAW * (fitted - given),
         )
-        cycles = int(np.unique(blocks.cycle[here]).size)
-        found.append(PhaseEnergy(k, phase, stage, was, before, after, u, scale, cycles))
+        u = float(np.linalg.norm(parts))
+        found.append(PhaseEnergy(k, phase, stage, measured, given, fitted, u, int(np.unique(blocks.cycle[here]).size)))
     return found

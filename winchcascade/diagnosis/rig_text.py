@@ -358,10 +358,10 @@ def corrected_entries(found: ModelDiagnosis) -> dict[tuple[str, str], Quantity]:
     u = np.sqrt(np.diag(posterior_of(found.found, fit).covariance))
     numbers = {}
     for cause in found.causes:
-        entry, k = found.suspects[cause.effect].entry, fit.place[cause.effect].start
-        if entry is None or not entry.number:
+        effect, k = found.suspects[cause.effect], fit.place[cause.effect].start
+        if effect.entry is None or not effect.number:
             continue
-        section, _, name = entry.number.partition(".")
+        section, _, name = effect.number.partition(".")
         stated = quantity_of(found.data.rig, section, name)
         if stated is not None:
             share = 1.0 + float(fit.x[k])
@@ -392,7 +392,7 @@ def stated_causes(found: ModelDiagnosis) -> dict[str, StatedEffect]:
         if found.suspects[name].law is SHARED_RADIUS.law:
             scale = 1.0 / (1.0 + float(fit.x[place.start])) - 1.0
             stated["encoder_scale"] = StatedEffect({"scale_error": EffectNumber(scale, "1", source)}, logs)
-        if entry is not None and (entry.number or entry.log >= 0):
+        if entry is not None and (found.suspects[name].number or entry.log >= 0):
             continue
         stated[name] = StatedEffect(_numbers(found, name, fit.x[place], u[place], source), logs)
     return stated

@@ -48,9 +48,6 @@ MANY, HOPELESS = 5, 2.0
 MUCH_LOWER = 0.7
 """Share of the objective that a suspect may leave far from its absence for a fit to begin there. [1]"""
 
-USUAL_SHARE = 0.5
-"""Prior share of the wrong entries whose true number is a usual multiple of the stated one. [1]"""
-
 FEW = 10
 """Minimum number of groups of residuals for an estimate of their scatter."""
 
@@ -127,8 +124,8 @@ def usual_gain(suspects: Suspects, names: Names, x: Signal, free: Freedom, infor
     """
     gain, place = 0.0, places_of(suspects, names)
     for name in names:
-        entry = suspects[name].entry
-        if entry is None or not entry.usual:
+        entry = suspects[name].fields[0]
+        if entry.role != "entry" or not entry.usual:
             continue
         k = place[name].start
         variance = float(np.linalg.inv(information + np.diag(free.sd**-2.0))[k, k])
@@ -136,8 +133,7 @@ def usual_gain(suspects: Suspects, names: Names, x: Signal, free: Freedom, infor
         sd = np.sqrt(variance + (entry.scatter * multiples) ** 2)
         density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (math.sqrt(2.0 * math.pi) * sd)
         peaked = float(np.mean(density) * (free.high[k] - free.low[k]))
-        share = 1.0 if entry.always_usual else USUAL_SHARE
-        gain += math.log(max((1.0 - share) + share * peaked, 1e-30))
+        gain += math.log(max((1.0 - entry.usual_share) + entry.usual_share * peaked, 1e-30))
     return gain
 
 
@@ -439,7 +435,7 @@ def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Sig
     sums = sums[sums != 0.0]
     if sums.size < FEW:
         return 1.0
-    together = sums.size / (sums.size - 1.0) * float(sums @ sums)
+    together = float(sums.size / (sums.size - 1.0) * (sums @ sums))
     return max(together / float(way @ covariance @ way), 1.0)
 
 

@@ -49,16 +49,18 @@ def blended_table(averaged: float, uncommutated: float) -> Signal:
     Parameters
     ----------
     averaged : share of the average [1]
-    uncommutated : share of the term with the reactance x, the voltage that commutation takes, that the average lacks [1]
+    uncommutated : share of the average without the term with the reactance x, the voltage that commutation takes [1]
     """
-    if averaged == 0.0:
+    if averaged == uncommutated == 0.0:
         return bridge_table()
     s = np.linspace(0.0, 1.0, S_POINTS)[:, None]
     phi = np.linspace(PHI_LOW, PHI_HIGH, PHI_POINTS)
     driving = np.maximum(3.0 * _SQRT2 / math.pi - _SQRT2 * (1.0 - s * s), 0.0)
-    i_dc = driving / (3.0 / math.pi * (1.0 - uncommutated) * np.cos(phi) + 2.0 * np.sin(phi))
-    average = with_border(np.stack([i_dc, math.sqrt(2.0 / 3.0) * i_dc], axis=-1))
-    return np.ascontiguousarray((1.0 - averaged) * bridge_table() + averaged * average)
+    blended = (1.0 - averaged - uncommutated) * bridge_table()
+    for share, commutation in ((averaged, 3.0 / math.pi * np.cos(phi)), (uncommutated, 0.0)):
+        i_dc = driving / (commutation + 2.0 * np.sin(phi))
+        blended += share * with_border(np.stack([i_dc, math.sqrt(2.0 / 3.0) * i_dc], axis=-1))
+    return blended
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)

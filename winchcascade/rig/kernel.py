@@ -340,11 +340,12 @@ _VOLTS = 1e-6
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_steady(driven: DrivenShaft, every: int, out: Signal) -> None:
+def run_steady(driven: DrivenShaft, inertia: float, every: int, out: Signal) -> None:
     """Compute the generator's side in the steady state of each instant: a stiff shaft, no capacitor.
 
     Parameters
     ----------
+    inertia : of the rotor [kg m2]
     every, out : as `run_shaft` takes them
     """
     v, dt, c, table = driven.v, driven.dt, driven.numbers, driven.table
@@ -371,7 +372,7 @@ def run_steady(driven: DrivenShaft, every: int, out: Signal) -> None:
                 break
         em = ((v_dc + 2.0 * c.v_diode) * i_b + 3.0 * c.r_s * guess * guess) / omega if omega > 1.0 else 0.0
         lost = (c.b_rotor + c.windage * omega) * omega + c.friction * math.tanh(omega / TURN)
-        lost += (1.0 - c.weightless) * c.inertia_rotor * speeds_up
+        lost += inertia * speeds_up
         out[row, 0], out[row, 1], out[row, 2], out[row, 3] = max(c.gear / c.eta_mesh * (em + lost), 0.0), guess, em, i_b
         out[row, 4], out[row, 5], out[row, 6], out[row, 7] = v_dc, v_dc / c.load, omega, 0.0
 
@@ -387,11 +388,13 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1, state:
     """
     driven, out = driven_shaft(v, dt, numbers), np.empty((-(-v.size // every), len(SHAFT)))
     run_shaft(driven, every, out, np.empty((0, len(STATE))) if state is None else state)
-    if numbers.quasi_static == 0.0:
+    if numbers.quasi_static == numbers.weightless == 0.0:
         return out
-    steady = np.empty_like(out)
-    run_steady(driven, every, steady)
-    return (1.0 - numbers.quasi_static) * out + numbers.quasi_static * steady
+    steady, weightless = np.empty_like(out), np.empty_like(out)
+    run_steady(driven, numbers.inertia_rotor, every, steady)
+    run_steady(driven, 0.0, every, weightless)
+    dynamic = 1.0 - numbers.quasi_static - numbers.weightless
+    return dynamic * out + numbers.quasi_static * steady + numbers.weightless * weightless
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)

@@ -42,7 +42,7 @@ def compile_model() -> None:
     numbers, table = constants(model, 36.0), blended_table(0.0, 0.0)
     state = np.empty((motion.t.size, len(STATE)))
     shaft = solve_shaft(motion.v, motion.step, numbers, 1, state)
-    run_steady(driven_shaft(motion.v, motion.step, numbers), 1, np.empty_like(shaft))
+    run_steady(driven_shaft(motion.v, motion.step, numbers), 0.0, 1, np.empty_like(shaft))
     run_line(motion, directions(motion.v), numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
     tangent = tangent_of(motion.v, motion.step, numbers, state, 1, [])
     solved = shaft[:, [SHAFT.index("clutch"), SHAFT.index("vdc")]].T.copy()

@@ -88,8 +88,8 @@ class DrivetrainModel(msgspec.Struct, frozen=True):
     fast shaft; `k_shaft` [N m/rad] and `c_shaft` [N m s/rad] of the slow one. Absent by default: `windage` in proportion to
     speed squared [N m s2/rad2] and constant `friction` [N m] on the fast shaft, and `clutch_drag` [N m], the torque of the
     overrunning clutch against the drum during haul-in, which the torque sensor measures, and `coast_drag` [N m], the same
-    while the coasting rotor overruns the drum, which brakes the rotor; `quasi_static`, share of a solution
-    with a stiff shaft and without the capacitor [1], in which the rotor has its inertia but for the share `weightless` [1].
+    while the coasting rotor overruns the drum, which brakes the rotor; `quasi_static` and `weightless`, shares of solutions
+    with a stiff shaft and without the capacitor, in the latter also without the inertia of the rotor [1].
     """
 
     gear: float
@@ -130,8 +130,8 @@ class GeneratorModel(msgspec.Struct, frozen=True):
 
     Absent by default: `r_diode`, the slope of a diode's drop over its current, which acts as a resistance of the phase [ohm];
     `rolloff`, share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1];
-    `averaged`, share of the textbook average in place of the switched bridge [1], of which `uncommutated` is the share
-    without the voltage that commutation takes [1].
+    `averaged` and `uncommutated`, shares of the textbook average in place of the switched bridge, of the latter without the
+    voltage that commutation takes [1].
     """
 
     pole_pairs: float
@@ -241,6 +241,18 @@ CHANGED_AGAIN: Mapping[Operation, Callable[[float, float], float]] = {
 """The one change that is as two after each other."""
 
 
+_REQUIRED = {
+    section: {field.name for field in msgspec.structs.fields(kind) if field.required}
+    for section, kind in (
+        ("winch", WinchModel),
+        ("restoring", RestoringModel),
+        ("drivetrain", DrivetrainModel),
+        ("generator", GeneratorModel),
+        ("dc_link", DcLinkModel),
+    )
+}
+"""Numbers that a rig file must state, by part."""
+
 NAMES_IN_RIG = {
     "restoring.mu": "mu_screw",
     "restoring.area": "area_piston",
@@ -252,13 +264,23 @@ NAMES_IN_RIG = {
 
 
 def path_in_rig(path: str) -> str:
-    """Section and name in a rig file for the path of a number of the model.
+    """Section and name in a rig file for the path of a number of the model, whether a file has it or not.
 
     >>> path_in_rig("drivetrain.gear"), path_in_rig("generator.r_s")
     ('drivetrain.gear_ratio', 'generator.r_s')
     """
     section, _, name = path.partition(".")
     return f"{section}.{NAMES_IN_RIG.get(path, name)}"
+
+
+def stated_path(path: str) -> str:
+    """Section and name of a number that every rig file states, as every part needs it; empty for one that no file has.
+
+    >>> stated_path("drivetrain.gear"), stated_path("drivetrain.windage")
+    ('drivetrain.gear_ratio', '')
+    """
+    section, _, name = path.partition(".")
+    return path_in_rig(path) if name in _REQUIRED.get(section, ()) else ""
 
 
 def number_of(model: Model, path: str) -> float:

@@ -15,7 +15,7 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.suspects import Suspects
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.effects.effect import Effect, Field
+from winchcascade.rig.effects.effect import Effect, Parameter
 from winchcascade.tables.attainable_row import AttainableRow, Cell, NotJudged, Reduce, bounds_of_row, row_windows
 from winchcascade.tables.effect_search import ETAS, Curves, EffectCurve, Search, TableSimulator, Values, field_curves
 
@@ -51,7 +51,7 @@ class SuspectResult(msgspec.Struct, frozen=True):
 
     effect: str
     stage: str
-    fields: tuple[Field, ...]
+    fields: tuple[Parameter, ...]
     abilities: tuple[Ability, ...] = ()
     best: Values | None = None
 

@@ -1,4 +1,4 @@
-"""Figures of a log against its simulation, for one log and for all loads: log solid, simulation markers (Figs 11 to 17).
+"""Figures of a log against its simulation, for one log and for all loads: log solid, simulation markers (Figs 13 to 17).
 
 Also the loss budget as stacked bars: where the energy of the line goes, load by load.
 """
@@ -12,21 +12,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from winchcascade.core.run import Signal
-from winchcascade.diagnosis.compared_curves import HAUL_IN, ComparedCurve
-from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
-from winchcascade.diagnosis.model_account import Regression, Sweep
+from winchcascade.diagnosis.model_comparison import HAUL_IN, ComparedCurve
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.style import (
     COLOURS,
-    LOAD_COLOURS,
     MARK_SIZE,
-    MARKS,
     Dashes,
     Entry,
     LineStyle,
-    dots,
     label_panel,
     legend_above,
     line_entry,
@@ -34,7 +28,6 @@ from winchcascade.report.figures.style import (
     panel_figure,
     patch_entry,
     readable,
-    samples_entry,
     shade_over_speed,
 )
 
@@ -81,9 +74,6 @@ MAX_DRAWN = 2000
 BACK: Dashes = (0, (2.5, 1.2))
 """Dashes of what is drawn of the haul-ins."""
 
-Clouds = Mapping[str, tuple[Signal, Signal]]
-"""Samples of a log that are drawn behind its curve, x and y, by the curve's name."""
-
 
 class Drawn(NamedTuple):
     """One log in a figure: its name, its curves, colours of log and simulation, and the simulation's marker."""
@@ -114,7 +104,6 @@ def panels(
     *,
     word: str,
     rated: float | None,
-    clouds: Clouds | None = None,
     gear: float | None = None,
 ) -> Figure | None:
     """Draw curves of log and simulation, one panel for each name that any log has; None if no log has any.
@@ -138,25 +127,21 @@ def panels(
         if gear is not None and name == "torque_nm":
             slower = (lambda rpm, gear=gear: np.asarray(rpm) / gear, lambda rpm, gear=gear: np.asarray(rpm) * gear)
             ax.secondary_xaxis("top", functions=slower).set_xlabel("Drum speed (rpm)")
-        _panel(ax, letter if len(given) > 1 else "", name, drawn, (clouds or {}).get(name), MAX_MARKS // columns)
+        _panel(ax, letter if len(given) > 1 else "", name, drawn, MAX_MARKS // columns)
         if SHOWN[name].over == SPEED:
             ax.set_xlim(left=0.0)
             shaded |= shade_over_speed(ax, rated)
     for ax in grid[len(given) :]:
         ax.set_visible(False)
-    _legend(figure, drawn, word=word, shaded=shaded, sampled=bool(clouds))
+    _legend(figure, drawn, word=word, shaded=shaded)
     return figure
 
 
-def _panel(
-    ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], cloud: tuple[Signal, Signal] | None, maximum: int
-) -> None:
+def _panel(ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], maximum: int) -> None:
     """Draw one quantity of all logs with a maximum number of markers."""
     shown, keys = SHOWN[name], (name, HAUL_IN) if name == "pressure_kgcm2" else (name,)
     curves = [(d, key, d.curves[key]) for d in drawn for key in keys if key in d.curves]
     short, unit = readable(shown.unit, *(np.array((*c.log, *c.simulated)) for _, _, c in curves))
-    if cloud is not None:
-        dots(ax, cloud[0], cloud[1] * short, COLOURS["soft"])
     step = max(1, -(-sum(len(c.x) for _, _, c in curves) // maximum))
     for k, (d, key, c) in enumerate(curves):
         ax.plot(c.x, np.array(c.log) * short, color=COLOURS[d.log], lw=1.2, ls=BACK if key == HAUL_IN else "-")
@@ -174,13 +159,12 @@ def _panel(
         ax.set_ylim(max(low, 0.0), max(high, 0.9))
 
 
-def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool, sampled: bool) -> None:
+def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool) -> None:
     """Add the legend of lines, markers and shades above the panels; of several logs name each load once."""
     one = drawn[0] if len(drawn) == 1 else Drawn("", {}, simulated="ink")
     entries = [
-        *([samples_entry(f"{word}, samples", "soft")] if sampled else []),
-        line_entry(f"{word}, means" if sampled else word, one.log, lw=1.2),
-        line_entry("simulated, means" if sampled else "simulated", one.simulated, ls="none", **_mark(one.mark)),
+        line_entry(word, one.log, lw=1.2),
+        line_entry("simulated", one.simulated, ls="none", **_mark(one.mark)),
         *([patch_entry("over rated speed", "over")] if shaded else []),
     ]
     loads = {d.name: line_entry(d.name, d.log, lw=1.2, **_mark(d.mark)) for d in drawn} if len(drawn) > 1 else {}
@@ -190,67 +174,6 @@ def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool, 
 def _mark(mark: str) -> LineStyle:
     """Style of a marker of the simulation."""
     return {"marker": mark, "ms": MARK_SIZE, "mew": 0.7, "mfc": COLOURS["paper"]}
-
-
-# --------------------------------------------------------------------------------------------------- an open circuit
-def _draw_dampers(ax: Axes, x: Signal, forces: Sequence[Signal], own: str) -> list[Entry]:
-    """Draw the tension that each damper gives, with 40 markers at most; `own` is what the rig's own damper is called."""
-    entries = []
-    for k, (factor, force) in enumerate(zip(FACTORS, forces, strict=True)):
-        every = (k * x.size // 200, max(x.size // 40, 1))
-        colour = COLOURS[LOAD_COLOURS[k % len(LOAD_COLOURS)]]
-        (line,) = ax.plot(x, force, color=colour, lw=0.5, markevery=every, **_mark(MARKS[k % len(MARKS)]))
-        entries.append((line, {0.0: "no damper", 1.0: own}.get(factor, f"{factor:g} ×")))
-    return entries
-
-
-def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
-    """Draw the line tension in open circuit over generator speed, logged and simulated with several dampers (Fig. 11)."""
-    figure, (ax,) = panel_figure(2.9)
-    entries: list[Entry] = [(ax.plot(sweep.rpm, sweep.log, color=COLOURS["ink"], lw=1.4)[0], word)]
-    entries += _draw_dampers(ax, np.array(sweep.rpm), [np.array(x) for x in sweep.simulated], "as in the rig file")
-    ax.set(xlim=(0.0, None), xlabel=SPEED, ylabel="Line tension (N)")
-    if shade_over_speed(ax, rated):
-        entries.append(patch_entry("over rated speed", "over"))
-    legend_above(figure, entries)
-    return figure
-
-
-def damper_histories(curves: DamperCurves, *, word: str) -> Figure:
-    """Draw line velocity and tension of an open circuit over time, logged and simulated with several dampers (Fig. 11)."""
-    rows = slice(None, None, -(-curves.run.samples // MAX_DRAWN))
-    t = curves.run.t[rows] - curves.onset
-    figure, (top, bottom) = panel_figure(4.2, 2, share="x")
-    label_panel(top, "a", "Line velocity", unit="m/s")
-    label_panel(bottom, "b", "Line tension", x="Time from the onset (s)", unit="N")
-    top.plot(t, curves.run.channels["velocity"][rows], color=COLOURS["ink"], lw=1.4)
-    entries: list[Entry] = [(bottom.plot(t, curves.run.channels["force"][rows], color=COLOURS["ink"], lw=1.4)[0], word)]
-    own = f"calibrated, {number_text(curves.dampers[FACTORS.index(1.0)])} N·m·s/rad"
-    legend_above(figure, entries + _draw_dampers(bottom, t, [force[rows] for force in curves.forces], own))
-    return figure
-
-
-def back_emf_figure(fit: Regression, *, word: str) -> Figure:
-    """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12)."""
-    figure, (left, right) = panel_figure(2.6, 1, 2)
-    ends = np.array([0.0, 1.05 * max(fit.rpm)])
-    rig: LineStyle = {"ls": (0, (5, 2)), "lw": 0.9}
-    known = np.isfinite(fit.reference)
-    if known:
-        right.fill_between(ends, 0.9 * fit.reference * ends, 1.1 * fit.reference * ends, color=COLOURS["payout"], lw=0)
-        right.plot(ends, fit.reference * ends, color=COLOURS["soft"], **rig)
-    right.plot(ends, fit.slope * ends, color=COLOURS["mech"], lw=0.9)
-    titles = ("Voltage of the DC link", "Back-EMF, line to line, rms")
-    for ax, letter, title, volt in zip((left, right), "ab", titles, (fit.v_dc, fit.v_ll), strict=True):
-        dots(ax, np.array(fit.rpm), np.array(volt), COLOURS["ink"])
-        ax.set(xlim=ends, ylim=(0.0, None))
-        label_panel(ax, letter, title, x=SPEED, unit="V")
-    stated = [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")] if known else []
-    legend_above(
-        figure,
-        [samples_entry(f"{word}, samples used", "ink"), line_entry("line through zero", "mech", lw=0.9), *stated],
-    )
-    return figure
 
 
 # ----------------------------------------------------------------------------------------------------- the loss budget

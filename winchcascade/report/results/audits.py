@@ -10,7 +10,7 @@ from winchcascade.core.published_table import load_text, unit_suffix
 from winchcascade.report.content import Column, Measured, Note, Report, Section, Span, Tile, section, table
 from winchcascade.report.glossary import upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
-from winchcascade.rig.effects.effect import Field
+from winchcascade.rig.effects.effect import Parameter
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow, Cell
 from winchcascade.tables.audit import Audit, RecoveredWindow, percent
@@ -280,7 +280,7 @@ SUSPECTED: tuple[Column[Suspected], ...] = (
 )
 
 
-def _plausible(first: Field, *more: Field) -> str:
+def _plausible(first: Parameter, *more: Parameter) -> str:
     return f"{1 + len(more)} fields" if more else f"{first.low:g} to {first.high:g}{unit_suffix(first.unit)}"
 
 
@@ -342,7 +342,7 @@ def _left(metric: str) -> Column[Values]:
     return Column(f"{metric} left", lambda values: 100.0 * values.left_rms[metric], "points rms", 1)
 
 
-def _valued(values: Values, fields: dict[tuple[str, str], Field]) -> Iterable[str]:
+def _valued(values: Values, fields: dict[tuple[str, str], Parameter]) -> Iterable[str]:
     """Effects of a set with their values."""
     for effect, given in values.fields.items():
         texts = []

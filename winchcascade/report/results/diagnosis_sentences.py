@@ -15,7 +15,6 @@ from winchcascade.diagnosis.diagnosis_result import (
     Place,
     Reported,
     Spot,
-    StagePlace,
     Trend,
     Where,
 )
@@ -36,9 +35,9 @@ from winchcascade.report.diagnosis_names import (
     spot_words,
     word_of,
 )
-from winchcascade.report.glossary import CHANNELS, SENSORS
+from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.wording import load_words
-from winchcascade.rig.effects.effect import WrongEntry
+from winchcascade.rig.effects.effect import Effect, Stated
 
 
 def closure_kind(found: DiagnosisResult) -> str:
@@ -94,11 +93,6 @@ def arises_sentence(own: Arises | None) -> str:
     if own.worst is None:
         return f"{inputs} no stage deviates by more than {STANDS_OUT:g} standard uncertainties."
     stages = " and ".join([", ".join(own.off[:-1]), own.off[-1]] if len(own.off) > 1 else own.off)
-    if own.sensor is not None:
-        return (
-            f"{inputs} the {stages} stages deviate as they would with a gain error of about {100.0 * own.gain:+.1g} % in the "
-            f"{SENSORS[own.sensor]} alone."
-        )
     which = (
         f"the {stages} stages deviate, the {own.off[0]} most"
         if len(own.off) > 1
@@ -108,7 +102,7 @@ def arises_sentence(own: Arises | None) -> str:
     return f"{inputs} {which}: {_deviates(own.worst, own.worst.bias)}by {size} in the mean."
 
 
-def _deviates(worst: Place | StagePlace, bias: float, region: str = "") -> str:
+def _deviates(worst: Place, bias: float, region: str = "") -> str:
     """In which direction a channel deviates, by the sign of measured minus simulated, and at which load it does so most."""
     return (
         f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during {phase_words(worst.phase)}{region}, "
@@ -126,43 +120,46 @@ def size_text(channel: str, size: float) -> str:
     return f"{abs(size) * term.factor:.3g} {term.unit.replace('.', ' ')}"
 
 
-def stated_text(entry: WrongEntry) -> str:
+def stated_text(effect: Effect) -> str:
     """The stated number of a wrong entry in the unit of the rig file, or of a load; empty for the scale of the motion."""
-    if entry.log >= 0:
-        return f"{entry.stated:#.3g} ohm"
-    scale = find_unit(entry.unit) or Unit("number", 1.0)
-    unit = "" if entry.unit in ("", "1") else f" {entry.unit}"
-    return f"{entry.stated / scale.factor:#.3g}{unit}" if entry.number else ""
+    stated = effect.entry or Stated()
+    if stated.log >= 0:
+        return f"{stated.value:#.3g} ohm"
+    scale = find_unit(stated.unit) or Unit("number", 1.0)
+    unit = "" if stated.unit in ("", "1") else f" {stated.unit}"
+    return f"{stated.value / scale.factor:#.3g}{unit}" if effect.number else ""
 
 
-def entry_sentence(cause: NamedCause, entry: WrongEntry, *, explained: bool = True) -> str:
+def entry_sentence(cause: NamedCause, effect: Effect, *, explained: bool = True) -> str:
     """What is stated and what the logs fit, in the unit of the rig file; loads in ohm. As the JSON has it.
 
     Unless the gap is `explained`, the entry is not claimed to be wrong.
 
+    >>> from msgspec.structs import replace
     >>> from winchcascade.diagnosis.diagnosis_result import NamedCause, Reported
-    >>> from winchcascade.rig.effects.effect import WrongEntry
+    >>> from winchcascade.rig.effects.catalogue import EFFECTS
     >>> radius = NamedCause("drum_radius", "entry", 0.99, {"r_drum": Reported(0.1378, 0.137, 0.138, "m")}, (), 1.0)
-    >>> entry_sentence(radius, WrongEntry("winch.r_drum", stated=0.13, unit="m"))
+    >>> entry_sentence(radius, replace(EFFECTS["drum_radius"], entry=Stated(0.13, "m")))
     'The rig file states r_drum = 0.130 m; the logs fit 0.138 m. Check this entry before other causes.'
     """
-    value, stated = next(iter(cause.parameters.values())).value, stated_text(entry)
+    value, text, stated = next(iter(cause.parameters.values())).value, stated_text(effect), effect.entry or Stated()
     advice = "Check this entry before other causes."
-    if entry.log >= 0:
-        text = f"The campaign states {stated} for {entry.source}; the log fits {value:#.3g} ohm."
-    elif not entry.number:
-        text = f"The logged line motion is {value:#.4g} times the motion that the other channels fit."
+    if stated.log >= 0:
+        said = f"The campaign states {text} for {stated.source}; the log fits {value:#.3g} ohm."
+    elif not effect.number:
+        said = f"The logged line motion is {value:#.4g} times the motion that the other channels fit."
         advice = "Check the scale of the logged velocity and displacement before other causes."
     else:
-        ratio = value / entry.stated if entry.as_number else value
-        scale = find_unit(entry.unit) or Unit("number", 1.0)
-        unit = "" if entry.unit in ("", "1") else f" {entry.unit}"
-        times = "" if entry.as_number else f", {ratio:#.3g} times as much"
-        fits = f"{entry.stated / scale.factor * ratio:#.3g}{unit}{times}"
-        text = f"The rig file states {entry.number.rpartition('.')[2]} = {stated}; the logs fit {fits}."
+        as_ratio = effect.fields[0].usual_share == 1.0
+        ratio = value if as_ratio else value / stated.value
+        scale = find_unit(stated.unit) or Unit("number", 1.0)
+        unit = "" if stated.unit in ("", "1") else f" {stated.unit}"
+        times = f", {ratio:#.3g} times as much" if as_ratio else ""
+        fits = f"{stated.value / scale.factor * ratio:#.3g}{unit}{times}"
+        said = f"The rig file states {effect.number.rpartition('.')[2]} = {text}; the logs fit {fits}."
     if not explained:
         advice = "The residual exceeds noise: the entry may only imitate an effect that the catalogue lacks."
-    return f"{text} {advice}"
+    return f"{said} {advice}"
 
 
 _ALONG = {"order": "The order of the runs", "load": "Their loads"}

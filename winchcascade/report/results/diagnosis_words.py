@@ -39,7 +39,6 @@ from winchcascade.report.results.diagnosis_sentences import (
     trend_sentence,
 )
 from winchcascade.report.wording import load_words
-from winchcascade.rig.effects.effect import Change
 from winchcascade.rig.parts import path_in_rig
 
 VERDICTS = {
@@ -64,10 +63,10 @@ MANY_DEVIATIONS = 100.0
 def judged_words(found: DiagnosisResult) -> str:
     """On what the gap is closed: on held-out data, or by leaving parts out of the fit in turn."""
     if isinstance(found, LineDiagnosis):
-        parts, folds = found.lines.parts, found.moments.folds
-        held = [f"{part.cycle.min()} to {part.cycle.max()} of {part.run.name}" for part in parts if part.withheld]
-        held_out = "cycles"
-        whole = sum(len(set(part.cycle.tolist())) for part in parts) >= folds
+        folds, held_out = found.fit.folds, "cycles"
+        parts = [part for part in found.lines.parts if part.withheld]
+        held = [f"{part.cycles[0]} to {part.cycles[1]} of {part.run.name}" for part in parts]
+        whole = len(found.lines.cycle_names) >= folds
         each = "by leave-one-cycle-out" if whole else f"by leaving out one of {folds} stretches"
     else:
         assert isinstance(found, ModelDiagnosis)  # there are no others
@@ -142,11 +141,11 @@ def _residual_words(found: DiagnosisResult) -> str:
 
 
 # ------------------------------------------------------------------------------------------------------------- the place
-def where_words(found: DiagnosisResult, ranked: Sequence[NamedCause]) -> str:
+def where_words(found: DiagnosisResult) -> str:
     """The stages of the causes, those that cost most first; without causes the place, or the strongest sign, of the gap."""
-    if ranked:
+    if found.causes:
         names = {"entry": "entry of rig file or campaign"}
-        stages = [names.get(stage, stage) for stage in dict.fromkeys(cause.stage for cause in ranked)]
+        stages = [names.get(stage, stage) for stage in dict.fromkeys(cause.stage for cause in found.causes)]
         others = f", then {', '.join(stages[1:])}" if len(stages) > 1 else ""
         return f"{upper(stages[0])}{others}."
     if found.where is None:
@@ -173,13 +172,13 @@ class Action(NamedTuple):
 def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     """What to do about a cause: check an entry, separate it from its look-alikes, recalibrate a sensor, or enter it."""
     effect = found.suspects[cause.effect]
-    path = effect.law.path if isinstance(effect.law, Change) else ""
+    path = effect.path
     section, _, number = path_in_rig(path).partition(".")
     if effect.entry is not None:
         entry = effect.entry
         scale = f"check the load of {entry.source}" if entry.log >= 0 else "check the scale of the logged motion"
-        name = entry.number.rpartition(".")[2]
-        return Action(f"check the entry {name}" if name else scale, stated_text(entry))
+        name = effect.number.rpartition(".")[2]
+        return Action(f"check the entry {name}" if name else scale, stated_text(effect))
     if cause.look_alikes:
         plan = found.experiment
         planned = plan is not None and cause.effect in plan.separates and plan.expected_z >= FAR_ENOUGH
@@ -334,7 +333,6 @@ SIGNS = {
     "worse": "misfit that the causes add to held-out predictions, over the noise",
     "energy": "energy that the fit leaves, in standard uncertainties",
     "residual": "efficiency that the causes leave",
-    "slow": "share of the squared residual that lasts longer than a second",
 }
 """What the size of each kind of alarm is, and what it may mean."""
 

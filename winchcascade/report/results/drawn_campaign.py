@@ -9,7 +9,7 @@ import msgspec
 from msgspec import UNSET
 
 from winchcascade.core.campaign_file import joint_origin
-from winchcascade.diagnosis.model_account import Account
+from winchcascade.diagnosis.model_comparison import Account
 from winchcascade.reduction.campaign_record import (
     CampaignRecord,
     CampaignReduction,
@@ -96,10 +96,8 @@ class _Kept(msgspec.Struct):
 
 
 def _model(runs: Sequence[LogSummary], out: Path) -> Section | None:
-    """The logs beside their simulations: those that are drawn, and the first open circuit in any case."""
-    drawn = figures.drawn_runs(runs)
-    opened = [run for run in runs if run.open_circuit][:1]
-    shown = [run for run in opened if run not in drawn] + drawn
+    """The logs beside their simulations, those that are drawn."""
+    shown = figures.drawn_runs(runs)
     found = []
     for run, load in zip(shown, figures.load_names(shown), strict=True):
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.diagnosis.model_account import Modelled, modelled
+from winchcascade.diagnosis.model_comparison import Account, modelled
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
@@ -30,7 +30,7 @@ def drawn_report(
     found: Uncertainty | None = None,
     mapped: LossMap | None = None,
     *,
-    model: Modelled | None = None,
+    model: Account | None = None,
     command: str = "",
 ) -> Report:
     """Report of a reduction with its figures.
@@ -39,13 +39,13 @@ def drawn_report(
     ----------
     found : uncertainty of the reduction; made here if not given
     mapped : loss map that the report shows too
-    model : the log beside its simulation; simulated here with the numbers of the rig file if not given
+    model : what is kept of the log beside its simulation; simulated here with the numbers of the rig file if not given
     """
     waves, found = waves_of(reduction), found or uncertainty(reduction)
     drawn = _pictures(reduction, found)
     if waves is not None:
         drawn["wave-energies"] = wave_picture(waves, reduction.rig.cascade)
-    more = {"histories": histories(reduction), "model": run_section(model or modelled(reduction))}
+    more = {"histories": histories(reduction), "model": run_section(reduction.run, model or modelled(reduction))}
     if mapped is not None:
         more["loss-map"] = loss_map_section(mapped, loss_map_pictures(mapped))
     return reduction_report(reduction, found, waves=waves, drawn=drawn, more=more, command=command)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from winchcascade.report.content import Column, Note, Report, section, table
 from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
-from winchcascade.rig.effects.effect import Effect, Field
+from winchcascade.rig.effects.effect import Effect, Parameter
 
 EFFECT_COLUMNS: tuple[Column[Effect], ...] = (
     Column("effect", lambda effect: effect.name),
@@ -12,7 +12,7 @@ EFFECT_COLUMNS: tuple[Column[Effect], ...] = (
     Column("what the model leaves out", lambda effect: effect.summary),
 )
 
-FIELD_COLUMNS: tuple[Column[Field], ...] = (
+FIELD_COLUMNS: tuple[Column[Parameter], ...] = (
     Column("field", lambda field: field.name),
     Column("unit", lambda field: field.unit),
     Column("plausible", lambda field: f"{field.low:g} to {field.high:g}"),

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from winchcascade.core.plain_text import first_of
-from winchcascade.diagnosis.compared_curves import samples_of
+from winchcascade.core.run import Run
 from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
-from winchcascade.diagnosis.model_account import COMPARED, Account, ChannelDifference, Modelled
-from winchcascade.report.content import Block, Cell, Column, Note, Picture, Section, Table, picture, section, table
+from winchcascade.diagnosis.model_comparison import COMPARED, Account, ChannelDifference
+from winchcascade.report.content import Block, Cell, Column, Note, Section, Table, picture, section, table
 from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import cut_apart
-from winchcascade.report.glossary import CHANNELS, upper
+from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.wording import load_words
 
 PANELS = {
@@ -35,17 +35,11 @@ class Named(NamedTuple):
     account: Account
 
 
-def run_section(found: Modelled) -> Section:
+def run_section(run: Run, account: Account) -> Section:
     """Lay one log beside its simulation; where there is none, give the reason. Called within the style of the figures."""
-    account, comparison = found.account, found.comparison
-    if comparison is None:
-        return _section(account.word, [Note(upper(account.why), "Left out", brief=False)])
-    run = comparison.run
-    effects = (
-        f", with the effects that it states: {', '.join(comparison.rig.effects)}" if comparison.rig.effects else ""
-    )
-    one = Named(run.name, load_words(run.load), account)
-    return _section(account.word, _blocks([one], account.word, clouds=samples_of(comparison), effects=effects))
+    section_of_one = campaign_section([Named(run.name, load_words(run.load), account)], account.word)
+    assert section_of_one is not None  # there is a log
+    return section_of_one
 
 
 def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
@@ -58,12 +52,8 @@ def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
     """
     given, left_out = ([log for log in logs if bool(log.account.why) is without] for without in (False, True))
     why = [Note(_reasons(left_out), "Left out", brief=False)] if left_out else []
-    return _section(word, [*why, *(_blocks(given, word) if given else [])]) if logs else None
-
-
-def _section(word: str, blocks: Sequence[Block | None]) -> Section:
     heading = "Measured and simulated" if word == "measured" else "Log and simulation"
-    return section("model", heading, *blocks, folded=True)
+    return section("model", heading, *why, *(_blocks(given, word) if given else []), folded=True) if logs else None
 
 
 def _reasons(left_out: Sequence[Named]) -> str:
@@ -75,40 +65,26 @@ def _reasons(left_out: Sequence[Named]) -> str:
     return f"{'; '.join(named)}."
 
 
-def _blocks(
-    given: Sequence[Named], word: str, *, clouds: figures.Clouds | None = None, effects: str = ""
-) -> list[Block | None]:
-    """All logs in each figure, an open circuit's own figures, and the tables.
-
-    Parameters
-    ----------
-    clouds : samples behind the curves of a single log
-    effects : what the rig file states beyond the numbers of the rig
-    """
+def _blocks(given: Sequence[Named], word: str) -> list[Block | None]:
+    """All logs in each figure, and the tables."""
     accounts = [log.account for log in given]
-    changed = ", ".join(dict.fromkeys(account.changed for account in accounts if account.changed))
-    simulated = f" Simulated with {changed}." if changed else ""
     drawn = figures.styled_by_load([log.load for log in given], [a.curves for a in accounts])
     rated, gear = (
         next((x for x in values if x is not None), None)
         for values in ([a.rated for a in accounts], [a.gear for a in accounts])
     )
-    lines = "Dots: samples; lines: their means" if clouds else "Lines: log"
-    words = f"{lines}; markers: simulated, means over the same samples.{simulated}"
-    opened = next((a for a in accounts if a.open_circuit), None)
     return [
-        Note(_aim(accounts, effects), brief=False),
+        Note(_aim(accounts), brief=False),
         *(
             picture(
-                figures.panels(drawn, names, word=word, rated=rated, clouds=clouds, gear=gear), name,
-                f"{shown_words(figures.given_names(drawn, names))} {words}",
+                figures.panels(drawn, names, word=word, rated=rated, gear=gear), name,
+                f"{shown_words(figures.given_names(drawn, names))} Lines: log; markers: simulated; means of the same samples.",
                 "Lines of the log and markers of the simulation; the mean differences are in the table.",
             )
             for name, names in PANELS.items()
         ),
-        *([] if opened is None else _open_circuit(opened, word)),
         _differences_table(given),
-        *_budget([log for log in given if log.account.budget is not None], word, simulated),
+        *_budget([log for log in given if log.account.budget is not None], word),
     ]  # fmt: skip
 
 
@@ -126,31 +102,14 @@ def shown_words(names: Sequence[str]) -> str:
     return f"{text[:1].upper()}{text[1:]}{shared}."
 
 
-def _aim(accounts: Sequence[Account], effects: str) -> str:
+def _aim(accounts: Sequence[Account]) -> str:
     """What is compared: the rig, effects that its file states, and how many cycles."""
     rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
+    effects = ", ".join(dict.fromkeys(name for account in accounts for name in account.effects))
+    stated = f", with the effects that it states: {effects}" if effects else ""
     some = any(a.cycles < a.total for a in accounts)
     first = " Of long logs the first complete cycles are compared." if some else ""
-    return f"The logged motion of the line drives a model of {rigs} as in its rig file{effects}.{first}"
-
-
-def _open_circuit(account: Account, word: str) -> list[Picture | None]:
-    """The damper's sweep and the back-EMF's regression of an open circuit."""
-    sweep, fit = account.sweep, account.regression
-    return [
-        None if sweep is None else picture(
-            figures.damper_sweep(sweep, word=word, rated=account.rated), "model-damper",
-            "Line tension in open circuit: log, and simulations with multiples of the damper of the rig file, "
-            f"{sweep.nominal:.3g} N.m.s/rad.",
-            "Curves of the line tension over generator speed, one for each damper.",
-        ),
-        None if fit is None else picture(
-            figures.back_emf_figure(fit, word=word), "model-emf",
-            f"Voltage of the DC link in open circuit, and the back-EMF that it requires: {fit.slope:.5f} V/rpm, 95 % "
-            f"{fit.low:.5f} to {fit.high:.5f}, R2 = {fit.r2:.4f}; rig file: {fit.reference:.4f} V/rpm.",
-            "Dots of voltages over generator speed with a line through zero; its slope is in the caption.",
-        ),
-    ]  # fmt: skip
+    return f"The logged motion of the line drives a model of {rigs} as in its rig file{stated}.{first}"
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
@@ -195,7 +154,7 @@ def row_names(logs: Sequence[Named]) -> list[str]:
     return [f"{log.load}, {name}" if count[log.load] > 1 else log.load for log, name in zip(logs, names, strict=True)]
 
 
-def _budget(logs: Sequence[Named], word: str, simulated: str) -> list[Block | None]:
+def _budget(logs: Sequence[Named], word: str) -> list[Block | None]:
     """Where the energy of the line goes in the simulation of each log: bars, and a row for each part."""
     budgets = [log.account.budget for log in logs if log.account.budget is not None]
     if not budgets:
@@ -215,7 +174,7 @@ def _budget(logs: Sequence[Named], word: str, simulated: str) -> list[Block | No
     return [
         picture(
             figures.budget_bars(names, budgets, word=word), "model-budget",
-            f"Simulated loss budget in the integration window; marks: what reaches shaft and DC link.{simulated}",
+            "Simulated loss budget in the integration window; marks: what reaches shaft and DC link.",
             "Stacked bars of the parts; the energies are in the table.",
         ),
         Table(

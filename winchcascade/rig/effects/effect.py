@@ -2,30 +2,65 @@
 
 import math
 from collections.abc import Callable
+from typing import Literal
 
 import msgspec
 
 from winchcascade.rig.effects.run_order import RunPlace
-from winchcascade.rig.parts import CHANGED_AGAIN, Model, Operation, changed
+from winchcascade.rig.parts import CHANGED_AGAIN, Model, Operation, changed, stated_path
 
 Values = tuple[float, ...]
 """Values of the fields of an effect, in their order."""
 
+ANY = (-0.9, 9.0)
+"""Values at which a number that is changed by a share of itself has a physical meaning. [1]"""
 
-class Field(msgspec.Struct, frozen=True):
-    """A number that a fit may find.
 
-    Bounds `low` to `high` are plausible, and a fit keeps to them. Outside of `possible`, which includes both ends, a value has
-    no physical meaning. At `absent` the effect is absent.
+class Parameter(msgspec.Struct, frozen=True):
+    """A deviation of the model from a rig: a field of an effect, or what every fit allows within a tolerance.
+
+    Parameters
+    ----------
+    low, high : plausible range, a prior of a fit
+    possible : outside of it, both ends included, a value has no physical meaning
+    absent : value at which the effect is absent
+    path : number of the model that it changes, `generator.r_s`, for a sensor with the channel, `sensors.gain.torque`; empty
+        where a law of the effect takes the value
+    operation : `add`, `scale` for a relative change, `compound` for a relative deviation that the model holds as such
+    per : the number of the model changes by the value divided by this
+    sd : of a nuisance, one standard uncertainty about the absent value
+    role : an effect of the rig, a wrong entry of the rig file or the campaign, or a nuisance
+    load, log : the only load [ohm] and the number of the only log that it concerns; NaN and -1 for all
+    usual : of an entry, values at which the true number is a usual multiple of the stated one, such as 1/2 and 2
+    scatter : relative deviation from a usual multiple that is still one, one standard deviation [1]
+    usual_share : prior share of the wrong entries whose true number is a usual multiple of the stated one [1]
     """
 
     name: str
     unit: str
-    low: float
-    high: float
-    possible: tuple[float, float]
-    source: str
+    low: float = -math.inf
+    high: float = math.inf
+    possible: tuple[float, float] = (-math.inf, math.inf)
+    source: str = ""
+    path: str = ""
+    operation: Operation = "add"
     absent: float = 0.0
+    per: float = 1.0
+    sd: float = 0.0
+    role: Literal["effect", "entry", "nuisance"] = "effect"
+    load: float = math.nan
+    log: int = -1
+    usual: tuple[float, ...] = ()
+    scatter: float = 0.01
+    usual_share: float = 0.5
+
+    def apply(self, model: Model, value: float) -> Model:
+        """The model with its number changed; the same model where there is none."""
+        return changed(model, self.path, self.operation, value / self.per) if self.path else model
+
+    def after(self, earlier: float, value: float) -> float:
+        """The one value that acts as `value` does on a model with an earlier one; without a number the later one holds."""
+        return CHANGED_AGAIN[self.operation](earlier / self.per, value / self.per) * self.per if self.path else value
 
 
 class Display(msgspec.Struct, frozen=True):
@@ -37,48 +72,15 @@ class Display(msgspec.Struct, frozen=True):
     signed: bool = True
 
 
-class WrongEntry(msgspec.Struct, frozen=True):
-    """What an effect of the stage `entry` takes to be stated wrongly, and which mistakes are usual.
-
-    Parameters
-    ----------
-    number : section and name of the number in the rig file; empty for the scale of the encoder and for a load
-    usual : values of the field at which the true number is a usual multiple of the stated one, such as 1/2 and 2
-    scatter : relative deviation from a usual multiple that is still one, one standard deviation [1]
-    always_usual : whether the true number can be nothing but such a multiple, as with a convention
-    same_as : effects that look the same in the logs
-    log : number of the only log that the entry concerns, -1 for all
-    stated : the stated number, SI units; NaN as long as no rig or run is known
-    unit : unit of the number in the rig file
-    as_number : whether the number is reported and not its ratio to the stated one
-    source : where it is stated: empty for the rig file, the name of the file of a run otherwise
+class Stated(msgspec.Struct, frozen=True):
+    """The number that a wrong entry concerns: SI `value`, NaN as long as no rig or run is known, `unit` of the rig file, number
+    of the only `log`, -1 for all, and the file of that log as its `source`.
     """
 
-    number: str = ""
-    usual: tuple[float, ...] = ()
-    scatter: float = 0.01
-    always_usual: bool = False
-    same_as: tuple[str, ...] = ()
-    log: int = -1
-    stated: float = math.nan
+    value: float = math.nan
     unit: str = ""
-    as_number: bool = True
+    log: int = -1
     source: str = ""
-
-
-class Change(msgspec.Struct, frozen=True):
-    """How an effect changes one number of the model.
-
-    Parameters
-    ----------
-    path : part and number, `generator.r_s`; for a sensor also the channel, `sensors.gain.torque`
-    operation : `add`, `scale` for a relative change, `compound` for a relative deviation that the model holds as such
-    per : the number of the model changes by the field divided by this
-    """
-
-    path: str
-    operation: Operation
-    per: float = 1.0
 
 
 class Effect(msgspec.Struct, frozen=True):
@@ -95,17 +97,17 @@ class Effect(msgspec.Struct, frozen=True):
     source : publication, or that its range is plausible only
     fields : what a fit may find
     display : how reports show the parameter that a diagnosis reports
-    law : change of one number by the first field, or a function where several numbers follow from the fields
+    law : model of a model and the values, where more follows from the fields than changes of their own numbers
+    together : with a law, the values that act as one after the other do
     parameter, unit : what a diagnosis reports, by default the first field; `relative` and `absolute` are changes of the number
         of the rig file
     reported_from : the reported parameter of the values; the first field by default
-    together : values that act as one after the other do; where the law is a change of one number, they follow from it
     beside : further fields that are reported beside the parameter
-    over_runs : of an effect that changes from run to run, the values with which its law acts in one of them; without a place
+    over_runs : of an effect that changes from run to run, the values with which it acts in one of them; without a place
         among the runs it acts as in the run that shows it most
     same_as : effects that look the same in most logs, as the laws hardly differ
     unlisted : what is not in the catalogue and looks the same
-    entry : of the stage `entry`, what is stated wrongly
+    entry : of a wrong entry, the number that is stated
     """
 
     name: str
@@ -115,31 +117,43 @@ class Effect(msgspec.Struct, frozen=True):
     shows_as: str
     taken_for: str
     source: str
-    fields: tuple[Field, ...]
+    fields: tuple[Parameter, ...]
     display: Display
-    law: Change | Callable[[Model, Values], Model]
+    law: Callable[[Model, Values], Model] | None = None
+    together: Callable[[Values, Values], Values] | None = None
     parameter: str = ""
     unit: str = ""
     reported_from: Callable[[Values], float] | None = None
-    together: Callable[[Values, Values], Values] | None = None
     beside: tuple[str, ...] = ()
     over_runs: Callable[[Values, RunPlace], Values] | None = None
     same_as: tuple[str, ...] = ()
     unlisted: str = ""
-    entry: WrongEntry | None = None
+    entry: Stated | None = None
 
     def __post_init__(self) -> None:
         """Report the first field where the declaration names no other parameter or unit."""
-        first, how = self.fields[0], self.law.operation if isinstance(self.law, Change) else None
-        absolute = "absolute" if how == "add" and first.unit == "1" else first.unit
-        unit = absolute if how in (None, "add") else "relative"
+        first = self.fields[0]
+        absolute = "absolute" if first.path and first.unit == "1" else first.unit
+        unit = "relative" if first.path and first.operation != "add" else absolute
         msgspec.structs.force_setattr(self, "parameter", self.parameter or first.name)
         msgspec.structs.force_setattr(self, "unit", self.unit or unit)
+        if first.role == "entry" and self.entry is None:
+            msgspec.structs.force_setattr(self, "entry", Stated())
+
+    @property
+    def path(self) -> str:
+        """Number of the model that the first field changes; empty where a law takes it."""
+        return self.fields[0].path
+
+    @property
+    def number(self) -> str:
+        """Section and name of that number in a rig file; empty where no file has it."""
+        return stated_path(self.path)
 
     @property
     def of_a_sensor(self) -> bool:
         """Whether it changes what is read of the rig, and not the rig."""
-        return isinstance(self.law, Change) and self.law.path.startswith("sensors.")
+        return self.path.startswith("sensors.")
 
 
 class ActiveEffect(msgspec.Struct, frozen=True):
@@ -150,10 +164,11 @@ class ActiveEffect(msgspec.Struct, frozen=True):
 
     def apply(self, model: Model) -> Model:
         """Return the model with this effect in it."""
-        law = self.effect.law
-        if isinstance(law, Change):
-            return changed(model, law.path, law.operation, self.values[0] / law.per)
-        return law(model, self.values)
+        if self.effect.law is not None:
+            return self.effect.law(model, self.values)
+        for field, value in zip(self.effect.fields, self.values, strict=True):
+            model = field.apply(model, value)
+        return model
 
     def in_run(self, place: RunPlace) -> "ActiveEffect":
         """The effect as it acts in one run of a campaign."""
@@ -162,14 +177,10 @@ class ActiveEffect(msgspec.Struct, frozen=True):
 
     def after(self, earlier: Values) -> "ActiveEffect":
         """One effect that acts as this one does on a model that has it with earlier values."""
-        law, together = self.effect.law, self.effect.together
-        if isinstance(law, Change):
-            return ActiveEffect(
-                self.effect, (CHANGED_AGAIN[law.operation](earlier[0] / law.per, self.values[0] / law.per) * law.per,)
-            )
-        if together is None:
-            raise TypeError(f"effect {self.effect.name} does not declare how two of it act together.")
-        return ActiveEffect(self.effect, together(earlier, self.values))
+        effect, both = self.effect, zip(self.effect.fields, earlier, self.values, strict=True)
+        if effect.together is not None:
+            return ActiveEffect(effect, effect.together(earlier, self.values))
+        return ActiveEffect(effect, tuple(field.after(first, second) for field, first, second in both))
 
     @property
     def reported(self) -> float:

@@ -3,34 +3,20 @@
 A simulation of the owner is compared with them beside the catalogue. They are no suspects of a log, as no rig is simplified.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
+from winchcascade.rig.effects.effect import Display, Effect, Parameter, Values
 from winchcascade.rig.parts import Model
 
 _LEAK = 1e-3
 """Share of the conductance of the bleed resistor that remains where a simulation has none. [1]"""
 
 
-def _averaged(model: Model, values: Values) -> Model:
-    return replace(model, generator=replace(model.generator, averaged=values[0]))
-
-
-def _uncommutated(model: Model, values: Values) -> Model:
-    return replace(model, generator=replace(model.generator, averaged=values[0], uncommutated=1.0))
-
-
 def _without_bleed(model: Model, values: Values) -> Model:
     link = model.dc_link
     return replace(model, dc_link=replace(link, r_bleed=link.r_bleed / max(1.0 - values[0], _LEAK)))
-
-
-def _without_inertia(model: Model, values: Values) -> Model:
-    return replace(model, drivetrain=replace(model.drivetrain, quasi_static=values[0], weightless=1.0))
 
 
 def _isothermal(model: Model, values: Values) -> Model:
@@ -39,14 +25,24 @@ def _isothermal(model: Model, values: Values) -> Model:
 
 
 def _simplification(
-    name: str, label: str, stage: str, what: str, shows_as: str, law: Change | Callable[[Model, Values], Model]
+    name: str,
+    label: str,
+    stage: str,
+    what: str,
+    shows_as: str,
+    *,
+    path: str = "",
+    relative: bool = False,
+    law: Callable[[Model, Values], Model] | None = None,
 ) -> Effect:
-    """Declare a simplification: its one field is the share of what is left out.
+    """Declare a simplification, whose one field is the share of what is left out: of a number, or by a law.
 
     Parameters
     ----------
     what : what such a simulation has, with its article
     """
+    how = "from the law of the model to the simplified one"
+    share = Parameter("share", "1", 0.0, 1.0, (0.0, 1.0), how, path)
     return Effect(
         name=name,
         stage=stage,
@@ -55,8 +51,7 @@ def _simplification(
         shows_as=shows_as,
         taken_for="",
         source="A usual simplification of simulations; its share is plausible from none to all.",
-        fields=(Field("share", "1", 0.0, 1.0, (0.0, 1.0), "from the law of the model to the simplified one"),),
-        parameter="share",
+        fields=(replace(share, operation="scale", per=-1.0) if relative else share,),
         unit="1",
         display=Display(what, 100.0, "%", signed=False),
         law=law,
@@ -67,61 +62,35 @@ SIMPLIFICATIONS = {
     effect.name: effect
     for effect in (
         _simplification(
-            "averaged_bridge",
-            "Averaged bridge",
-            "generator",
-            "an averaged bridge",
-            "vdc low in open circuit and at small load resistance, torque with it.",
-            _averaged,
+            "averaged_bridge", "Averaged bridge", "generator", "an averaged bridge",
+            "vdc low in open circuit and at small load resistance, torque with it.", path="generator.averaged",
         ),
         _simplification(
-            "uncommutated_bridge",
-            "No commutation",
-            "generator",
-            "an averaged bridge without commutation",
-            "vdc, idc and torque high where speed and current are both high.",
-            _uncommutated,
+            "uncommutated_bridge", "No commutation", "generator", "an averaged bridge without commutation",
+            "vdc, idc and torque high where speed and current are both high.", path="generator.uncommutated",
         ),
         _simplification(
-            "no_bleed",
-            "No bleed resistor",
-            "generator",
-            "no bleed resistor",
-            "vdc of an open circuit stays at its peak after a payout.",
-            _without_bleed,
+            "no_bleed", "No bleed resistor", "generator", "no bleed resistor",
+            "vdc of an open circuit stays at its peak after a payout.", law=_without_bleed,
         ),
         _simplification(
-            "quasi_static",
-            "Quasi-static shaft",
-            "gearbox",
-            "a quasi-static shaft and DC link",
-            "vdc and idc follow the speed of the line at once.",
-            Change("drivetrain.quasi_static", "add"),
+            "quasi_static", "Quasi-static shaft", "gearbox", "a quasi-static shaft and DC link",
+            "vdc and idc follow the speed of the line at once.", path="drivetrain.quasi_static",
         ),
         _simplification(
-            "no_rotor_inertia",
-            "No rotor inertia",
-            "gearbox",
-            "no inertia of the rotor",
+            "no_rotor_inertia", "No rotor inertia", "gearbox", "no inertia of the rotor",
             "torque low while the line speeds up; vdc and idc follow the speed of the line at once.",
-            _without_inertia,
+            path="drivetrain.weightless",
         ),
         _simplification(
-            "no_drum_inertia",
-            "No drum inertia",
-            "transmission",
-            "no inertia of the drum",
+            "no_drum_inertia", "No drum inertia", "transmission", "no inertia of the drum",
             "force low while the line speeds up and high while it brakes; torque as it is.",
-            Change("winch.inertia", "scale", -1.0),
+            path="winch.inertia", relative=True,
         ),
         _simplification(
-            "isothermal_gas",
-            "Isothermal gas",
-            "restoring",
-            "an isothermal gas",
-            "pressure and force without the heat of compression; only of a rig whose gas heats.",
-            _isothermal,
+            "isothermal_gas", "Isothermal gas", "restoring", "an isothermal gas",
+            "pressure and force without the heat of compression; only of a rig whose gas heats.", law=_isothermal,
         ),
     )
-}
+}  # fmt: skip
 """Every simplification by its name."""
