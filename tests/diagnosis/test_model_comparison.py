@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from compared import KGCM2, LOGS, before_braking, binned, compared, reduced
 
-from winchcascade.core.rig_toml import built_in, parse_rig
+from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CLOCK, Run, Signal
 from winchcascade.diagnosis.loss_budget import GROUPS
 from winchcascade.diagnosis.model_comparison import (
@@ -107,13 +107,6 @@ def test_of_a_long_log_the_first_complete_cycles_are_compared() -> None:
     assert found.run.t[-1] - found.run.t[0] <= LONGEST + 5.0
 
 
-def test_a_rig_of_ones_own_is_simulated_with_its_own_numbers() -> None:
-    rig = parse_rig('based_on = "hsu2026"\nname = "mine"\n[generator]\nk_e = { value = 0.031, unit = "V/rpm" }\n', "r")
-    rows = comparison().driven
-    half = compared(msgspec.structs.replace(reduced("18 ohm"), rig=rig)).simulation.run.channels["vdc"][rows].max()
-    assert half == pytest.approx(0.5 * comparison().simulation.run.channels["vdc"][rows].max(), rel=0.05)
-
-
 # ----------------------------------------------------------------------------------------------------------- the curves
 def binned_over(c: ModelComparison, rows: list[int], x: Signal, y: Signal, least: float = 0.0) -> list[float]:
     """Means of y in bins of x, one sample after the other."""
@@ -161,16 +154,13 @@ def test_pressure_and_force_are_means_over_displacement_and_velocity() -> None:
     assert curves["force_n"].simulated == pytest.approx(force, rel=KEPT)
 
 
-def test_in_open_circuit_nothing_that_needs_a_current_is_reported() -> None:
+def test_differences_are_log_minus_simulation_and_an_open_circuit_has_none_that_needs_a_current() -> None:
     found = account("open circuit")
     assert set(found.curves) == {"pressure_kgcm2", HAUL_IN, "force_n", "vdc_v"}
     assert set(found.differences) == {"vdc", "pressure", "force"}
     assert found.budget is not None
     assert set(found.budget.log) == {"line"}
     assert set(account().curves) == set(CURVES)
-
-
-def test_differences_are_log_minus_simulation_over_the_payouts() -> None:
     c = comparison()
     for name, one in account().differences.items():
         unit = KGCM2 if name == "pressure" else 1.0
@@ -186,13 +176,10 @@ def test_what_is_kept_is_small_and_comes_back_from_json(name: str) -> None:
 
 
 # ------------------------------------------------------------------------------------------------------ the loss budget
-def test_every_entry_of_the_ledger_is_reported_once() -> None:
+@pytest.mark.parametrize("name", LOGS)
+def test_the_loss_budget_has_every_entry_of_the_ledger_once_and_sums_to_the_lines_energy(name: str) -> None:
     listed = [entry for group in GROUPS.values() for entry in (*group.behind, *group.before)]
     assert sorted(listed) == sorted(set(LEDGER) - {"line"})
-
-
-@pytest.mark.parametrize("name", LOGS)
-def test_the_loss_budget_sums_to_the_lines_energy(name: str) -> None:
     budget = account(name).budget
     assert budget is not None
     assert sum(budget.shares.values()) == pytest.approx(1.0, abs=WHOLE)
