@@ -9,13 +9,12 @@ import pytest
 from openlog import made_log, motion_run
 from rigs import LOADS, SENSORS, own_model, stage_outputs, truth_of
 
-from winchcascade import load_rig, read_run, reduce, simulate
-from winchcascade.core.errors import LogError
+from winchcascade import read_run, reduce, simulate
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import Model
-from winchcascade.rig.stages import MOVING, StageOutput, acceleration, line_power
+from winchcascade.rig.stages import MOVING, StageOutput
 
 MODEL = baseline(built_in())
 SHARE = {
@@ -167,54 +166,3 @@ def test_a_load_that_is_not_known_says_nothing_of_the_current() -> None:
     assert "load" not in by_stage(unknown, MODEL)
     assert by_stage(unknown, MODEL)["generator"].inputs == ("velocity", "vdc", "idc")
     assert by_stage(made_log(cycles=1), MODEL)["generator"].inputs == ("velocity", "vdc")
-
-
-def test_the_power_of_the_line_is_force_times_speed_less_inertia_and_losses() -> None:
-    t = np.arange(0.0, 20.0, 0.1)
-    v = np.where(t < 10.0, 0.2 * t, -1.0)
-    run = Run("kite.csv", t, {"velocity": v, "force": np.full(t.size, 1000.0)}, 10.0, t.size)
-    assert line_power(run) == pytest.approx(1000.0 * v)
-    paid, hauled = (t > 1.0) & (t < 9.0), t > 11.0
-    power = line_power(run, mass_extra=500.0, force=50.0, b_line=20.0)
-    assert power[paid] == pytest.approx(v[paid] * (1000.0 - 500.0 * 0.2 - 50.0 - 20.0 * v[paid]))
-    assert power[hauled] == pytest.approx(-(1000.0 + 50.0 + 20.0))  # the winch gives more than the tether takes
-
-
-def test_a_line_without_a_force_has_no_power() -> None:
-    with pytest.raises(LogError, match="no line tension, which the power of the line follows from; log it"):
-        line_power(motion_run(cycles=1))
-
-
-def test_an_acceleration_spans_at_most_its_width_and_leaves_no_guess() -> None:
-    t = np.arange(0.0, 4.0, 0.04)
-    kink = np.maximum(t - 2.0, 0.0)
-    slope = acceleration(t, kink)
-    away = np.abs(t - 2.0) > 0.2 + 1e-9
-    assert slope[away] == pytest.approx(np.where(t[away] > 2.0, 1.0, 0.0), abs=1e-9)
-    lost = (t > 1.0) & (t < 1.5)
-    lonely = np.concatenate((t[~lost & (t < 3.0)], [3.4, 3.9]))
-    assert np.isnan(acceleration(lonely, lonely)[-2:]).all()
-
-
-LEFT_OVER = 0.35
-"""Share of the rms difference between tether and winch power that three numbers leave of a measured flight; 0.24 to 0.33
-were seen."""
-
-FOUND = {"mass": (4500.0, 5700.0), "b": (250.0, 450.0)}
-"""Reflected mass [kg] and drag [N s/m] of the field winch, by three logs alike."""
-
-
-@pytest.mark.parametrize("name", ["20191008_0001.csv", "20191008_0004.csv", "ground_station_cycles_01_43.csv"])
-def test_three_numbers_make_the_winch_power_of_a_measured_flight(shared: Path, name: str) -> None:
-    run = read_run(shared / "kitepower-2019-10-08" / name, rig=load_rig("kitepower"))
-    v, measured = run.channels["velocity"], run.channels["power_mech"]
-    plain = line_power(run)
-    parts = [line_power(run, **{key: 1.0}) - plain for key in ("mass_extra", "force", "b_line")]
-    known = np.all(np.isfinite(parts), axis=0)
-    numbers, *_ = np.linalg.lstsq(np.column_stack(parts)[known], (measured - plain)[known], rcond=None)
-    full = line_power(run, *numbers.tolist())
-    assert rms(measured - full) < LEFT_OVER * rms(measured - plain)
-    assert FOUND["mass"][0] < numbers[0] < FOUND["mass"][1]
-    assert FOUND["b"][0] < numbers[2] < FOUND["b"][1]
-    for way in (v > 0.5, v < -0.5):
-        assert float(np.nanmean(full[way])) == pytest.approx(float(np.mean(measured[way])), rel=0.15)
