@@ -262,7 +262,7 @@ def fit_simulation(
     forms = model_forms(data, suspects, found, places)
     likely = [form.likely for form in forms if form.likely is not None]
     numbers = {name: parameters_of(data, suspects, found.best, name, found.scale) for name in likely}
-    return OwnSimulation(tuple(simulations), forms, {name: suspects[name] for name in likely}, numbers)
+    return OwnSimulation(tuple(simulations), forms, numbers)
 
 
 def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence[Place]) -> tuple[ModelForm, ...]:
