@@ -19,8 +19,8 @@ from winchcascade.diagnosis.block_series import (
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current, stator_current
+from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.open_rig import load_rig
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 

@@ -9,8 +9,8 @@ from winchcascade.diagnosis.cause_numbers import cause_numbers, profile_of, tole
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution
 from winchcascade.diagnosis.load_costs import MAX_PARTS, OTHER, load_costs, waterfall_costs
+from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.open_rig import load_rig
 
 # ------------------------------------------------------------------------------------------------------------ the laws
 UNKNOWN = {

@@ -26,7 +26,7 @@ from winchcascade.diagnosis.model_comparison import (
 from winchcascade.reduction.bins import stored_powers
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.rig.open_rig import load_rig
+from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.simulate import LEDGER
 
 KEPT = 5.1e-5

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -21,21 +22,12 @@ from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
+from winchcascade.rig import physics
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import (
-    COLUMNS,
-    LINE,
-    REST,
-    SHAFT,
-    TURN,
-    LineMotion,
-    constants,
-    directions,
-    run_line,
-    solve_shaft,
-)
+from winchcascade.rig.kernel import COLUMNS, LINE, RPM, SHAFT, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.line_velocity import line_velocity
-from winchcascade.rig.parts import ELECTRICAL, Model
+from winchcascade.rig.parts import ELECTRICAL, PARTS, Model, number_of
+from winchcascade.rig.physics import ELECTRICAL_LOSSES, SHAFT_LOSSES, TURN
 
 
 def motion_of(run: Run, step: float) -> LineMotion:
@@ -80,50 +72,75 @@ def _integral(y: Signal, step: float) -> Signal:
     return np.concatenate(([0.0], np.cumsum(0.5 * step * (y[1:] + y[:-1]))))
 
 
-LEDGER = (
-    "line", "gas", "drum", "shaft", "rotor", "capacitor", "screw", "seal", "line_loss", "clutch", "shaft_loss", "mesh",
-    "damper", "windage", "friction", "copper", "diodes", "dc",
-)  # fmt: skip
-"""Energy of the line; energy stored in gas, drum, shaft spring, rotor and capacitor; energy lost in screw, seals, between line
-and torque sensor, clutch, shaft, gear mesh, on the fast shaft, in copper and diodes; energy that the DC link delivers."""
+class Booked(NamedTuple):
+    """An entry of the ledger in words, the group of entries that is shown of it, and what that is.
+
+    `before` the torque sensor, seen from the line, or behind it.
+    """
+
+    words: str
+    group: str
+    about: str = ""
+    before: bool = False
+
+
+_STILL_TURNING = "rotor and drum still turning"
+_SPRING = "its spring and damping"
+
+LEDGER = {
+    "line": Booked("delivered by the line", "line"),
+    "dc": Booked("delivered by the DC link", "DC link", "delivered"),
+    **{name: Booked(f"lost in the {name} of the generator", name, about) for name, about in ELECTRICAL_LOSSES.items()},
+    **{name: Booked(f"lost by {name} of the fast shaft", name, about) for name, about in SHAFT_LOSSES.items()},
+    "mesh": Booked("lost in the gear mesh", "mesh", "gear teeth"),
+    "clutch": Booked("lost in the clutch", "clutch", "its drag while open"),
+    "shaft": Booked("stored in the torsion of the shaft", "shaft", _SPRING),
+    "shaft_loss": Booked("lost in the shaft", "shaft", _SPRING),
+    "capacitor": Booked("stored in the capacitor of the DC link", "capacitor", "charge of the DC link"),
+    "rotor": Booked("stored in the rotor", "inertia", _STILL_TURNING),
+    "drum": Booked("stored in the drum", "inertia", _STILL_TURNING, True),
+    "line_loss": Booked("lost between line and torque sensor", "line losses", "between line and torque sensor", True),
+    "seal": Booked("lost to friction of the seals", "seal", "friction of the piston", True),
+    "screw": Booked("lost to friction of the screw", "screw", "friction of the ball screw", True),
+    "gas": Booked("stored in the gas", "stored gas", "held by the accumulator when the window ends", True),
+}
+"""Energy of the line and where it goes, from the DC link back to the line: delivered, stored, or lost."""
 
 
 def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[str, Signal]:
-    """Book the energy of a solution from its beginning to each step, (n,) each [J].
+    """Book the energy of a solution from its beginning to each step by the entries of `LEDGER`, (n,) each [J].
 
     The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it.
     """
-    c, got = constants(model, load), dict(zip(COLUMNS, out.T, strict=True))
-    omega_drum, omega = motion.v / c.r_motion, got["omega_gen"]
-    direction = np.tanh(motion.v / REST)
-    push = c.lead * omega_drum * got["pressure"] * c.area
-    slow = direction * np.exp(-((motion.v / c.stribeck_speed) ** 2))
-    line = got["force"] * omega_drum * c.r_drum * (1.0 + c.layering * motion.x)
-    kept = 0.5 * (1.0 + direction) * (1.0 - c.loss_share) + 0.5 * (1.0 - direction) / (1.0 - c.loss_share)
+    c, got, shaft = constants(model, load), dict(zip(COLUMNS, out.T, strict=True)), model.drivetrain
+    omega_drum, omega, sign = motion.v / c.r_motion, got["omega_gen"], physics.direction(motion.v)
+    slow = physics.near_rest(motion.v, sign, model.winch)
+    line = got["force"] * omega_drum * physics.rope_radius(motion.x, model.winch)
     driven, overrun = np.maximum(got["clutch"], 0.0), np.minimum(got["clutch"], 0.0)
-    seal = (c.lead * c.seal_friction * direction + c.seal_stribeck * slow) * omega_drum
+    push, seal = physics.piston_torque(got["pressure"], model.restoring), physics.seal_torque(sign, slow, model.restoring)
+    fast, electrical = (
+        physics.shaft_losses(omega, physics.direction(omega, TURN), shaft),
+        physics.electrical_losses(got["i_bridge"], got["i_s"], model.generator),
+    )
     watts = {
         "line": line,
-        "gas": push,
-        "screw": got["screw"] * omega_drum - push - seal,
-        "seal": seal,
-        "line_loss": (c.line_friction * direction + c.line_drag * omega_drum + c.stribeck * slow) * omega_drum
-        + line * (1.0 - kept),
-        "clutch": (got["torque"] - driven) * omega_drum - overrun * omega / c.gear,
-        "mesh": driven * omega / c.gear * (1.0 - c.eta_mesh),
-        "damper": c.b_rotor * omega**2,
-        "windage": c.windage * np.abs(omega) ** 3,
-        "friction": c.friction * np.tanh(omega / TURN) * omega,
-        "copper": 3.0 * model.generator.r_s * got["i_s"] ** 2,
-        "diodes": 2.0 * c.v_diode * got["i_bridge"] + 3.0 * model.generator.r_diode * got["i_s"] ** 2,
-        "dc": got["vdc"] ** 2 / c.load,
-        "shaft_loss": driven * (omega_drum - omega / c.gear),
+        "gas": push * omega_drum,
+        "screw": (got["screw"] - push - seal) * omega_drum,
+        "seal": seal * omega_drum,
+        "line_loss": physics.line_losses(omega_drum, sign, slow, model.winch) * omega_drum
+        + line * (1.0 - 1.0 / physics.line_over_drum(sign, model.winch)),
+        "clutch": (got["torque"] - driven) * omega_drum - overrun * omega / shaft.gear,
+        "mesh": driven * omega / shaft.gear * (1.0 - shaft.eta_mesh),
+        **{name: torque * omega for name, (torque, _) in zip(SHAFT_LOSSES, fast, strict=True)},
+        **dict(zip(ELECTRICAL_LOSSES, electrical, strict=True)),
+        "dc": got["vdc"] ** 2 / c.shaft.load,
+        "shaft_loss": driven * (omega_drum - omega / shaft.gear),
     }
     stores = {
-        "drum": (c.inertia_drum, omega_drum),
-        "shaft": (c.k_shaft, got["twist"]),
-        "rotor": (c.inertia_rotor, omega),
-        "capacitor": (c.c_dc, got["vdc"]),
+        "drum": (model.winch.inertia, omega_drum),
+        "shaft": (shaft.k_shaft, got["twist"]),
+        "rotor": (shaft.inertia_rotor, omega),
+        "capacitor": (c.shaft.c_dc, got["vdc"]),
     }
     booked = {name: _integral(watt, motion.step) for name, watt in watts.items()}
     booked |= {name: 0.5 * number * (state**2 - state[0] ** 2) for name, (number, state) in stores.items()}
@@ -199,10 +216,10 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     _check_model(model)
     _check_travel(run.name, model, motion)
     out, sensors = solve(model, motion, load_of(run)), model.sensors
-    rows, late = (dict(zip(COLUMNS, _between(motion, t, out).T, strict=True)) for t in (run.t, sensors.late(run.t)))
+    now, late = (_between(motion, t, out) for t in (run.t, sensors.late("vdc", run.t)))
     channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
     channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
-    channels |= {name: sensors.read(name, (late if name in ELECTRICAL else rows)[name]) for name in READ}
+    channels |= {name: sensors.read(name, (late if name in ELECTRICAL else now)[name]) for name in READ}
     return Simulation(
         run=Run(
             name=run.name,
@@ -219,50 +236,53 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
             window=run.window,
             cycles=run.cycles,
         ),
-        rpm_gen=rows["omega_gen"] * 30.0 / math.pi,
-        i_s=rows["i_s"],
-        torque_em=rows["torque_em"],
+        rpm_gen=now["omega_gen"] * RPM,
+        i_s=now["i_s"],
+        torque_em=now["torque_em"],
         model=model,
         motion=motion,
         solution=out,
     )
 
 
+POSSIBLE = (
+    ("drivetrain.eta_mesh", "mesh efficiency", lambda number: 0.0 < number <= 1.0, "above 0 and at most 1"),
+    ("restoring.mu", "friction coefficient of the screw", lambda number: number >= 0.0, "0 or more"),
+    ("restoring.volume", "gas volume [m3]", lambda number: number > 0.0, "above 0"),
+    ("restoring.pressure", "precharge pressure, absolute [Pa]", lambda number: number > 0.0, "above 0"),
+    ("winch.inertia", "inertia at the drum [kg m2]", lambda number: number >= 0.0, "0 or more"),
+)
+"""Numbers that a rig file and several effects together may make impossible, and what is expected of each."""
+
+
 def _check_model(model: Model) -> None:
-    """Reject numbers that no rig can have, as a rig file and several effects together may give them: RigError."""
-    for part in (model.winch, model.restoring, model.drivetrain, model.generator, model.dc_link):
-        for name, value in msgspec.structs.asdict(part).items():
+    """Reject numbers that no rig can have: RigError."""
+    for part in PARTS:
+        for name, value in getattr(model, part)._asdict().items():
             if isinstance(value, float) and math.isnan(value):
                 raise RigError(f"the model's {name} is NaN; expected a number, so check the rig and the effects.")
-    gas = model.restoring
-    for what, value, fits, expected in (
-        ("mesh efficiency", model.drivetrain.eta_mesh, 0.0 < model.drivetrain.eta_mesh <= 1.0, "above 0 and at most 1"),
-        ("friction coefficient of the screw", gas.mu, gas.mu >= 0.0, "0 or more"),
-        ("gas volume [m3]", gas.volume, gas.volume > 0.0, "above 0"),
-        ("precharge pressure, absolute [Pa]", gas.pressure, gas.pressure > 0.0, "above 0"),
-        ("inertia at the drum [kg m2]", model.winch.inertia, model.winch.inertia >= 0.0, "0 or more"),
-    ):
-        if not fits:
+    for path, what, fits, expected in POSSIBLE:
+        if not fits(number := number_of(model, path)):
             raise RigError(
-                f"the model's {what} is {value:.4g}; expected {expected}, so check the rig file and the effects together."
+                f"the model's {what} is {number:.4g}; expected {expected}, so check the rig file and the effects together."
             )
 
 
 def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
     """Reject a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
-    gas, winch = model.restoring, model.winch
+    gas, low, high = model.restoring, float(np.min(motion.x)), float(np.max(motion.x))
     push = gas.area * gas.lead / model.r_motion
-    low, high = float(np.min(motion.x)), float(np.max(motion.x))
     if gas.volume <= push * high:
         raise LogError(
             f"{name}: the line pays out {high:.4g} m, but after {gas.volume / push:.4g} m the piston would have pressed the "
             f"gas of {1e3 * gas.volume:.4g} L to nothing; expected less payout, so check the unit of velocity and "
             "displacement, volume_gas and area_piston of the rig file, and the effects."
         )
-    if 1.0 + min(winch.layering * low, winch.layering * high) <= 0.0:
+    if min(physics.rope_radius(low, model.winch), physics.rope_radius(high, model.winch)) <= 0.0:
         raise LogError(
-            f"{name}: the line moves from {low:.4g} to {high:.4g} m, but at {-1.0 / winch.layering:.4g} m the rope would run "
-            "on a radius of nothing; expected less motion, so check the unit of velocity and displacement, and the effects."
+            f"{name}: the line moves from {low:.4g} to {high:.4g} m, but at {-1.0 / model.winch.layering:.4g} m the rope "
+            "would run on a radius of nothing; expected less motion, so check the unit of velocity and displacement, and "
+            "the effects."
         )
 
 
@@ -275,17 +295,16 @@ def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     """Step a model along a motion, (n, 12): the columns of `kernel.COLUMNS` at every step."""
     numbers = constants(model, load)
     shaft, line = solve_shaft(motion.v, motion.step, numbers), np.empty((motion.t.size, len(LINE)))
-    run_line(motion, directions(motion.v), numbers, shaft[:, SHAFT.index("clutch")].copy(), line)
+    run_line(motion, physics.direction(motion.v), numbers, shaft[:, SHAFT.index("clutch")].copy(), line)
     return np.hstack([shaft, line])
 
 
-def _between(motion: LineMotion, t: Signal, out: Signal) -> Signal:
-    """Rows of a solution at some instants, between two steps by a straight line, (k, columns)."""
+def _between(motion: LineMotion, t: Signal, out: Signal) -> dict[str, Signal]:
+    """Columns of a solution at some instants, between two steps by a straight line, (k,) each."""
     place = np.clip((t - motion.t[0]) / motion.step, 0.0, motion.t.size - 1.0)
     before = np.minimum(place.astype(np.intp), motion.t.size - 2)
     share = (place - before)[:, None]
-    rows: Signal = out[before] * (1.0 - share) + out[before + 1] * share
-    return rows
+    return dict(zip(COLUMNS, (out[before] * (1.0 - share) + out[before + 1] * share).T, strict=True))
 
 
 LOGGED = ("displacement", "velocity", *READ)
