@@ -157,7 +157,7 @@ def waterfall_source() -> Source:
     """What each cause costs in efficiency at each load, and the diagnosis that it comes from."""
     from winchcascade import open_campaign
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.load_costs import waterfall_costs
+    from winchcascade.diagnosis.load_costs import load_costs
     from winchcascade.report.figures.cause_figures import part_name
 
     found = open_campaign(ROOT / CAMPAIGN).diagnose()
@@ -167,7 +167,7 @@ def waterfall_source() -> Source:
         [f"{costs.load:g} ohm", f"{costs.as_given:.1f}"]
         + [f"{part_name(found, part)} {part.value:.1f}" for part in costs.parts]
         + [f"{costs.measured:.1f}"]
-        for costs in waterfall_costs(found)
+        for costs in load_costs(found, "eta_pto")
     ]
 
 

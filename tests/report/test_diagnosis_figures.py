@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 from diagnosed import diagnosed
 
-from winchcascade.diagnosis.block_series import series, sides, sides_of_one
-from winchcascade.diagnosis.cause_numbers import cause_numbers
+from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability
+from winchcascade.diagnosis.figure_data import block_table, largest_gap
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.load_costs import worst_costs
 from winchcascade.diagnosis.model_comparison import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.simulated_cycle import SimulatedCycle, largest_gap
 from winchcascade.report.diagnosis_names import signed
 from winchcascade.report.figures.cause_figures import (
-    numbers_figure,
     profile_figure,
     stability_figure,
     waterfall_figure,
@@ -27,8 +25,8 @@ from winchcascade.report.figures.cause_figures import (
 from winchcascade.report.figures.diagnosis_figures import (
     cycle_history,
     error_figure,
-    error_history,
     gap_map,
+    over_speed_figure,
     stage_map,
 )
 from winchcascade.report.figures.histories import history_figure, history_json
@@ -58,27 +56,18 @@ def test_the_maps_have_a_number_for_every_place(name: str) -> None:
     assert len(names) == len({(place.stage, place.phase) for place in found.stages})
 
 
-def test_the_history_draws_logged_minus_simulated() -> None:
-    found = diagnosed("copper")
-    both = sides(found)
-    figure = error_history(found, both, 1, "log")
+@pytest.mark.parametrize(("name", "sides"), [("copper", 2), ("nothing", 1)])
+def test_errors_are_those_of_the_blocks_and_smaller_after_the_causes(name: str, sides: int) -> None:
+    table = block_table(diagnosed(name))
+    figure = error_figure(diagnosed(name), table, "log")
     assert figure is not None
-    one = series(found, both, 1, "vdc")
-    before, after = figure.axes[CHANNELS.index("vdc")].lines
-    for line, error in zip((before, after), one.errors, strict=True):
-        assert np.allclose(line.get_ydata(), error, equal_nan=True)
-
-
-def test_the_errors_of_one_effect_are_those_of_its_blocks() -> None:
-    found = diagnosed("copper")
-    found = msgspec.structs.replace(found, alone=found.fitted_blocks)
-    both = sides_of_one(found)
-    assert both is not None
-    figure = error_figure(found, both, "log", after="alone", channels=["idc"])
-    assert figure is not None
-    (ax,) = figure.axes
-    before, after, *_ = ax.lines
-    assert np.std(np.asarray(after.get_ydata())) < np.std(np.asarray(before.get_ydata()))
+    lines = [np.asarray(line.get_ydata()) for line in figure.axes[0].lines]
+    assert len([line for line in lines if np.isfinite(line).any()]) == sides
+    own = table[(table.channel == "idc") & (table.phase == PAYOUT)]
+    assert lines[0] == pytest.approx((own.logged - own.before).to_numpy())
+    assert over_speed_figure(diagnosed(name), table, "log") is not None
+    if sides == 2:
+        assert np.std(lines[1]) < 0.5 * np.std(lines[0])
 
 
 # ------------------------------------------------------------------------------------------------------------ the causes
@@ -94,13 +83,7 @@ def test_the_waterfall_is_that_of_the_load_with_the_largest_gap_and_ends_at_the_
     assert last.get_x() + last.get_width() == pytest.approx(worst.measured)  # type: ignore[attr-defined]
 
 
-def test_each_number_of_the_causes_has_a_panel() -> None:
-    figure = numbers_figure(diagnosed("copper"))
-    assert figure is not None
-    (row,), (ax,) = cause_numbers(diagnosed("copper")), figure.axes
-    drawn = float(np.asarray(ax.lines[-1].get_xdata()).item())
-    assert drawn == pytest.approx(100.0 * row.found.value)
-    assert numbers_figure(diagnosed("nothing")) is None
+def test_the_roll_off_is_drawn_where_it_is_a_cause() -> None:
     assert profile_figure(diagnosed("copper")) is None
     assert profile_figure(diagnosed("rolloff")) is not None
 
@@ -117,15 +100,11 @@ def test_the_numbers_run_by_run_are_those_of_the_result() -> None:
 
 
 # ------------------------------------------------------------------------------------------------------------- the cycle
-def shown(name: str) -> SimulatedCycle:
-    item = largest_gap(diagnosed(name))
-    assert item is not None
-    return item
-
-
 @pytest.mark.parametrize(("name", "curves"), [("copper", 3), ("nothing", 2)])
 def test_page_and_print_get_every_channel_of_the_cycle(name: str, curves: int) -> None:
-    found, item = diagnosed(name), shown(name)
+    found = diagnosed(name)
+    item = largest_gap(found, block_table(found))
+    assert item is not None
     record: dict[str, Any] = json.loads(history_json(cycle_history(found, item, "log")))
     assert len(record["rows"]) == len(history_figure(cycle_history(found, item, "log")).axes) == len(CHANNELS)
     for k, (channel, row) in enumerate(zip(CHANNELS, record["rows"], strict=True)):

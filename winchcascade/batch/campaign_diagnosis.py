@@ -16,7 +16,7 @@ from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import first_named
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
-from winchcascade.diagnosis.line.line_data import POWER
+from winchcascade.diagnosis.line.line_data import POWER, Lines
 from winchcascade.diagnosis.line.line_diagnose import LineClosure, LineDiagnosis, diagnose_line
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
@@ -208,7 +208,7 @@ def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, fo
     With a model, the files are simulated logs of every withheld log: `before` by the rig as given, or the own simulation at the
     stamps of the log, `after` by a fit to the other logs. Neither contains the zeros of the sensors of that log. Without a
     model, the files are the power of the judged cycles: `before` is line tension times speed, `after` is predicted by a fit to
-    the other cycles. They have the stamps of the log; samples that do not count are left out.
+    the other cycles. They are means over blocks of about 0.4 s; what does not count is left out.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def _predictions(found: ModelDiagnosis | LineDiagnosis) -> Iterator[tuple[str, s
         return
     if isinstance(found, LineDiagnosis):
         for side in ("before", "after"):
-            for name, rows in _predicted_power(found.closure, side).items():
+            for name, rows in _predicted_power(found.closure, found.lines, side).items():
                 yield side, name, partial(_write_power, rows)
         return
     data, own = found.data, found.own_simulation
@@ -261,16 +261,13 @@ def _predictions(found: ModelDiagnosis | LineDiagnosis) -> Iterator[tuple[str, s
         yield "after", run.name, partial(write_log, simulate(run, after))
 
 
-def _predicted_power(judged: LineClosure, side: str) -> dict[str, Signal]:
-    """Stamps [s], cycles and predicted power [W] of each log, (k, 3) by its name, in order of time."""
-    found: dict[str, list[Signal]] = {}
-    for part, after in zip(judged.parts, judged.after, strict=True):
-        given = part.run.channels["force"][part.here] * part.run.channels["velocity"][part.here]
-        predicted = given if side == "before" else given + part.gap - after
-        rows = np.column_stack([part.run.t[part.here], part.cycle.astype(np.float64), predicted])
-        found.setdefault(part.run.name, []).append(rows)
-    whole = {name: np.vstack(rows) for name, rows in found.items()}
-    return {name: rows[np.argsort(rows[:, 0], kind="stable")] for name, rows in whole.items()}
+def _predicted_power(judged: LineClosure, lines: Lines, side: str) -> dict[str, Signal]:
+    """Middles of the blocks [s], cycles and predicted power [W] of each log, (k, 3) by its name, in order of time."""
+    rows = judged.rows
+    predicted = rows.given if side == "before" else rows.given + rows.gap - judged.after
+    table = np.column_stack([rows.t, rows.own_cycle, predicted])
+    names = np.array([part.run.name for part in lines.parts])[rows.part]
+    return {str(name): table[names == name][np.argsort(rows.t[names == name])] for name in np.unique(names)}
 
 
 def _write_power(rows: Signal, path: Path, *, force: bool) -> None:

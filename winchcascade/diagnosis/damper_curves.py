@@ -14,7 +14,7 @@ from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.model_comparison import LEAD, LONGEST, between
 from winchcascade.diagnosis.nuisances import with_quantity
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.parts import Model
+from winchcascade.rig.parts import Model, with_part
 from winchcascade.rig.simulate import simulate
 
 if TYPE_CHECKING:
@@ -68,5 +68,5 @@ def damper_curves(calibration: Calibration) -> DamperCurves | None:
 
 def _tension(run: Run, model: Model, factor: float) -> Signal:
     """Line tension simulated with a multiple of the damper of a model, (n,). [N]"""
-    shaft = msgspec.structs.replace(model.drivetrain, b_rotor=factor * model.drivetrain.b_rotor)
-    return simulate(run, msgspec.structs.replace(model, drivetrain=shaft)).run.channels["force"]
+    other = with_part(model, "drivetrain", b_rotor=factor * model.drivetrain.b_rotor)
+    return simulate(run, other).run.channels["force"]

@@ -212,15 +212,6 @@ class NamedCause(msgspec.Struct, frozen=True):
         return self.look_alikes[:RIVALS]
 
 
-class FittedEffect(msgspec.Struct, frozen=True):
-    """An effect with its numbers as the final fit has them; `chosen` ones are in it, others were tried beside it."""
-
-    effect: str
-    named: bool
-    parameters: dict[str, Reported]
-    chosen: bool = True
-
-
 class CycleEnergy(msgspec.Struct, frozen=True):
     """Signed energy of a stage in one phase of one cycle: measured, predicted before and after, standard uncertainty. [J]"""
 
@@ -343,7 +334,6 @@ class Alarm(msgspec.Struct, frozen=True):
         "scatter",
         "ripple",
         "nuisance",
-        "slow",
         "drift",
         "range",
         "cancelling",

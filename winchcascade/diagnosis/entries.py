@@ -10,9 +10,8 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.nuisances import quantity_of
-from winchcascade.rig.effects.catalogue import OF_THE_RIG
+from winchcascade.rig.effects.catalogue import ENTRIES, OF_THE_RIG, SHARED_RADIUS
 from winchcascade.rig.effects.effect import ActiveEffect, Effect, Stated, Values
-from winchcascade.rig.effects.wrong_entries import ENTRY, SHARED_RADIUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.solve import Bounds
     from winchcascade.diagnosis.suspects import Suspects
-
-BY_NAME = {effect.name: effect for effect in ENTRY}
-"""Every wrong entry by its name."""
 
 LOAD, RADIUS = "load_entry", "drum_radius"
 """Entries that have several forms: one for each run, and one for each place of the encoder."""
@@ -52,7 +48,7 @@ def effect_name(suspect: str) -> str:
 
 def is_entry(suspect: str) -> bool:
     """Whether a suspect is a wrong entry."""
-    return effect_name(suspect) in BY_NAME
+    return effect_name(suspect) in ENTRIES
 
 
 # ----------------------------------------------------------------------------------------------------------- the suspects
@@ -137,7 +133,7 @@ def usual_gain(names: Names, place: Mapping[str, slice], x: Signal, bounds: Boun
     for name in names:
         if not is_entry(name):
             continue
-        entry = BY_NAME[effect_name(name)].fields[0]
+        entry = ENTRIES[effect_name(name)].fields[0]
         k = place[name].start
         variance = max(float(np.linalg.pinv(curve, hermitian=True)[k, k]), 0.0)
         multiples = 1.0 + np.array(entry.usual)

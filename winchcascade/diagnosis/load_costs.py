@@ -15,12 +15,6 @@ T = TypeVar("T", Contribution, ContributionPart)
 
 PERCENT = 100.0
 
-MAX_PARTS = 7
-"""Maximum number of parts of a waterfall; the causes that cost least are added up."""
-
-OTHER = "other causes"
-"""Effect of the part that adds up several causes."""
-
 
 def load_costs(found: ModelDiagnosis, metric: str | None) -> list[Contribution]:
     """The split of an efficiency at every load, from the largest resistance to the smallest: means of its runs [%, points].
@@ -47,11 +41,7 @@ def worst_costs(found: DiagnosisResult) -> Contribution | None:
     """The split of the leading efficiency at the load at which model and run differ most [%, points]; None without one."""
     if not isinstance(found, ModelDiagnosis):
         return None
-    return largest_difference(load_costs(found, leading_metric(found.contributions)))
-
-
-def largest_difference(table: Sequence[Contribution]) -> Contribution | None:
-    """The split at the load at which model and run differ most; None of none."""
+    table = load_costs(found, leading_metric(found.contributions))
     return max(table, key=lambda one: abs(one.measured - one.as_given), default=None)
 
 
@@ -65,31 +55,3 @@ def ranked_causes(found: DiagnosisResult) -> list[NamedCause]:
     """The causes, those that cost most of the leading efficiency first; without a model as they are."""
     costs = worst_costs(found)
     return sorted(found.causes, key=lambda cause: -abs(cost_of(costs, cause) or 0.0))
-
-
-def waterfall_costs(found: ModelDiagnosis) -> list[Contribution]:
-    """The split of the leading efficiency at each load in `MAX_PARTS` parts at most, ranked by their cost. [%, points]"""
-    table, worst = load_costs(found, leading_metric(found.contributions)), worst_costs(found)
-    if worst is None:
-        return []
-    count = len(found.causes)
-    ranked = sorted(range(count), key=lambda k: -abs(worst.parts[k].value))
-    own = count if len(worst.parts) <= MAX_PARTS else MAX_PARTS - 1 - (len(worst.parts) - count)
-    kept, rest = ranked[:own], ranked[own:]
-    return [
-        msgspec.structs.replace(
-            costs,
-            parts=(
-                *(costs.parts[k] for k in kept),
-                *([_sum([costs.parts[k] for k in rest])] if rest else []),
-                *costs.parts[count:],
-            ),
-        )
-        for costs in table
-    ]
-
-
-def _sum(parts: Sequence[ContributionPart]) -> ContributionPart:
-    """Some causes as one part."""
-    low, value, high = (sum(getattr(part, name) for part in parts) for name in ("low", "value", "high"))
-    return ContributionPart(OTHER, "physical", value, low, high)

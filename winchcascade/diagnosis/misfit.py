@@ -559,7 +559,7 @@ def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDA
     force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
     seen[:, [force, torque]] &= ((np.abs(speed) > MOVING) & ~hold)[:, None]
     generator, numbers = model.generator, constants(model, course.load)
-    rpm = MAX_NOISE * u_velocity * numbers.gear / numbers.r_drum * 30.0 / math.pi
+    rpm = MAX_NOISE * u_velocity * model.drivetrain.gear / model.winch.r_drum * 30.0 / math.pi
     if generator.k_e * rpm > 2.0 * generator.v_diode:
         seen[:, [vdc, idc]] &= (np.abs(speed) > MOVING)[:, None]
     if np.isinf(course.load):

@@ -16,9 +16,9 @@ import numpy as np
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import UNITS, unit_names
-from winchcascade.core.run import Finding
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.diagnosis.block_means import PHASES, blocks_of
+from winchcascade.diagnosis.adequacy import moved_by
+from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of
 from winchcascade.diagnosis.causes import parameters_of
 from winchcascade.diagnosis.closure import MIN_EXCESS, alarms_of, closure_between
 from winchcascade.diagnosis.contributions import from_own_simulation, without
@@ -27,11 +27,11 @@ from winchcascade.diagnosis.evidence import Found, search
 from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
+from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.line_velocity import SMOOTHING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
@@ -52,6 +52,37 @@ NEAR = 0.5
 
 FINER = 1.5
 """Minimum number of samples of a simulation for each of the log from which it is averaged over the intervals of the log. [1]"""
+
+APART = 5.0
+"""Ratio of the levels of a simulated channel and its log, or its inverse, that shows another unit than the assumed one: bar and
+kg/cm2 are too close, newton and kilogram-force are not. [1]"""
+
+SHOWS = 3.0
+"""Smallest significance of a place at which a simulation has another form: two that cancel each other there show nothing."""
+
+
+# -------------------------------------------------------------------------------------------------- at the stamps of the logs
+def on_the_logs(
+    simulations: Sequence[Run], logs: Sequence[Run], rig: Rig, cycles: Sequence[tuple[int, int] | None]
+) -> list[Run]:
+    """Bring the simulation of each run to the stamps of its log.
+
+    Parameters
+    ----------
+    cycles : of each run, the first and last cycle that count, None for all
+
+    Raises
+    ------
+    LogError : as `onto_log`, or a unit that was assumed is another one
+    """
+    found = []
+    for simulation, log, span in zip(simulations, logs, cycles, strict=True):
+        blocks = blocks_of(log, rig, span)
+        counted = slice(int(blocks.start[0]), int(blocks.stop[-1])) if blocks.size else slice(None)
+        there = onto_log(simulation, log, counted)
+        _check_levels(there, log, rig, blocks)
+        found.append(there)
+    return found
 
 
 def onto_log(simulation: Run, log: Run, counted: slice) -> Run:
@@ -80,33 +111,21 @@ def onto_log(simulation: Run, log: Run, counted: slice) -> Run:
             "simulation with the velocity of the log, over all cycles that count."
         )
     channels = {name: _sampled(simulation, x, log, shift) for name, x in simulation.channels.items()}
-    return msgspec.structs.replace(
-        simulation,
-        t=log.t,
-        channels=channels,
-        fs=log.fs,
-        samples=log.t.size,
-        load=log.load,
-        gaps={},
-        simulated=True,
-    )
-
-
-def _smoothed(run: Run) -> Signal:
-    """Velocity without the noise of an encoder, as the model takes it, (n,). [m/s]"""
-    return local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
+    at_log = {"t": log.t, "fs": log.fs, "samples": log.t.size, "load": log.load}
+    return msgspec.structs.replace(simulation, channels=channels, gaps={}, simulated=True, **at_log)
 
 
 def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
     """By how much the clock of a simulation is ahead of that of its log [s], and the difference of the velocities then [1].
 
-    The clocks may be the same, begin with the first sample, or be related by the correlation of the velocities.
+    The clocks may be the same, begin with the first sample, or be related by the correlation of the velocities, which are taken
+    without the noise of an encoder.
     """
     from scipy.optimize import minimize_scalar
     from scipy.signal import correlate
 
-    step, velocity, other = 1.0 / log.fs, _smoothed(log), _smoothed(simulation)
-    scale = max(float(np.sqrt(np.mean(velocity[counted] ** 2))), 1e-6)
+    velocity, other = (local_quadratic(run.t, run.channels["velocity"], SMOOTHING) for run in (log, simulation))
+    step, scale = 1.0 / log.fs, max(float(np.sqrt(np.mean(velocity[counted] ** 2))), 1e-6)
 
     def difference(shift: float) -> float:
         at = log.t[counted] + shift
@@ -119,91 +138,40 @@ def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
     begins = float(simulation.t[0] - log.t[0])
     near = min((0.0, begins, begins + (int(np.argmax(together)) - at_log.size + 1) * step), key=difference)
     found = minimize_scalar(difference, bounds=(near - NEAR, near + NEAR), method="bounded", options={"xatol": 1e-5})
-    shift = float(found.x)
-    if abs(shift) < AT_ONCE * step:
-        shift = 0.0
+    shift = 0.0 if abs(found.x) < AT_ONCE * step else float(found.x)
     return shift, difference(shift)
 
 
 def _sampled(simulation: Run, x: Signal, log: Run, shift: float) -> Signal:
     """A channel of a simulation at the stamps of its log, (n,): between two samples by a straight line, of many the mean."""
-    at = log.t + shift
+    at, half = log.t + shift, 0.5 / log.fs
     if simulation.fs < FINER * log.fs:
         return np.interp(at, simulation.t, x)
     total = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(simulation.t) * (x[1:] + x[:-1]))))
-    half = 0.5 / log.fs
-    low, high = (np.clip(at + side, simulation.t[0], simulation.t[-1]) for side in (-half, half))
-    width = high - low
-    means = np.interp(high, simulation.t, total) - np.interp(low, simulation.t, total)
-    return np.where(width > half, means / np.maximum(width, half), np.interp(at, simulation.t, x))
+    ends = np.clip(at + np.array([[-half], [half]]), simulation.t[0], simulation.t[-1])
+    (gained,), (width,) = (np.diff(y, axis=0) for y in (np.interp(ends, simulation.t, total), ends))
+    return np.where(width > half, gained / np.maximum(width, half), np.interp(at, simulation.t, x))
 
 
-def on_the_logs(
-    simulations: Sequence[Run], logs: Sequence[Run], rig: Rig, cycles: Sequence[tuple[int, int] | None]
-) -> list[Run]:
-    """Bring the simulation of each run to the stamps of its log, and compare their levels where a unit was assumed.
-
-    Parameters
-    ----------
-    cycles : of each run, the first and last cycle that count, None for all
-
-    Raises
-    ------
-    LogError : as `onto_log`, or a unit that was assumed is another one
-    """
-    found = []
-    for simulation, log, span in zip(simulations, logs, cycles, strict=True):
-        blocks = blocks_of(log, rig, span)
-        counted = slice(int(blocks.start[0]), int(blocks.stop[-1])) if blocks.size else slice(None)
-        there = onto_log(simulation, log, counted)
-        levels = {
-            name: tuple(float(np.sqrt(np.mean(blocks.mean(run.channels[name]) ** 2))) for run in (there, log))
-            for name in CHANNELS
-            if name in log.channels and blocks.size and not (name == "idc" and log.open_circuit)
-        }
-        found.append(_with_checked_units(there, log, rig, levels))
-    return found
-
-
-APART = 10.0
-"""Ratio of the levels of a simulated channel and its log, or its inverse, from which an assumed unit is questionable. [1]"""
-
-UNIT_APART = 5.0
-"""Ratio of units from which a level shows them: bar and kg/cm2 are too close, newton and kilogram-force are not. [1]"""
-
-NEAR_UNIT = 0.1
-"""Maximum deviation of that ratio from the ratio of two units, as a share: what model and log may differ by. [1]"""
-
-
-def _with_checked_units(simulation: Run, log: Run, rig: Rig, levels: Mapping[str, tuple[float, ...]]) -> Run:
-    """A simulation with a finding on each channel of an assumed unit whose level is far from that of the log.
-
-    Parameters
-    ----------
-    levels : root mean squares of the blocks of simulation and log, by channel
-
-    Raises
-    ------
-    LogError : the level fits another unit of the channel
-    """
-    findings = list(simulation.findings)
-    for name in [name for name in levels if ("unit_assumed", name) in {(f.kind, f.channel) for f in findings}]:
-        here, logged = levels[name]
+def _check_levels(simulation: Run, log: Run, rig: Rig, blocks: Blocks) -> None:
+    """Reject a simulation with a channel of an assumed unit whose level is far from that of the log: LogError."""
+    assumed = {finding.channel for finding in simulation.findings if finding.kind == "unit_assumed"}
+    for name in (name for name in CHANNELS if name in assumed and name in log.channels and blocks.size):
+        if name == "idc" and log.open_circuit:
+            continue
+        here, logged = (float(np.sqrt(np.mean(blocks.mean(run.channels[name]) ** 2))) for run in (simulation, log))
         ratio, channel = (here / logged if logged else 1.0), rig.known_channels[name]
-        assumed = UNITS[channel.unit].factor
-        fits = {unit: abs(ratio * factor / assumed - 1.0) for factor, unit in unit_names(channel.dimension).items()}
-        likely = min(fits, key=fits.__getitem__)
-        far = f"its {name} has no known unit, was taken as {channel.unit}, and is {ratio:.3g} times that of the log {log.name}"
-        if fits[likely] <= NEAR_UNIT and not 1.0 / UNIT_APART < ratio < UNIT_APART:
-            raise LogError(
-                f"{simulation.path}: {far}; the unit is probably {likely}. State it in the header of the column, such as "
-                f"{name} ({likely})."
-            )
-        if not 1.0 / APART < ratio < APART:
-            findings.append(Finding("unit_conflict", f"{far}; check its unit", "reported and kept", name))
-    return msgspec.structs.replace(simulation, findings=tuple(findings))
+        if 1.0 / APART < ratio < APART:
+            continue
+        units = {unit: factor / UNITS[channel.unit].factor for factor, unit in unit_names(channel.dimension).items()}
+        likely = min(units, key=lambda unit: abs(math.log10(max(ratio * units[unit], 1e-12))))
+        raise LogError(
+            f"{simulation.path}: its {name} has no known unit, was taken as {channel.unit}, and is {ratio:.3g} times that of "
+            f"the log {log.name}; the unit may be {likely}. State it in the header of the column, such as {name} ({likely})."
+        )
 
 
+# ------------------------------------------------------------------------------------------------------- as the baseline
 def beside_own_simulation(
     result: ModelDiagnosis,
     simulations: Sequence[Run],
@@ -232,22 +200,30 @@ def beside_own_simulation(
     nothing = np.zeros(len(data.nuisances))
     places = compare(data, given, data.tolerances(nothing, [], result.predicted))
     where, closure, gap = result.where, result.closure, without_zeros(data, data.measured - given)
-    if where is not None:
-        where = locate(data, gap, places, where.stage, where.arises)
-    if closure is not None:
-        closure = closure_between(data, gap, closure.residual, closure.predictions, result.seed)
     own = fit_simulation(simulations, result, on_progress)
-    split = from_own_simulation(result.contributions, data, simulations, windows)
     result = msgspec.structs.replace(
         result,
         predicted=given,
         places=places,
-        where=where,
-        closure=closure,
+        where=where and locate(data, gap, places, where.stage, where.arises),
+        closure=closure and closure_between(data, gap, closure.residual, closure.predictions, result.seed),
         own_simulation=own,
-        contributions=split,
+        contributions=from_own_simulation(result.contributions, data, simulations, windows),
     )
-    return _without_gap(result, own) if _agrees(result, own, gap) else result
+    if not _agrees(result, own, gap):
+        return result
+    shared = tuple(cause.effect for cause in result.causes)
+    return msgspec.structs.replace(
+        result,
+        verdict="no_gap",
+        causes=(),
+        where=None,
+        closure=None,
+        remainder=None,
+        experiment=None,
+        own_simulation=msgspec.structs.replace(own, shared=shared),
+        contributions=without(result.contributions, shared, among="model_form"),
+    )
 
 
 def _agrees(result: ModelDiagnosis, own: OwnSimulation, gap: Signal) -> bool:
@@ -264,34 +240,13 @@ def _agrees(result: ModelDiagnosis, own: OwnSimulation, gap: Signal) -> bool:
     judged = data.seen & np.isfinite(result.closure.residual)
     allowed = (1.0 + MIN_EXCESS) * (data.noise**2 + np.sum(data.discrepancies() ** 2, axis=2))
     small = np.sum(gap**2, axis=0, where=judged) <= np.sum(allowed, axis=0, where=judged)
-    return bool(small.all()) and all(
-        cause.effect in own.numbers
-        and all(
-            number.low <= own.numbers[cause.effect][name].high and own.numbers[cause.effect][name].low <= number.high
-            for name, number in cause.parameters.items()
-        )
+    pairs = [
+        (number, own.numbers.get(cause.effect, {}).get(name))
         for cause in result.causes
-    )
-
-
-def _without_gap(result: ModelDiagnosis, own: OwnSimulation) -> ModelDiagnosis:
-    """The result for a simulation that agrees with the logs: their causes are shared, and part of its form."""
-    shared = tuple(cause.effect for cause in result.causes)
-    return msgspec.structs.replace(
-        result,
-        verdict="no_gap",
-        causes=(),
-        where=None,
-        closure=None,
-        remainder=None,
-        experiment=None,
-        own_simulation=msgspec.structs.replace(own, shared=shared),
-        contributions=without(result.contributions, shared, among="model_form"),
-    )
-
-
-SHOWS = 3.0
-"""Smallest significance of a place at which a simulation has another form: two that cancel each other there show nothing."""
+        for name, number in cause.parameters.items()
+    ]
+    alike = (other is not None and one.low <= other.high and other.low <= one.high for one, other in pairs)
+    return bool(small.all()) and all(alike)
 
 
 def fit_simulation(
@@ -313,26 +268,23 @@ def fit_simulation(
 def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence[Place]) -> tuple[ModelForm, ...]:
     """What a simulation has in another form than the rig's model, each at the place where it shows most, largest first.
 
+    These are the effects of the fit, and stages in which the residual of the fit has a structure.
+
     Parameters
     ----------
     places : map of simulation minus rig's model
     """
-    best = found.best
-    effects = dict(zip(best.names, best.effects(suspects), strict=True))
-    here = data.predict(best.nu, [*effects.values()])
     forms: list[ModelForm] = []
-    for name in best.names:
-        change = here - data.predict(best.nu, [effect for other, effect in effects.items() if other != name])
-        size, place = _maximum(data, change, places)
+    for name, change in moved_by(data, suspects, found.best).items():
+        size, place = max(_changes(data, change, places), key=lambda one: one[0], default=(0.0, None))
         if place is not None and size >= data.rig.model.relevant_share and abs(place.z) >= SHOWS:
             forms.append(_form(suspects[name].stage, place, name))
-    for alarm in alarms_of(data, suspects, best):
+    for alarm in alarms_of(data, suspects, found.best):
         if alarm.kind == "structure" and isinstance(alarm.about, Spot):
             own = [p for p in places if (p.channel, p.phase) == (alarm.about.channel, alarm.about.phase)]
-            worst = max(own, key=lambda p: abs(p.z), default=None)
             stage = STAGE_OF[alarm.about.channel]
-            if worst is not None and stage not in {form.stage for form in forms}:
-                forms.append(_form(stage, worst, None))
+            if own and stage not in {form.stage for form in forms}:
+                forms.append(_form(stage, max(own, key=lambda p: abs(p.z)), None))
     return tuple(sorted(forms, key=lambda form: -abs(form.z)))
 
 
@@ -340,16 +292,12 @@ def _form(stage: str, place: Place, likely: str | None) -> ModelForm:
     return ModelForm(stage, place.channel, place.phase, place.load, place.bias, place.z, likely)
 
 
-def _maximum(data: Fitted, change: Signal, places: Sequence[Place]) -> tuple[float, Place | None]:
-    """The place that a change of the blocks, (M, 5), moves most, and by which share of the maximum of its channel there."""
+def _changes(data: Fitted, change: Signal, places: Sequence[Place]) -> list[tuple[float, Place]]:
+    """By which share of the maximum of its channel in the log a change of the blocks, (M, 5), moves each place. [1]"""
     by_place = {(p.log, p.channel, p.phase): p for p in places}
-    size, found = 0.0, None
-    for log, k, phase, here in data.cells():
-        place = by_place.get((log, CHANNELS[k], PHASES[phase]))
-        if place is None:
-            continue
-        top = float(np.max(np.abs(data.measured[data.rows[log], k])))
-        moved = abs(float(np.mean(change[here, k]))) / top if top > 0.0 else math.nan
-        if moved > size:
-            size, found = moved, place
-    return size, found
+    top = np.array([np.max(np.abs(data.measured[rows]), axis=0) for rows in data.rows])
+    return [
+        (abs(float(np.mean(change[here, k]))) / top[log, k], by_place[at])
+        for log, k, phase, here in data.cells()
+        if (at := (log, CHANNELS[k], PHASES[phase])) in by_place and top[log, k] > 0.0
+    ]

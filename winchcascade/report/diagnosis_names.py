@@ -22,7 +22,6 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.line.line_stability import cycle_names
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.content import number_text, places
 from winchcascade.report.glossary import CHANNELS, PHASES
@@ -232,7 +231,7 @@ def files_of(found: DiagnosisResult) -> list[str]:
 
 def items_of(found: DiagnosisResult) -> list[str]:
     """Names of what the number of a cause is estimated from one by one: the runs or, without a model, their cycles."""
-    return [*cycle_names(found.lines.parts)] if isinstance(found, LineDiagnosis) else files_of(found)
+    return found.lines.cycle_names if isinstance(found, LineDiagnosis) else files_of(found)
 
 
 def runs_with_number(cause: NamedCause) -> list[int]:

@@ -243,16 +243,16 @@ def _(result: DiagnosisResult) -> Plots:
 
 def _waterfalls(found: DiagnosisResult) -> Plot:
     """What each cause costs, by load, on one Axes of the largest difference alone."""
-    from winchcascade.diagnosis.load_costs import largest_difference, waterfall_costs
+    from winchcascade.diagnosis.load_costs import load_costs, worst_costs
     from winchcascade.report.diagnosis_names import word_of
     from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 
     if not isinstance(found, ModelDiagnosis):
         return Plot(list, "a model that splits an efficiency by its causes, of a rig file with all numbers of the rig")
-    costs = waterfall_costs(found)
-    largest = largest_difference(costs)
+    largest = worst_costs(found)
     if largest is None:
         return Plot(list, "a split of an efficiency at a load")
+    costs = load_costs(found, largest.metric)
 
     def draw(axes: list[axes.Axes]) -> None:
         draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs, word_of(found))

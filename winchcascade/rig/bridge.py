@@ -2,7 +2,7 @@
 
 A textbook average deviates by 3 % near open circuit, where the capacitor charges to the peak, and by 7 % at 4.5 ohm at speed,
 where commutation takes 60 degrees. So `benchmarks/switched_bridge.py` solved the switched circuit over a grid once; here the
-table is interpolated by cubic convolution (Keys 1981). On a stiff DC side the state follows the speed and the voltage within a period.
+table is interpolated by cubic convolution (Keys 1981). On a stiff DC side the state follows speed and voltage within a period.
 
 The inverse gives the voltage, or the back-EMF, at which the bridge carries a given current. Both are monotonic in the
 current, so there is one root: Newton steps by the slopes of the bridge start at the previous sample and stay in a bracket.

@@ -411,6 +411,8 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
         screw *= physics.both_ways(sign, 1.0 / c.eta_forward, c.eta_reverse)
         drag = physics.open_clutch(sign, c.drivetrain)
         seen = torque[n] + drag if torque[n] >= 0.0 else min(torque[n], drag)
-        needed = screw + seen + physics.line_losses(v[n] / c.r_motion, sign, slow, winch) + winch.inertia * a[n] / c.r_motion
+        needed = (
+            screw + seen + physics.line_losses(v[n] / c.r_motion, sign, slow, winch) + winch.inertia * a[n] / c.r_motion
+        )
         force = needed / physics.rope_radius(x[n], winch) * physics.line_over_drum(sign, winch)
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = gauge, force, seen, screw

@@ -8,7 +8,7 @@ import numpy as np
 from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import back_emfs, blended_table
-from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
+from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.kernel import SHAFT, constants
 from winchcascade.rig.readings import TRUE, path_of, run_readings, sensor_numbers
 from winchcascade.rig.simulate import READ, even_motion, solve

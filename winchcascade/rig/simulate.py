@@ -7,6 +7,7 @@ of the line goes: stored, lost in each part, or delivered.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -117,7 +118,10 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     slow = physics.near_rest(motion.v, sign, model.winch)
     line = got["force"] * omega_drum * physics.rope_radius(motion.x, model.winch)
     driven, overrun = np.maximum(got["clutch"], 0.0), np.minimum(got["clutch"], 0.0)
-    push, seal = physics.piston_torque(got["pressure"], model.restoring), physics.seal_torque(sign, slow, model.restoring)
+    push, seal = (
+        physics.piston_torque(got["pressure"], model.restoring),
+        physics.seal_torque(sign, slow, model.restoring),
+    )
     fast, electrical = (
         physics.shaft_losses(omega, physics.direction(omega, TURN), shaft),
         physics.electrical_losses(got["i_bridge"], got["i_s"], model.generator),
@@ -245,7 +249,7 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     )
 
 
-POSSIBLE = (
+POSSIBLE: tuple[tuple[str, str, Callable[[float], bool], str], ...] = (
     ("drivetrain.eta_mesh", "mesh efficiency", lambda number: 0.0 < number <= 1.0, "above 0 and at most 1"),
     ("restoring.mu", "friction coefficient of the screw", lambda number: number >= 0.0, "0 or more"),
     ("restoring.volume", "gas volume [m3]", lambda number: number > 0.0, "above 0"),

@@ -12,15 +12,13 @@ from typing import Literal, get_args
 import msgspec
 import numpy as np
 
-from winchcascade.core.errors import LogError
-from winchcascade.core.integrate import median
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.rig import physics
 from winchcascade.rig.backemf import RPM_MIN, dc_currents, machine_state
 from winchcascade.rig.bridge import bridge_table, dc_voltages
 from winchcascade.rig.kernel import LINE, RPM, LineMotion, constants, run_line
 from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, Model, rolloff_curve
-from winchcascade.rig.physics import REST, TURN
+from winchcascade.rig.physics import TURN
 from winchcascade.rig.simulate import load_of
 
 Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
@@ -36,9 +34,6 @@ CONDUCTING = 0.5
 
 ROUNDS = 8
 """Rounds in which stator current and roll-off settle."""
-
-ACCELERATION = 0.4
-"""Width of the local quadratic whose slope is the acceleration of the line, where no model of the rig is known. [s]"""
 
 
 class StageOutput(msgspec.Struct, frozen=True):
@@ -195,56 +190,3 @@ def _voltage(model: Model, course: Along, drive: _Drive) -> Signal:
     found = np.full(known.size, np.nan)
     found[known] = np.where(v_total > 0.0, v_total - 2.0 * machine.v_diode, np.nan)
     return found
-
-
-def line_power(
-    run: Run, mass_extra: float = 0.0, force: float = 0.0, b_line: float = 0.0, width: float = ACCELERATION
-) -> Signal:
-    """Compute the mechanical power at the winch from line tension and speed, in line units: no drum radius is needed, (n,) [W].
-
-    P = v (F - m dv/dt - F_0 sgn v - b v): power of the tether, less acceleration of the winch and losses between. As
-    `power_mech`, it is positive while the line drives the winch; in haul-in the winch gives more than the tether takes.
-
-    Parameters
-    ----------
-    mass_extra : inertia that moves with the line, as a mass on it [kg]
-    force : constant friction, against the motion [N]
-    b_line : drag in proportion to the speed [N s/m]
-    width : of the local quadratic whose slope is the acceleration [s]
-
-    Raises
-    ------
-    LogError : the log has no line tension
-    """
-    if "force" not in run.channels:
-        raise LogError(f"{run.name}: no line tension, which the power of the line follows from; log it.")
-    v = run.channels["velocity"]
-    taken = force * np.tanh(v / REST) + b_line * v
-    if mass_extra:
-        taken = taken + mass_extra * acceleration(run.t, v, width)
-    return v * (run.channels["force"] - taken)
-
-
-def acceleration(t: Signal, v: Signal, width: float = ACCELERATION) -> Signal:
-    """Slope of the quadratic fitted around each sample of a velocity, (n,) [m/s2]; NaN where fewer than three stamps carry it.
-
-    Examples
-    --------
-    >>> t = np.arange(0.0, 2.0, 0.1)
-    >>> bool(np.allclose(acceleration(t, t**2), 2.0 * t))
-    True
-    """
-    half_width = 0.5 * width * (1.0 + 1e-6)
-    half, every = max(int(half_width / median(np.diff(t))), 1), np.arange(t.size)
-    sums, moments = np.zeros((5, t.size)), np.zeros((3, t.size))
-    for k in range(-half, half + 1):
-        at = np.clip(every + k, 0, t.size - 1)
-        u = (t[at] - t) / half_width
-        powers = np.where((np.abs(u) <= 1.0) & (at == every + k), u ** np.arange(5)[:, None], 0.0)
-        sums += powers
-        moments += powers[:3] * v[at]
-    normal = sums[np.add.outer(np.arange(3), np.arange(3))].transpose(2, 0, 1)
-    sound = np.linalg.det(normal) > 1e-9 * np.maximum(sums[0], 1.0) ** 3
-    slope = np.full(t.size, np.nan)
-    slope[sound] = np.linalg.solve(normal[sound], moments.T[sound, :, None])[:, 1, 0] / half_width
-    return slope

@@ -1,5 +1,5 @@
-"""What is reported of each cause of a winch without a model: its number with an interval, its probability, its alternatives,
-and the motion that would best distinguish a cause from its strongest alternative.
+"""What is reported of each cause of a winch without a model: its number, its probability, its alternatives, its number cycle by
+cycle, and the motion that would best distinguish a cause from its strongest alternative.
 """
 
 from __future__ import annotations
@@ -7,46 +7,32 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import student
-from winchcascade.core.run import Run, Signal
-from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.block_means import BLOCK, PHASES
+from winchcascade.diagnosis.causes import COVERED, LAW
 from winchcascade.diagnosis.diagnosis_result import (
     Alternative,
     Experiment,
-    FittedEffect,
     NamedCause,
     Names,
     Reported,
+    RunValue,
     Spot,
+    Stability,
 )
-from winchcascade.diagnosis.line.line_data import (
-    NUMBERS,
-    POWER,
-    RANGED,
-    Lines,
-    block_means_of,
-    columns_of,
-    reported_number,
-)
-from winchcascade.diagnosis.line.line_selection import (
-    MATERIAL,
-    Choice,
-    Moments,
-    coefficients,
-    errors_of,
-    line_covariance,
-    moments_of,
-)
-from winchcascade.diagnosis.line.line_stability import stability_of
-from winchcascade.rig.stages import line_power
+from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, RANGED, Lines, columns_of, reported_number
+from winchcascade.diagnosis.line.line_fit import Choice, LineFit, folds_of, noise_of
+from winchcascade.diagnosis.stability import trends_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from winchcascade.core.run import Signal
     from winchcascade.diagnosis.suspects import Suspects
+
+MATERIAL = 0.01
+"""Share of the power of the winch, root mean squares, that a cause must take to be named: in logs of an hour far smaller ones
+are significant, and force cells and powers of field winches are no better than to one per cent."""
 
 AMBIGUOUS = 0.95
 """Maximum probability of a cause that another suspect can replace: the list of suspects is not complete. [1]"""
@@ -60,114 +46,63 @@ SWING = 4.0
 TOP = 0.97
 """Quantile of the speed in payout that a planned motion takes for its top."""
 
-NEARLY = 0.7
-"""Share of the largest significance from which a motion is planned; they are tried in order of effort."""
 
-
-def line_causes(lines: Lines, m: Moments, choice: Choice, suspects: Suspects) -> tuple[NamedCause, ...]:
-    """Every material cause of the chosen set, the one that closes most first."""
-    numbers, everything = reported(lines, m, choice.chosen), moments_of(lines, lines.parts)
-    named = [name for name in choice.chosen if is_material(lines, m, choice, name)]
-    causes = []
-    for name in named:
-        alike = _look_alikes(lines, m, choice, name)
+def line_causes(fit: LineFit, choice: Choice, suspects: Suspects) -> tuple[NamedCause, ...]:
+    """Every suspect of the chosen set with its numbers, the one that closes most first."""
+    numbers, noise = reported(fit, choice.chosen), noise_of(fit.lines.rows)
+    every = LineFit(fit.lines, fit.lines.rows, noise, noise.gram(noise.within))
+    gap, causes = max(float(np.sum(fit.lines.judged.gap**2)), 1e-300), []
+    for name in choice.chosen:
         without = tuple(n for n in choice.chosen if n != name)
+        alike = _look_alikes(fit, choice, name)
         causes.append(
             NamedCause(
                 effect=name,
                 stage=suspects[name].stage,
                 probability=min(choice.share_with(name), AMBIGUOUS if alike else 1.0),
                 parameters={NUMBERS[name][0]: numbers[name]},
-                weight=choice.error(without) - choice.error(choice.chosen),
-                stability=stability_of(lines, everything, choice.chosen, name),
+                weight=choice.errors[without] - choice.errors[choice.chosen],
+                stability=_stability(every, choice.chosen, name),
                 look_alikes=alike,
-                ablation=1.0 - squared_error(lines, m, without) / max(squared_error(lines, m, ()), 1e-300),
+                ablation=1.0 - float(np.sum(fit.judged_residual(without) ** 2)) / gap,
             )
         )
     return tuple(sorted(causes, key=lambda cause: -cause.weight))
 
 
-def squared_error(lines: Lines, m: Moments, names: Names) -> float:
-    """Squared error of a set on the judged parts by a fit without them. [W2]"""
-    if not lines.judged[0].withheld:
-        return float(errors_of(m, lines, names).sum())
-    x = coefficients(m, lines, names)
-    return float(sum(np.sum((part.gap - part.columns @ x) ** 2) for part in lines.judged))
+def is_material(fit: LineFit, names: Names, cause: str) -> bool:
+    """Whether the power that a cause takes is a share of that of the winch that matters."""
+    k = fit.lines.names.index(cause)
+    power = np.linalg.norm(fit.rows.columns[:, k] * fit.coefficients(names)[k])
+    return bool(power >= MATERIAL * np.linalg.norm(fit.rows.gap + fit.rows.given))
 
 
-def is_material(lines: Lines, m: Moments, choice: Choice, name: str) -> bool:
-    """Whether a cause closes a share of the gap, or takes a share of the energy of payouts or haul-ins, that matters."""
-    without = tuple(n for n in choice.chosen if n != name)
-    if choice.error(without) - choice.error(choice.chosen) >= MATERIAL * (1.0 - choice.error(choice.chosen)):
-        return True
-    own = lines.names.index(name)
-    taken = coefficients(m, lines, choice.chosen)[own]
-    for number, phase in enumerate(PHASES):
-        here = [(part, part.phase == number) for part in lines.fitted]
-        energy = sum(float(np.sum((part.width * part.columns[:, own])[at])) for part, at in here) * taken
-        line, gap = (
-            sum(float(np.sum((part.width * power)[at])) for (part, at), power in zip(here, powers, strict=True))
-            for powers in (
-                [line_power(part.run)[part.here] for part in lines.fitted],
-                [part.gap for part in lines.fitted],
-            )
-        )
-        if phase != "hold" and abs(energy) >= MATERIAL * max(abs(line), abs(line + gap)) > 0.0:
-            return True
-    return False
-
-
-def fitted_effects(lines: Lines, m: Moments, choice: Choice, named: Sequence[str]) -> tuple[FittedEffect, ...]:
-    """Every suspect of the final fit with its number, then each that was left out though its fit closes more, with its number.
-
-    One that was left out counts if it closes `MATERIAL` more of the gap on held-out cycles and its interval excludes zero.
-    """
-    numbers = reported(lines, m, choice.chosen)
-    found = [FittedEffect(name, name in named, {NUMBERS[name][0]: numbers[name]}) for name in choice.chosen]
-    for name in lines.names:
-        if name in choice.chosen:
-            continue
-        larger = tuple(n for n in lines.names if n in (*choice.chosen, name))
-        number = reported(lines, m, larger)[name]
-        more = choice.error(choice.chosen) - choice.error(larger)
-        apart = number.low > 0.0 or number.high < 0.0
-        if apart and (more >= MATERIAL or choice.evidence[larger] > choice.evidence[choice.chosen]):
-            found.append(FittedEffect(name, False, {NUMBERS[name][0]: number}, chosen=False))
-    return tuple(found)
-
-
-def again_alone(lines: Lines, names: Names) -> dict[str, Reported]:
-    """The numbers of a set from the withheld parts alone, by effect; none where no part is withheld."""
-    parts = tuple(msgspec.structs.replace(part, withheld=False) for part in lines.parts if part.withheld)
-    alone = msgspec.structs.replace(lines, parts=parts)
-    return reported(alone, moments_of(alone, parts), names) if parts else {}
-
-
-def reported(lines: Lines, m: Moments, names: Names) -> dict[str, Reported]:
+def reported(fit: LineFit, names: Names) -> dict[str, Reported]:
     """The number of each suspect of a set with its 95 % interval; Student's t for few folds."""
-    x, bounds = coefficients(m, lines, names), lines.bounds
-    u = np.sqrt(np.diag(line_covariance(lines, m, names))) * student(m.folds - 1)
-    ends = np.array([x, np.maximum(x - u, bounds.low), np.minimum(x + u, bounds.high)])
-    gain = 0.0
-    if "force_gain" in names:
-        gain = reported_number("force_gain", float(x[lines.names.index("force_gain")]))
-    found = {}
+    lines, x = fit.lines, fit.coefficients(names)
+    half = np.hypot(np.sqrt(np.diag(fit.covariance(names))), LAW * x) * student(fit.folds - 1)
+    ends = np.array([x, np.maximum(x - half, lines.low), np.minimum(x + half, lines.high)])
+    gain = reported_number("force_gain", float(x[lines.names.index("force_gain")])) if "force_gain" in names else 0.0
+    inside, found = fit.inside(names), {}
     for name in names:
         k = lines.names.index(name)
-        value, *interval = (reported_number(name, end) for end in ends[:, k].tolist())
-        if name == "force_zero":
-            value, *interval = (end / (1.0 + gain) for end in (value, *interval))
-        eps = 1e-9 * float(bounds.inner_high[k] - bounds.inner_low[k])
-        over, at = x[k] - bounds.inner_high[k], min(abs(x[k] - bounds.low[k]), abs(x[k] - bounds.high[k]))
-        beyond = name in RANGED and bool(max(over, bounds.inner_low[k] - x[k]) > eps)
-        side: Literal["low", "high"] = "low" if abs(value) < eps else "high"
+        value, *interval = (
+            reported_number(name, end) * (1.0 + gain if name == "force_zero" else 1.0) for end in ends[:, k].tolist()
+        )
+        low, high = lines.plausible[:, k]
+        side: Literal["low", "high"] = "low" if x[k] <= lines.low[k] + 1e-9 * lines.span[k] else "high"
         found[name] = Reported(
-            value, min(interval), max(interval), NUMBERS[name][1], side if at <= eps else None, beyond_range=beyond
+            value,
+            min(interval),
+            max(interval),
+            NUMBERS[name][1],
+            None if name in inside else side,
+            beyond_range=name in RANGED and not low <= x[k] <= high,
         )
     return found
 
 
-def _look_alikes(lines: Lines, m: Moments, choice: Choice, name: str) -> tuple[Alternative, ...]:
+def _look_alikes(fit: LineFit, choice: Choice, name: str) -> tuple[Alternative, ...]:
     """Suspects of the smallest sets without a cause for which the evidence is not clearly lower, the most likely first."""
     good = [names for names in choice.evidence if name not in names and choice.as_good(names)]
     smallest = [names for names in good if not any(set(other) < set(names) for other in good)]
@@ -177,96 +112,110 @@ def _look_alikes(lines: Lines, m: Moments, choice: Choice, name: str) -> tuple[A
             if other not in choice.chosen:
                 best.setdefault(other, names)
     return tuple(
-        Alternative(other, choice.share_with(other), _difference(lines, m, choice.chosen, names))
+        Alternative(other, choice.share_with(other), _difference(fit, choice.chosen, names))
         for other, names in best.items()
     )
 
 
-def _swaps(lines: Lines, choice: Choice, name: str) -> list[tuple[str, Names]]:
-    """Sets with another suspect in place of one cause, and which."""
-    kept = [n for n in choice.chosen if n != name]
-    others = [n for n in lines.names if n not in choice.chosen]
-    return [(other, tuple(n for n in lines.names if n in (*kept, other))) for other in others]
-
-
-def _difference(lines: Lines, m: Moments, one: Names, other: Names) -> Spot:
+def _difference(fit: LineFit, one: Names, other: Names) -> Spot:
     """In which phase two sets differ most, as a root mean square."""
-    apart = coefficients(m, lines, one) - coefficients(m, lines, other)
-    blocks, mean = block_means_of(lines.parts, [part.columns @ apart for part in lines.parts])
-    known = np.isfinite(mean)
-    sums = np.bincount(blocks.phase[known], mean[known] ** 2, len(PHASES))
+    rows = fit.lines.rows
+    squares = (rows.columns @ (fit.coefficients(one) - fit.coefficients(other))) ** 2
+    sums, counts = (np.bincount(rows.blocks.phase, x, len(PHASES)) for x in (squares, np.ones(squares.size)))
     worst = int(np.argmax(sums))
-    return Spot(
-        POWER, PHASES[worst], bias=math.sqrt(float(sums[worst]) / np.count_nonzero(blocks.phase[known] == worst))
-    )
+    return Spot(POWER, PHASES[worst], bias=math.sqrt(float(sums[worst] / counts[worst])))
 
 
-class PlannedMotion(msgspec.Struct, frozen=True):
-    """A planned motion: speed (n,) [m/s] and line tension (n,) [N] over even stamps t (n,) [s], the force about `pull` [N]."""
+# --------------------------------------------------------------------------------------------------------- cycle by cycle
+def _stability(fit: LineFit, names: Names, cause: str) -> Stability:
+    """Estimate the number of one cause from every cycle, the other numbers common to the cycles.
 
-    name: Literal["speed_steps", "force_steps", "out_and_back", "swing"]
-    t: Signal
-    velocity: Signal
-    force: Signal
-    pull: float
-
-
-def plan(lines: Lines, m: Moments, choice: Choice, named: Sequence[str]) -> Experiment | None:
-    """Choose the motion in which the causes and the set that comes nearest with one of them swapped differ most.
+    The noise within the phases, not the scatter of their means, is the uncertainty: the scatter is what is looked for.
 
     Parameters
     ----------
-    named : causes that may be the one
+    fit : of all cycles, the withheld ones too: they only show here whether the numbers are the same
+    names : the set of the fit
     """
-    swaps = [(-choice.evidence[s], name, other, s) for name in named for other, s in _swaps(lines, choice, name)]
+    lines, cycle = fit.lines, fit.rows.blocks.cycle
+    first_row, number = np.unique(cycle, return_index=True)[1], np.unique(cycle, return_inverse=True)[1]
+    of_fold = number[np.unique(folds_of(cycle), return_index=True)[1]]
+    gram = np.zeros((first_row.size, *fit.gram.shape[1:]))
+    np.add.at(gram, of_fold, fit.gram)
+    k, others = lines.names.index(cause), fit.own(tuple(name for name in names if name != cause))
+    # each cycle has a coefficient of its own, in the last rows; those of the other suspects are common, in the first ones
+    common, size = gram.sum(axis=0), others.size
+    whole = np.diag(np.concatenate([np.zeros(size), gram[:, k, k]]))
+    whole[:size, :size] = common[np.ix_(others, others)]
+    whole[:size, size:] = gram[:, others, k].T
+    whole[size:, :size] = gram[:, others, k]
+    silent = gram[:, k, k] <= 1e-9 * gram[:, k, k].max(initial=1e-300)
+    whole[size:, size:] += np.diag(1.0 * silent)
+    covariance = np.linalg.pinv(whole, hermitian=True)
+    x = (covariance @ np.concatenate([common[others, -1], gram[:, k, -1]]))[size:]
+    joint = float(fit.coefficients(names)[k])
+    spread = covariance[size:, size:] + np.diag(np.full(x.size, (LAW * joint) ** 2))
+    half = COVERED * np.sqrt(np.diag(spread))
+    known = ~silent & (2.0 * half < lines.span[k])
+    runs = []
+    for row in range(x.size):
+        ends = [reported_number(cause, float(end)) for end in (x[row], x[row] - half[row], x[row] + half[row])]
+        runs.append(RunValue(row, ends[0], min(ends), max(ends)) if known[row] else RunValue(row))
+    slope = -1.0 / (1.0 + joint) ** 2 if cause == "force_gain" else 1.0  # of the reported number over the coefficient
+    order = np.flatnonzero(known) / max(float(np.ptp(np.flatnonzero(known))) if known.any() else 1.0, 1.0)
+    trends, _ = trends_of(slope * x[known], slope**2 * spread[np.ix_(known, known)], {"order": order})
+    return Stability(tuple(runs), tuple(trends))
+
+
+# ------------------------------------------------------------------------------------------------------------ the next run
+def plan(fit: LineFit, choice: Choice, causes: tuple[NamedCause, ...]) -> Experiment | None:
+    """Choose the motion in which the causes and the set that comes nearest with one of them swapped differ most."""
+    others = [name for name in fit.lines.names if name not in choice.chosen]
+    swaps = [
+        (choice.evidence[swapped], cause.effect, other, swapped)
+        for cause in causes
+        for other in others
+        for swapped in [tuple(n for n in fit.lines.names if n in {*choice.chosen, other} - {cause.effect})]
+    ]
     if not swaps:
         return None
-    _, name, other, swapped = min(swaps)
-    residual = choice.error(choice.chosen) * choice.gap / sum(part.here.size for part in lines.fitted)
-    noise = max(math.sqrt(residual), 1e-9)  # root mean square of the residual of a sample [W]
-    motions = _motions(lines)
-    scores = [_score(lines, m, (choice.chosen, swapped), motion, noise) for motion in motions]
-    z, motion = next((z, motion) for z, motion in zip(scores, motions, strict=True) if z >= NEARLY * max(scores))
-    return Experiment(motion.name, float(motion.velocity.max()), (name, other), z, force=motion.pull)
+    _, name, other, swapped = max(swaps)
+    motions, pull = _motions(fit.lines)
+    scores = {motion: _significance(fit, choice.chosen, swapped, *made) for motion, made in motions.items()}
+    best = max(scores, key=lambda motion: scores[motion])
+    return Experiment(best, float(motions[best][1].max()), (name, other), scores[best], force=pull)
 
 
-def _motions(lines: Lines) -> tuple[PlannedMotion, ...]:
-    """Motions that are tried, at the speeds and forces of the campaign."""
-    v, f = (
-        np.concatenate([part.run.channels[name][part.here] for part in lines.fitted]) for name in ("velocity", "force")
-    )
+Motion = Literal["speed_steps", "force_steps", "out_and_back", "swing"]
+
+
+def _motions(lines: Lines) -> tuple[dict[Motion, tuple[Signal, Signal, Signal]], float]:
+    """Stamps, speed and tension of the motions that are tried, at those of the campaign, and the tension they are about [N]."""
+    v, f = lines.fitted.motion.T
     top = float(np.quantile(v[v > 0.0] if np.any(v > 0.0) else np.abs(v), TOP))
-    fast = v > 0.5 * top
-    pull, fs = float(np.median(f[fast] if fast.any() else f)), lines.parts[0].run.fs
-    one, shares, turns = np.ones(4), np.array([0.25, 0.5, 0.75, 1.0]), np.array([1.0, -1.0, 1.0, -1.0])
-    t = np.arange(0.0, 4.0 * STEP, 1.0 / fs)
-    swing = top * (0.75 - 0.25 * np.cos(2.0 * math.pi * t / SWING))
-    return (
-        PlannedMotion("speed_steps", *_stepped(fs, top * shares, pull * one), pull),
-        PlannedMotion("force_steps", *_stepped(fs, 0.5 * top * one, np.linspace(0.5 * pull, 1.5 * pull, 4)), pull),
-        PlannedMotion("out_and_back", *_stepped(fs, 0.5 * top * turns, pull * one), pull),
-        PlannedMotion("swing", t, swing, np.full(t.size, pull), pull),
-    )
+    pull = float(np.median(f[v > 0.5 * top] if np.any(v > 0.5 * top) else f))
+    t, quarters = np.arange(0.0, 4.0 * STEP + RAMP, BLOCK), np.linspace(0.25, 1.0, 4)
+    corners = np.ravel(np.column_stack([np.arange(4) * STEP + RAMP, np.arange(1, 5) * STEP]))
+
+    def steps(levels: Signal) -> Signal:
+        return np.asarray(np.interp(t, [0.0, *corners, t[-1]], [0.0, *np.repeat(levels, 2), 0.0]))
+
+    constant, forces = np.full(t.size, pull), np.interp(t, corners, np.repeat(np.linspace(0.5, 1.5, 4) * pull, 2))
+    return {
+        "speed_steps": (t, steps(top * quarters), constant),
+        "force_steps": (t, steps(np.full(4, 0.5 * top)), forces),
+        "out_and_back": (t, steps(0.5 * top * np.array([1.0, -1.0, 1.0, -1.0])), constant),
+        "swing": (t, top * (0.75 - 0.25 * np.cos(2.0 * math.pi * t / SWING)), constant),
+    }, pull
 
 
-def _stepped(fs: float, speeds: Signal, forces: Signal) -> tuple[Signal, Signal, Signal]:
-    """Stamps, speed and force of a motion in steps, with ramps from rest and back to it."""
-    end = speeds.size * STEP + RAMP
-    t = np.arange(0.0, end, 1.0 / fs)
-    corners = np.ravel(np.column_stack([np.arange(speeds.size) * STEP + RAMP, np.arange(1, speeds.size + 1) * STEP]))
-    v = np.interp(t, [0.0, *corners, end], [0.0, *np.repeat(speeds, 2), 0.0])
-    return t, v, np.interp(t, corners, np.repeat(forces, 2))
-
-
-def _score(lines: Lines, m: Moments, sets: tuple[Names, Names], motion: PlannedMotion, noise: float) -> float:
+def _significance(fit: LineFit, one: Names, other: Names, t: Signal, v: Signal, f: Signal) -> float:
     """Significance with which a motion distinguishes two sets; the numbers of the second may adapt within the logs. [sigma]"""
-    one, other = sets
-    channels = {"velocity": motion.velocity, "force": motion.force}
-    run = Run("planned", motion.t, channels, fs=lines.parts[0].run.fs, samples=motion.t.size)
-    columns = columns_of(run, lines.names, lines.span) / noise
-    columns = columns[np.isfinite(columns).all(axis=1)]
-    own = np.flatnonzero([name in other for name in lines.names])
-    z, j = columns @ (coefficients(m, lines, one) - coefficients(m, lines, other)), columns[:, own]
-    precision = np.linalg.pinv(line_covariance(lines, m, other)[np.ix_(own, own)], hermitian=True)
+    noise = math.sqrt(max(float(np.mean(fit.residual(one) ** 2)), 1e-18))
+    made = columns_of(t, v, f)
+    columns = np.column_stack([made[name] for name in fit.lines.names]) / noise
+    own = fit.own(other)
+    z, j = columns @ (fit.coefficients(one) - fit.coefficients(other)), columns[:, own]
+    precision = np.linalg.pinv(fit.covariance(other)[np.ix_(own, own)], hermitian=True)
     pull = j.T @ z
     return math.sqrt(max(float(z @ z - pull @ np.linalg.pinv(j.T @ j + precision, hermitian=True) @ pull), 0.0))

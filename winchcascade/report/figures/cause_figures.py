@@ -1,4 +1,4 @@
-"""Figures of the causes: what they cost, their numbers beside the rig file and run by run, and the roll-off (Fig. 18e)."""
+"""Figures of the causes: what they cost, their numbers run by run, and the roll-off (Fig. 18e)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from winchcascade.diagnosis.cause_numbers import CauseNumber, cause_numbers, profile_of
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, DiagnosisResult, NamedCause
+from winchcascade.diagnosis.figure_data import profile_of
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.load_costs import OTHER, largest_difference, waterfall_costs
+from winchcascade.diagnosis.load_costs import worst_costs
 from winchcascade.report.content import number_text
-from winchcascade.report.diagnosis_names import baseline_words, display_of, runs_with_number, shown_as
+from winchcascade.report.diagnosis_names import baseline_words, runs_with_number, shown_as
 from winchcascade.report.figures.style import (
     COLOURS,
     NARROW,
@@ -40,9 +40,7 @@ COLOUR_OF = {"sensor": "extra", "entry": "load4"}
 
 def part_name(found: ModelDiagnosis, part: ContributionPart) -> str:
     """Plain name of a part."""
-    if part.effect is None or part.effect == OTHER:
-        return OTHER if part.effect else part.kind.replace("_", " ")
-    return found.suspects[part.effect].label
+    return part.kind.replace("_", " ") if part.effect is None else found.suspects[part.effect].label
 
 
 def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
@@ -52,7 +50,7 @@ def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
     ----------
     word : what the logs are called
     """
-    largest = largest_difference(waterfall_costs(found))
+    largest = worst_costs(found)
     if largest is None:
         return None
     figure, panels = panel_figure(BAR * (len(largest.parts) + 2) + 0.6)
@@ -106,45 +104,7 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
     ax.grid(False, axis="y")
 
 
-# ------------------------------------------------------------------------------------------------ numbers of the causes
-def numbers_figure(found: ModelDiagnosis) -> Figure | None:
-    """Draw each number of the causes with its interval, beside its absent value, the tolerance there, and what is plausible."""
-    rows = cause_numbers(found)
-    if not rows:
-        return None
-    figure, panels = panel_figure(0.4 + 0.52 * len(rows), len(rows))
-    for ax, row in zip(panels, rows, strict=True):
-        how = display_of(row.cause.effect, row.name, row.found.unit)
-        _number(ax, row, how.factor)
-        name = f"{how.what}, {how.unit}".removesuffix(", ")
-        ax.set_yticks([0], [f"{found.suspects[row.cause.effect].label}\n{name}"])
-    entries = [
-        line_entry("found, 95 %", "gen", marker="s", ms=4.5, lw=2.4),
-        line_entry("rig file", lw=1.0, ls="--"),
-        patch_entry("its tolerance, 95 %", "line", alpha=0.3, lw=0),
-        patch_entry("plausible", "hold", ec=COLOURS["grid"]),
-    ]
-    legend_above(figure, entries)
-    return figure
-
-
-def _number(ax: Axes, row: CauseNumber, factor: float) -> None:
-    """Draw one number on an axis of its own."""
-    low, high, absent, half = (x * factor for x in (row.low, row.high, row.absent, 1.96 * row.tolerance))
-    ax.axvspan(low, high, color=COLOURS["hold"], lw=0, zorder=0.1)
-    if half:
-        ax.axvspan(absent - half, absent + half, color=COLOURS["line"], alpha=0.3, lw=0, zorder=0.2)
-    ax.axvline(absent, color=COLOURS["ink"], lw=1.0, ls="--", zorder=0.3)
-    value, left, right = (x * factor for x in (row.found.value, row.found.low, row.found.high))
-    ax.plot([left, right], [0, 0], color=COLOURS["gen"], lw=2.4, solid_capstyle="butt")
-    ax.plot([value], [0], "s", ms=4.5, color=COLOURS["gen"])
-    pad = 0.03 * max(high - low, 1e-12)
-    ax.set(xlim=(min(low, left) - pad, max(high, right) + pad), ylim=(-1, 1))
-    ax.spines["left"].set_visible(False)
-    ax.grid(False)
-    ax.tick_params(axis="y", length=0)
-
-
+# ---------------------------------------------------------------------------------------------------------- the roll-off
 def profile_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw the roll-off of the back-EMF constant over the stator current with its band (Fig. 18e)."""
     profile = profile_of(found)

@@ -1,36 +1,29 @@
-"""Figures of the gap of a diagnosis: maps by channel and phase, errors over time and current, channels over speed."""
+"""Figures of the gap of a diagnosis: maps by channel and phase, one cycle over time, channels and errors over speed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from winchcascade.diagnosis.block_means import BLOCK, HAUL_IN, PAYOUT, PHASES
-from winchcascade.diagnosis.block_series import (
-    Sides,
-    means_over_speed,
-    representative,
-    seen_channels,
-    series,
-    stretches,
-)
+from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT, PHASES
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.diagnosis.figure_data import SimulatedCycle, by_load, means_over_speed
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.simulated_cycle import SimulatedCycle
-from winchcascade.diagnosis.stator_current import by_load, loaded, rated_dc_current
 from winchcascade.report.diagnosis_names import NAMES, baseline_words, phase_words, signed
 from winchcascade.report.figures.histories import Curve, History, Mark, Panel, repaired_spans, thinned
 from winchcascade.report.figures.style import (
     COLOURS,
     LOAD_COLOURS,
     Dashes,
+    Entry,
     LineStyle,
     label_panel,
     legend_above,
@@ -44,11 +37,16 @@ from winchcascade.report.glossary import typeset, upper
 from winchcascade.report.wording import load_words
 from winchcascade.rig.stages import STAGES
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 AFTER = "with the fitted effects"
 """Name of the simulation with the causes in every legend."""
 
 HOLLOW: LineStyle = {"ls": "none", "marker": "o", "ms": 3.2, "mew": 0.7, "mfc": "none", "color": COLOURS["mech"]}
 FILLED: LineStyle = {"ls": "none", "marker": "s", "ms": 3.0, "mew": 0.0, "color": COLOURS["gen"]}
+
+MARKED = {"before": HOLLOW, "after": FILLED}
 """Marks of values before and after."""
 
 
@@ -157,37 +155,7 @@ def _cell(ax: Axes, i: int, j: int, z: float) -> None:
     ax.text(j, i, signed(z), ha="center", va="center", fontsize=7.0, fontweight=weight, color=COLOURS["ink"])
 
 
-# ---------------------------------------------------------------------------------------------------- errors over time
-LONGEST = 150.0
-"""Length of a log that is drawn over time, at most. [s]"""
-
-
-def error_history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure | None:
-    """Draw logged minus simulated of every channel of one log, block by block, before and after, with the band of its noise."""
-    own = [c for c in seen_channels(found) if found.data.logs[log].noise.seen[:, CHANNELS.index(c)].any()]
-    if not own:
-        return None
-    figure, axes = panel_figure(0.75 + 0.95 * len(own), len(own), share="x")
-    for ax, channel in zip(axes, own, strict=True):
-        one, factor = series(found, both, log, channel), TERMS[channel].factor
-        shown = one.t <= one.t[0] + LONGEST
-        for a, b in stretches((one.phase == PAYOUT) & shown):
-            ax.axvspan(one.t[a] - 0.5 * BLOCK, one.t[b - 1] + 0.5 * BLOCK, color=COLOURS["payout"], lw=0, zorder=0.1)
-        band = BAND * one.noise[shown] * factor
-        ax.fill_between(one.t[shown], -band, band, step="mid", color=COLOURS["loss"], alpha=0.6, lw=0, zorder=0.5)
-        for error, colour in zip(one.errors, ("mech", "gen"), strict=False):
-            ax.plot(one.t[shown], (error * factor)[shown], color=COLOURS[colour], lw=1.0)
-        ax.margins(x=0.005)
-        ax.set_ylabel(quantity_label(channel).replace(" (", "\n("))
-    figure.align_ylabels(axes)
-    axes[0].set_title(f"{upper(word)} − simulated")
-    axes[-1].set_xlabel("Time (s)")
-    lines = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)]
-    shades = [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]
-    legend_above(figure, [*lines[: 1 if both.after is None else 2], *shades])
-    return figure
-
-
+# ------------------------------------------------------------------------------------------------------- over time
 def cycle_history(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> History:
     """The channels of one cycle as logged, by the model of the rig file, and with the fitted effects, later ones above.
 
@@ -221,13 +189,14 @@ QUANTITIES = (
 """Quantities over generator speed: title, unit, and the channel or the two whose product it is."""
 
 
-def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure | None:
-    """Draw current, torque and power over generator speed at three loads (Figs 18a, 18c, 18d).
+def over_speed_figure(found: ModelDiagnosis, table: pd.DataFrame, word: str) -> Figure | None:
+    """Draw current, torque and power over generator speed at a light, a middle and a heavy load (Figs 18a, 18c, 18d).
 
     The log is a line, the model of the rig file open circles, and the model with the causes filled squares.
     """
-    logs = representative(found)
-    panels = [panel for panel in QUANTITIES if {*panel[2]} <= {*seen_channels(found)}]
+    loaded = [k for k in by_load(found) if math.isfinite(found.data.logs[k].load)]
+    logs = list(dict.fromkeys([*loaded[:1], *loaded[len(loaded) // 2 :][:1], *loaded[-1:]]))
+    panels = [panel for panel in QUANTITIES if {*panel[2]} <= {*table.channel}]
     if not panels or not logs or found.rig.rpm_per_velocity is None:
         return None
     figure, axes = panel_figure(3.1, 1, len(panels))
@@ -235,19 +204,24 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
     rated, shaded = found.rig.generator.speed_rated, False
     for n, (ax, (title, unit, channels)) in enumerate(zip(axes, panels, strict=True)):
         for k, colour in colours.items():
-            rpm, logged, *simulated = means_over_speed([series(found, both, k, channel) for channel in channels])
-            ax.plot(rpm, logged, color=COLOURS[colour], lw=1.2)
-            for values, mark in zip(simulated, (HOLLOW, FILLED), strict=False):
-                ax.plot(rpm, values, **coloured(mark, colour))
+            means = means_over_speed(table, k, channels)
+            ax.plot(means.rpm, means.logged, color=COLOURS[colour], lw=1.2)
+            for side, mark in MARKED.items():
+                ax.plot(means.rpm, means[side], **coloured(mark, colour))
         ax.set(xlim=(0.0, None), ylim=(0.0, None))
         shaded |= shade_over_speed(ax, None if rated is None else rated.value * 30.0 / math.pi)
         label_panel(ax, "abc"[n], title, x="Generator speed (rpm)", unit=unit)
-    marks = [line_entry(baseline_words(found), **coloured(HOLLOW, "ink"))]
-    marks += [line_entry(AFTER, **coloured(FILLED, "ink"))] if both.after is not None else []
     loads = [line_entry(load_words(found.runs[k].load), colour, lw=1.2) for k, colour in colours.items()]
     over = [patch_entry("over rated speed", "over")] if shaded else []
-    legend_above(figure, [line_entry(word, lw=1.2), *marks, *over, *loads])
+    legend_above(figure, [line_entry(word, lw=1.2), *_side_entries(found, "ink"), *over, *loads])
     return figure
+
+
+def _side_entries(found: ModelDiagnosis, colour: str = "") -> list[Entry]:
+    """Entries of a legend for the simulation before and, where there are causes, after."""
+    names = [baseline_words(found), *([AFTER] if found.causes else [])]
+    marks = [coloured(mark, colour) if colour else mark for mark in MARKED.values()]
+    return [line_entry(name, **mark) for name, mark in zip(names, marks, strict=False)]
 
 
 # ------------------------------------------------------------------------------------------------------------- Fig 18b
@@ -255,57 +229,24 @@ OVER_SPEED = ("torque", "vdc")
 """Channels whose errors are drawn over generator speed; others over themselves."""
 
 
-def error_panels(found: ModelDiagnosis) -> list[str]:
-    """Channels whose errors are drawn: the current over the current, and that of the gap over what it depends on."""
-    current = "idc" if loaded(found) else ""
-    own = found.where.worst.channel if found.where is not None and found.where.worst.channel != "idc" else ""
-    return [channel for channel in (current, own) if channel in seen_channels(found)]
-
-
-def error_figure(
-    found: ModelDiagnosis, both: Sides, word: str, *, after: str = AFTER, channels: Sequence[str] | None = None
-) -> Figure | None:
-    """Draw errors over the current, or over what they depend on, before and after, with the band of noise (Fig. 18b).
-
-    Parameters
-    ----------
-    after : name of the simulation after
-    channels : those of `error_panels` if not given
-    """
-    panels = error_panels(found) if channels is None else [name for name in channels if name in seen_channels(found)]
+def error_figure(found: ModelDiagnosis, table: pd.DataFrame, word: str) -> Figure | None:
+    """Draw errors before and after with the band of noise: of current and channel of the gap (Fig. 18b)."""
+    own = found.where.worst.channel if found.where is not None else ""
+    panels = [channel for channel in dict.fromkeys(("idc", own)) if channel in {*table.channel}]
     if not panels:
         return None
     figure, axes = panel_figure(2.6, 1, len(panels))
-    rated = rated_dc_current(found) if panels[0] == "idc" else None
     for letter, ax, channel in zip("ab", axes, panels, strict=False):
-        _draw_errors(ax, found, both, channel)
-        if channel == "idc" and rated is not None and rated < ax.get_xlim()[1]:
-            ax.axvline(rated, color=COLOURS["soft"], lw=0.8, ls="--")
+        phases = (PAYOUT, HAUL_IN) if channel in ("force", "pressure") else (PAYOUT,)
+        blocks, factor = table[(table.channel == channel) & table.phase.isin(phases)], TERMS[channel].factor
+        half = BAND * float(blocks.noise.median()) * factor
+        ax.axhspan(-half, half, color=COLOURS["loss"], alpha=0.6, lw=0, zorder=0.5)
+        at = blocks.rpm if channel in OVER_SPEED else blocks.logged * factor
+        for side, mark in MARKED.items():
+            ax.plot(at, (blocks.logged - blocks[side]) * factor, alpha=0.8, **mark)
         title = f"{upper(word)} − simulated, {NAMES[channel]}"
         ax.set_title(f"({letter}) {title}" if len(panels) > 1 else title)
         over = "Generator speed (rpm)" if channel in OVER_SPEED else quantity_label(channel)
         ax.set(xlabel=over, ylabel=f"Difference ({typeset(TERMS[channel].unit)})")
-    entries = [line_entry(baseline_words(found), **HOLLOW), line_entry(after, **FILLED)][
-        : 1 if both.after is None else 2
-    ]
-    entries += [patch_entry("noise, 95 % in the middle", "loss", alpha=0.6, lw=0)]
-    legend_above(figure, entries + ([line_entry("rated stator current", "soft", lw=0.8, ls="--")] if rated else []))
+    legend_above(figure, [*_side_entries(found), patch_entry("noise, 95 % in the middle", "loss", alpha=0.6, lw=0)])
     return figure
-
-
-def _draw_errors(ax: Axes, found: ModelDiagnosis, both: Sides, channel: str) -> None:
-    """Draw the blocks of the payouts of all logs; of force and pressure those of the haul-ins too."""
-    factor, columns = TERMS[channel].factor, []
-    phases = (PAYOUT, HAUL_IN) if channel in ("force", "pressure") else (PAYOUT,)
-    for k in loaded(found) if channel == "idc" else by_load(found):
-        one = series(found, both, k, channel)
-        ruler = one.rpm if channel in OVER_SPEED else one.logged * factor
-        column = np.array([ruler, one.noise * factor, *(error * factor for error in one.errors)])
-        columns.append(column[:, np.isin(one.phase, phases) & np.isfinite(one.logged)])
-    at, noise, *errors = np.concatenate(columns, axis=1)
-    if not at.size:
-        return
-    half = BAND * float(np.median(noise))
-    ax.axhspan(-half, half, color=COLOURS["loss"], alpha=0.6, lw=0, zorder=0.5)
-    for values, mark in zip(errors, (HOLLOW, FILLED), strict=False):
-        ax.plot(at, values, alpha=0.8, **mark)

@@ -20,7 +20,7 @@ from winchcascade.report.glossary import upper
 GIVEN, CAUSED = "line tension times speed", "with the causes"
 
 MARKS = 2500
-"""Samples that are drawn over each other, at most."""
+"""Blocks that are drawn over each other, at most."""
 
 NEAR = 12.0
 """Length of the enlarged stretch about the largest gap. [s]"""
@@ -34,19 +34,19 @@ KILO = 1e-3
 
 def power_history(found: LineDiagnosis, word: str) -> Figure:
     """Draw the power of two cycles over time, with the residual below, and the largest gap of them enlarged."""
-    part = found.lines.judged[0]
-    t, given = part.run.t[part.here], part.line_power
-    measured = given + part.gap
-    caused = None if found.closure is None else measured - found.closure.after[0]
-    cycles = np.unique(part.cycle)
+    rows = found.lines.judged
+    rows = rows.some(rows.part == rows.part[0])
+    t, cycles = rows.t, np.unique(rows.own_cycle)
+    measured, given = rows.given + rows.gap, rows.given
+    caused = None if found.closure is None else measured - found.closure.after[: t.size]
     middle = cycles[max(cycles.size // 2 - 1, 0) :][:SHOWN]
-    own = t[np.isin(part.cycle, middle)]
+    own = t[np.isin(rows.own_cycle, middle)]
     shown = (t >= own[0]) & (t <= own[-1])
-    about = t[shown][np.argmax(np.abs(part.gap[shown]))]
+    about = t[shown][np.argmax(np.abs(rows.gap[shown]))]
     near = (t >= about - 0.5 * NEAR) & (t <= about + 0.5 * NEAR)
     figure = wide_figure(4.3)
     axes = figure.subplots(2, 2, sharex="col", width_ratios=(2.1, 1.0), height_ratios=(1.7, 1.0))
-    title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {part.run.name}"
+    title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {found.lines.parts[rows.part[0]].run.name}"
     for column, (here, text) in enumerate(((shown, title), (near, "Where they differ most"))):
         above, below = axes[:, column]
         for power, colour, style in ((given, "mech", {"lw": 0.9, "ls": DASHES}), (caused, "gen", {"lw": 1.3})):
@@ -66,10 +66,12 @@ def power_history(found: LineDiagnosis, word: str) -> Figure:
 
 
 def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
-    """Draw measured over predicted power, by the line alone and with the causes, at samples spread over the judged cycles."""
+    """Draw measured over predicted power, by the line alone and with the causes, at blocks spread over the judged cycles."""
     if found.closure is None:
         return None
-    measured, *sides = found.closure.samples[:, :: max(found.closure.samples.shape[1] // MARKS, 1)] * KILO
+    rows, after = found.closure.rows, found.closure.after
+    powers = np.array([rows.given + rows.gap, rows.given, rows.given + rows.gap - after])
+    measured, *sides = powers[:, :: max(after.size // MARKS, 1)] * KILO
     ends = np.quantile(measured, (0.0005, 0.9995)).tolist()
     figure, axes = panel_figure(3.1, 1, 2, share="xy")
     for ax, letter, predicted, colour, title in zip(axes, "ab", sides, ("mech", "gen"), (GIVEN, CAUSED), strict=True):

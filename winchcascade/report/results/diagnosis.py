@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from winchcascade.diagnosis.block_series import Sides, most_telling, sides, sides_of_one
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk
+from winchcascade.diagnosis.figure_data import block_table, largest_gap
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.load_costs import cost_of, load_costs, ranked_causes, worst_costs
 from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.diagnosis.simulated_cycle import largest_gap
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report.content import (
     Cell,
@@ -65,6 +64,9 @@ from winchcascade.report.results.line_diagnosis import line_report
 from winchcascade.report.wording import banner, load_words
 from winchcascade.rig.effects.effect import Display
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
     """Report of a diagnosis, with a model or without."""
@@ -76,7 +78,7 @@ def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
 
 @house_style()
 def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
-    both, word = sides(found), word_of(found)
+    blocks, word = block_table(found), word_of(found)
     leading = leading_metric(found.contributions)
     return Report(
         kind="Diagnosis of a campaign",
@@ -100,10 +102,10 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
             residual(found),
             _other_costs(found),
             _where(found, word),
-            _how_far(found, both, word),
-            section("time-histories", "Time histories", _cycle(found, word), folded=True),
+            _how_far(found, blocks, word),
+            section("time-histories", "Time histories", _cycle(found, blocks, word), folded=True),
             numbers(found),
-            _speed(found, both, word),
+            _speed(found, blocks, word),
             _considered(found),
             _provenance(found, command),
         ],
@@ -275,9 +277,7 @@ def _misfit(of: str) -> Column[tuple[str, Shrunk]]:
     return Column(of, cell, own_digits=True)
 
 
-def _how_far(found: ModelDiagnosis, both: Sides, word: str) -> Section:
-    log = most_telling(found)
-    run = found.data.logs[log].run
+def _how_far(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
     shrunk = () if found.closure is None else found.closure.channels.items()
     return section(
         "how-far", "How far the gap closes",
@@ -292,38 +292,18 @@ def _how_far(found: ModelDiagnosis, both: Sides, word: str) -> Section:
             shrunk,
             brief=False,
         ),
-        _alone(found, word),
         picture(
-            figures.error_figure(found, both, word), "errors",
+            figures.error_figure(found, blocks, word), "errors",
             "Errors in the payouts of all logs; a mark is a block (the paper's Fig. 18b).",
             "Clouds of marks before and after about zero.",
-        ),
-        picture(
-            figures.error_history(found, both, log, word), "history",
-            f"{run.name} ({load_words(run.load, 'ohm')}): {word} minus simulated, block by block.",
-            "Lines over time for every channel.",
         ),
         folded=True,
     )  # fmt: skip
 
 
-def _alone(found: ModelDiagnosis, word: str) -> Picture | None:
-    """Errors of the current with the only suspect, all else as in the rig file; None where several are suspected."""
-    both = sides_of_one(found)
-    if both is None:
-        return None
-    (effect,) = found.suspects
-    return picture(
-        figures.error_figure(found, both, word, after=f"with {effect} alone", channels=["idc"]), "one-effect",
-        f"Errors of the current over the current in the payouts of all logs, before and after {effect} alone (the paper's "
-        "Fig. 18b); a mark is a block.",
-        "Clouds of marks before and after about zero.",
-    )  # fmt: skip
-
-
-def _cycle(found: ModelDiagnosis, word: str) -> Picture | None:
+def _cycle(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Picture | None:
     """The cycle with the largest gap over time; None where no run has a payout."""
-    item = largest_gap(found)
+    item = largest_gap(found, blocks)
     if item is None:
         return None
     run, history = found.data.logs[item.log].run, figures.cycle_history(found, item, word)
@@ -336,11 +316,11 @@ def _cycle(found: ModelDiagnosis, word: str) -> Picture | None:
     )  # fmt: skip
 
 
-def _speed(found: ModelDiagnosis, both: Sides, word: str) -> Section:
+def _speed(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
     return section(
         "speed", "Current, torque and power over speed",
         picture(
-            figures.over_speed_figure(found, both, word), "speed",
+            figures.over_speed_figure(found, blocks, word), "speed",
             "Payouts at a light, a middle and a heavy load (the paper's Figs 18a, 18c, 18d); means in bins of 250 rpm.",
             "Lines of the logs and marks of the simulations over generator speed.",
         ),

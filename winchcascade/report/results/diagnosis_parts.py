@@ -37,7 +37,7 @@ from winchcascade.report.diagnosis_names import (
     share_words,
     shown_as,
 )
-from winchcascade.report.figures.cause_figures import numbers_figure, profile_figure, stability_figure
+from winchcascade.report.figures.cause_figures import profile_figure, stability_figure
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import data_note, provenance
@@ -192,11 +192,6 @@ def numbers(found: DiagnosisResult) -> Section:
     return section(
         "numbers", "Numbers of the causes",
         Note(words.stability_words(found), brief=False) if found.causes else None,
-        picture(
-            numbers_figure(model) if model else None, "numbers",
-            "Each number beside the rig file's value, its uncertainty, and what is plausible.",
-            "Points with bars on one axis for each number; the values are in the table of causes.",
-        ),
         picture(
             profile_figure(model) if model else None, "rolloff",
             "Back-EMF constant over the stator current (the paper's Fig. 18e).",

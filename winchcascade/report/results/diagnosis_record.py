@@ -22,8 +22,8 @@ from winchcascade.diagnosis.diagnosis_result import (
     Reported,
 )
 from winchcascade.diagnosis.entries import effect_name
-from winchcascade.diagnosis.line.line_data import CyclePart, beside
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, LineRemainder
+from winchcascade.diagnosis.line.line_data import LinePart
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of
@@ -86,11 +86,19 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         "where": _where(found),
         "causes": [_cause(cause, found) for cause in found.causes],
         "minor": [_minor(one) for one in found.minor],
+        "fitted": [
+            {
+                "effect": found.suspects[cause.effect].name,
+                "stage": cause.stage,
+                "named": cause in found.causes,
+                "parameters": _parameters(cause.parameters),
+            }
+            for cause in found.fitted
+        ],
         **(_line_record(found) if isinstance(found, LineDiagnosis) else _model_record(found)),
         "closure": _closure(found),
         "remainder": None if found.remainder is None else _remainder(found.remainder, found),
         "next_experiment": _experiment(found),
-        **(_choice(found) if isinstance(found, LineDiagnosis) else {}),
     }
 
 
@@ -110,12 +118,10 @@ def _findings(run: Run) -> list[dict[str, Any]]:
     return [_fields(finding, "kind", "channel", "message") for finding in run.findings]
 
 
-def _part(part: CyclePart) -> dict[str, Any]:
+def _part(part: LinePart) -> dict[str, Any]:
     return {
         "file": part.run.name,
-        "cycles": [int(part.cycle.min()), int(part.cycle.max())],
-        "withheld": part.withheld,
-        "samples": int(part.here.size),
+        **_fields(part, "cycles", "withheld", "samples"),
     }
 
 
@@ -232,17 +238,8 @@ def _minor(one: Minor) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------------- with and without a model
 def _model_record(found: ModelDiagnosis) -> dict[str, Any]:
     """Of a rig with a model, what each cause contributes, the energies, and what the logs cannot show."""
-    named, suspects = {one.effect for one in found.causes}, found.suspects
+    suspects = found.suspects
     return {
-        "fitted": [
-            {
-                "effect": suspects[cause.effect].name,
-                "stage": cause.stage,
-                "named": cause.effect in named,
-                "parameters": _parameters(cause.parameters),
-            }
-            for cause in found.fitted
-        ],
         "contributions": _contributions(found),
         "energies": [
             {"run": run.name, "load_ohm": _load(run.load), **_fields(one, "phase", "stage")}
@@ -290,42 +287,22 @@ def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
 
 
 def _line_record(found: LineDiagnosis) -> dict[str, Any]:
-    """Of a winch without a model, every effect that was fitted, and the energies of the judged cycles."""
+    """Of a winch without a model, the energies of the judged cycles, and every set of suspects."""
+    choice = found.choice
     return {
-        "fitted": [
-            {
-                "effect": one.effect,
-                "named": one.named,
-                "in_final_fit": one.chosen,
-                "parameters": _parameters(one.parameters),
-            }
-            for one in found.fitted_effects
-        ],
         "energies": [
             _fields(one, "run", "cycle", "phase", "stage") | _fields(one, *_ENERGY, end="_j") for one in found.energies
         ],
-    }
-
-
-def _choice(found: LineDiagnosis) -> dict[str, Any]:
-    """Every set of suspects of a winch without a model, and over what its acceleration was taken."""
-    choice, lines = found.choice, found.lines
-    return {
         "sets": [
             {
                 "effects": list(names),
-                "error": rounded_number(choice.error(names)),
+                "error": rounded_number(choice.errors[names]),
                 "evidence": rounded_number(choice.evidence[names] - choice.evidence[choice.chosen]),
                 "probability": rounded_number(choice.probability[names]),
                 "as_good_as_the_best": choice.as_good(names),
             }
             for names in sorted(choice.errors, key=lambda names: -choice.evidence[names])
         ],
-        "acceleration": {
-            "samples": 2 * beside(lines.parts[0].run, lines.span) + 1,
-            "span_s": rounded_number(lines.span),
-            "tried_s": [rounded_number(span) for span in lines.spans],
-        },
     }
 
 
@@ -337,7 +314,7 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
         held = {"withheld": [_load(found.runs[k].load) for k in found.closure.withheld]}
     elif isinstance(found, LineDiagnosis) and found.closure is not None:
         withheld = [_part(part) for part in found.lines.parts if part.withheld]
-        held = {"withheld": withheld, "left_out_in_turn": not withheld}
+        held = {"withheld": withheld}
         beyond = {"share_closed_beyond_noise": rounded_number(found.closure.beyond_noise)}
     closure = found.closure
     if closure is None:
@@ -353,13 +330,10 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
 
 
 def _remainder(left: Remainder, found: DiagnosisResult) -> dict[str, Any]:
-    files, shape = files_of(found), {}
-    if isinstance(left, LineRemainder):
-        shape = {"slower_than_a_second": rounded_number(left.slow), "in_bursts": rounded_number(left.bursts)}
+    files = files_of(found)
     return {
         "share": rounded_number(left.share),
         "where": None if left.worst is None else about_words(left.worst, files, {}),
-        **shape,
         "alarms": [
             {
                 "kind": alarm.kind,

@@ -63,10 +63,10 @@ MANY_DEVIATIONS = 100.0
 def judged_words(found: DiagnosisResult) -> str:
     """On what the gap is closed: on held-out data, or by leaving parts out of the fit in turn."""
     if isinstance(found, LineDiagnosis):
-        parts, folds = found.lines.parts, found.moments.folds
-        held = [f"{part.cycle.min()} to {part.cycle.max()} of {part.run.name}" for part in parts if part.withheld]
-        held_out = "cycles"
-        whole = sum(len(set(part.cycle.tolist())) for part in parts) >= folds
+        folds, held_out = found.fit.folds, "cycles"
+        parts = [part for part in found.lines.parts if part.withheld]
+        held = [f"{part.cycles[0]} to {part.cycles[1]} of {part.run.name}" for part in parts]
+        whole = len(found.lines.cycle_names) >= folds
         each = "by leave-one-cycle-out" if whole else f"by leaving out one of {folds} stretches"
     else:
         assert isinstance(found, ModelDiagnosis)  # there are no others
@@ -333,7 +333,6 @@ SIGNS = {
     "worse": "misfit that the causes add to held-out predictions, over the noise",
     "energy": "energy that the fit leaves, in standard uncertainties",
     "residual": "efficiency that the causes leave",
-    "slow": "share of the squared residual that lasts longer than a second",
 }
 """What the size of each kind of alarm is, and what it may mean."""
 

@@ -55,16 +55,14 @@ LISTED_SETS = 12
 @house_style()
 def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
     """Report of a winch of which line tension, speed and shaft power are known."""
-    word, parts = word_of(found), found.lines.parts
-    cycles = sum(len(set(part.cycle.tolist())) for part in parts)
+    word, lines = word_of(found), found.lines
     rows: list[tuple[str, Cell]] = [
-        *((p.run.name, f"cycles {p.cycle.min()} to {p.cycle.max()}, {p.run.sha256 or 'no file'}") for p in parts),
-        ("Acceleration", f"slope of a local quadratic over {found.lines.span:g} s"),
+        (p.run.name, f"cycles {p.cycles[0]} to {p.cycles[1]}, {p.run.sha256 or 'no file'}") for p in lines.parts
     ]
     return Report(
         kind="Diagnosis of a campaign",
         title=f"{found.title}: {words.VERDICTS[found.verdict].lower()}",
-        subtitle=f"{cycles} cycles · rig {found.rig.name}: line tension, speed and winch power, no model",
+        subtitle=f"{len(lines.cycle_names)} cycles · rig {found.rig.name}: line tension, speed and winch power, no model",
         tiles=[verdict_tile(found), *step_tile(found)],
         points=first_points(found),
         sections=[
@@ -83,23 +81,13 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
 
 
 def _others_table(found: LineDiagnosis) -> Table[EffectNumber] | None:
-    """Numbers of the effects that were fitted and are not named, and of the causes from the withheld cycles alone."""
+    """Numbers of the effects that were fitted and are not named."""
+    named = {cause.effect for cause in found.causes}
     rows = [
-        EffectNumber(
-            one.effect,
-            LINE_NUMBERS[one.effect],
-            next(iter(one.parameters.values())),
-            "in the fit, not named" if one.chosen else "not needed, but not ruled out",
-        )
-        for one in found.fitted_effects
-        if not one.named
+        EffectNumber(one.effect, LINE_NUMBERS[one.effect], next(iter(one.parameters.values())), "in the fit, not named")
+        for one in found.fitted
+        if one.effect not in named
     ]
-    for cause in found.causes:
-        if cause.effect in found.again:
-            alone, fitted = found.again[cause.effect], next(iter(cause.parameters.values()))
-            agrees = "deviates" if alone.low > fitted.high or alone.high < fitted.low else "agrees"
-            role = f"from the withheld cycles alone; {agrees}"
-            rows.append(EffectNumber(cause.effect, LINE_NUMBERS[cause.effect], alone, role))
     return effects_table("others", "Numbers beside those of the causes.", rows)
 
 
@@ -190,7 +178,7 @@ def _how_far(found: LineDiagnosis, word: str) -> Section:
 
 def _tried(found: LineDiagnosis) -> Section:
     choice, chosen = found.choice, found.choice.evidence[found.chosen]
-    ranked = sorted(choice.errors, key=lambda names: -choice.evidence[names])
+    ranked = sorted(choice.evidence, key=lambda names: -choice.evidence[names])
     return section(
         "tried", "What was tried",
         Note(words.not_needed_words(found), brief=False) if found.causes else None,
@@ -198,7 +186,7 @@ def _tried(found: LineDiagnosis) -> Section:
             "sets", "Sets of suspects by their evidence.",
             [
                 Column("set", set_words),
-                Column("error", lambda names: 100.0 * choice.error(names), "% of the gap", 2),
+                Column("error", lambda names: 100.0 * choice.errors[names], "% of the gap", 2),
                 Column("evidence", lambda names: choice.evidence[names] - chosen, "nats", 1, signed=True),
                 Column("probability", lambda names: probability_words(choice.probability[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),

@@ -56,8 +56,8 @@ EFFECTS = {name: effect for effects in _ALL.values() for name, effect in effects
 """Every effect by its name."""
 
 ENTRIES = _ALL.pop(ENTRY)
-"""Wrong entries by name: numbers that the rig file or the campaign states wrongly. The logged motion of the line is the input of
-the model, so that a radius that deviates changes the speed of the drum, unless the logger computes the motion with it."""
+"""Wrong entries by name: numbers that the rig file or the campaign states wrongly. The logged motion of the line is the input
+of the model, so that a radius that deviates changes the speed of the drum, unless the logger computes the motion with it."""
 
 OF_THE_RIG = {name: effect for name, effect in EFFECTS.items() if name not in ENTRIES}
 """Effects of the rig, its sensors and its logger by name: every effect but wrong entries."""

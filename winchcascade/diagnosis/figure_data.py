@@ -1,0 +1,184 @@
+"""What the figures of a diagnosis draw: block means before and after the causes, one cycle in full, the law of the roll-off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from winchcascade.core.run import Signal
+from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT
+from winchcascade.diagnosis.causes import covariance_of
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.gap_map import without_zeros
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.rig.effects.laws import share_of_k_e
+from winchcascade.rig.kernel import constants
+from winchcascade.rig.parts import ROLLOFF_KNOTS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SIDES = ["logged", "before", "after"]
+"""Columns of a table of blocks: as logged, and as simulated before and after the causes."""
+
+SPEED_BIN = 250.0
+"""Width of the bins of generator speed in which block means are averaged. [rpm]"""
+
+TOP_SHARE = 0.9
+"""Braking begins after the last block with this share of a payout's top speed. [1]"""
+
+LEAD, TAIL = 1.0, 0.5
+"""Time before the onset of a cycle and after its haul-in that belongs to it here. [s]"""
+
+ROLLOFF = "ke_rolloff"
+
+DRAWS, POINTS = 400, 120
+"""Draws of the fields of a law for its band, and points of the law."""
+
+
+def by_load(found: ModelDiagnosis) -> list[int]:
+    """Numbers of the logs from the open circuit to the smallest resistance."""
+    return sorted(range(len(found.data.logs)), key=lambda k: -found.data.logs[k].load)
+
+
+def block_table(found: ModelDiagnosis) -> pd.DataFrame:
+    """Block means of a diagnosed campaign: one row for each block and channel that depends on the model there.
+
+    Columns are `log` (its number), `cycle`, `phase` (a number), `channel`, `t` (middle of the block) [s], `rpm` that the line
+    gives while the clutch is engaged, `noise` (one standard deviation of the mean) and `SIDES`, SI units. The zeros of each log
+    are estimated alike on either side. `after` comes from fits without the log, where there are such; NaN without causes.
+    """
+    import pandas as pd
+
+    data, logged = found.data, found.data.measured
+    before = logged - without_zeros(data, logged - found.predicted)
+    after = np.full_like(logged, math.nan)
+    if found.causes:
+        after = logged - without_zeros(data, logged - found.fitted_blocks)
+    if found.causes and found.closure is not None:
+        after = np.where(np.isfinite(found.closure.residual[:, :1]), logged - found.closure.residual, after)
+    logs = [(log.run, log.course.blocks) for log in data.logs]
+    where = {
+        "log": np.repeat(np.arange(len(logs)), data.sizes),
+        "cycle": np.concatenate([blocks.cycle for _, blocks in logs]),
+        "phase": data.blocks.phase,
+        "t": np.concatenate([0.5 * (run.t[blocks.start] + run.t[blocks.stop - 1]) for run, blocks in logs]),
+        "rpm": np.concatenate([blocks.mean(run.channels["velocity"]) for run, blocks in logs])
+        * (found.rig.rpm_per_velocity or math.nan),
+    }
+    return pd.concat(
+        [
+            pd.DataFrame(
+                {**where, "channel": name, "noise": data.noise[:, k]}
+                | dict(zip(SIDES, (logged[:, k], before[:, k], after[:, k]), strict=True))
+            )[data.seen[:, k]]
+            for k, name in enumerate(CHANNELS)
+        ],
+        ignore_index=True,
+    )
+
+
+def means_over_speed(table: pd.DataFrame, log: int, channels: Sequence[str]) -> pd.DataFrame:
+    """Average a channel of the payouts of a log, or the product of several, in bins of generator speed, until braking.
+
+    Braking gives energy back that the machine stores.
+
+    Returns
+    -------
+    Columns `rpm` and `SIDES`, a row for each bin.
+    """
+    own = table[(table.log == log) & (table.phase == PAYOUT) & table.channel.isin(channels) & (table.rpm > 0.0)]
+    blocks = own.groupby(["cycle", "t", "rpm"])[SIDES].prod(min_count=len(channels)).reset_index()
+    near_top = blocks[blocks.rpm >= TOP_SHARE * blocks.groupby("cycle").rpm.transform("max")]
+    blocks = blocks[(blocks.t <= blocks.cycle.map(near_top.groupby("cycle").t.max())) & blocks.logged.notna()]
+    return blocks.groupby(np.floor(blocks.rpm / SPEED_BIN))[["rpm", *SIDES]].mean()
+
+
+# ------------------------------------------------------------------------------------------------------ one cycle in full
+class SimulatedCycle(NamedTuple):
+    """One cycle of one run: numbers of both, its onset on the clock of the log [s], and the end of its payout since then [s].
+
+    `t` (n,) are instants since the onset [s]; `sides`, (n, 5) each, are columns of `CHANNELS`, SI units, NaN where the run has
+    no such channel: logged, without the zeros of the sensors that the joint fit estimates, by the baseline and, where effects
+    were fitted, with these.
+    """
+
+    log: int
+    cycle: int
+    onset: float
+    payout_end: float
+    t: Signal
+    sides: list[Signal]
+
+
+def largest_gap(found: ModelDiagnosis, table: pd.DataFrame) -> SimulatedCycle | None:
+    """The cycle with the largest mean square of the gap of the baseline over its noise; None where no run has a payout."""
+    gap = table.assign(square=((table.logged - table.before) / table.noise.where(table.noise > 0.0, 1.0)) ** 2)
+    gaps = gap[gap.cycle > 0].groupby(["log", "cycle"]).square.mean()
+    if gaps.empty:
+        return None
+    log, cycle = map(int, gaps.idxmax())
+    one, nu = found.data.logs[log], found.found.best.nu
+    run, blocks = one.run, one.course.blocks
+    out, moving = (
+        np.flatnonzero((blocks.cycle == cycle) & np.isin(blocks.phase, phases))
+        for phases in ((PAYOUT,), (PAYOUT, HAUL_IN))
+    )
+    onset, end = float(run.t[blocks.start[out[0]]]), float(run.t[blocks.stop[moving[-1]] - 1])
+    rows = slice(*np.searchsorted(run.t, (onset - LEAD, end + TAIL)).tolist())
+    sides = [_columns(run.channels, run.t) - found.data.zeros(nu)[log]]
+    if found.own_simulation is not None:
+        sides.append(_columns(found.own_simulation.runs[log].channels, run.t))
+    else:
+        sides.append(_at_samples(found, log, np.zeros_like(nu), fitted=False))
+    if found.causes:
+        sides.append(_at_samples(found, log, nu, fitted=True))
+    payout_end = float(run.t[blocks.stop[out[-1]] - 1]) - onset
+    return SimulatedCycle(log, cycle, onset, payout_end, run.t[rows] - onset, [side[rows] for side in sides])
+
+
+def _columns(channels: Mapping[str, Signal], t: Signal) -> Signal:
+    """Channels of a run as columns of `CHANNELS`, NaN for those that it lacks, (n, 5)."""
+    return np.column_stack([channels.get(name, np.full(t.size, np.nan)) for name in CHANNELS])
+
+
+def _at_samples(found: ModelDiagnosis, log: int, nu: Signal, *, fitted: bool) -> Signal:
+    """Channels of a run by the model at its samples, (n, 5) SI units, with the effects of the fit or without any."""
+    data, course = found.data, found.data.logs[log].course
+    effects = found.found.best.effects(found.suspects) if fitted else []
+    return course.at_stamps(course.on_grid(data.models(nu, effects)[log], skew=data.skew(nu)))
+
+
+# ------------------------------------------------------------------------------------------------------- the roll-off
+class Profile(NamedTuple):
+    """Share of the back-EMF constant that remains over the stator current [A rms], (n,) each: found and its 95 % band."""
+
+    current: Signal
+    left: Signal
+    low: Signal
+    high: Signal
+
+
+def profile_of(found: ModelDiagnosis) -> Profile | None:
+    """The roll-off with its band, as far as the stator current reaches; None where it is no cause (Fig. 18e)."""
+    data, best = found.data, found.found.best
+    if ROLLOFF not in best.names or all(cause.effect != ROLLOFF for cause in found.causes):
+        return None
+    place = best.place[ROLLOFF]
+    fitted = best.x[place]
+    root = np.linalg.eigh(covariance_of(data, best, found.found.scale)[place, place])
+    spread = root.eigenvectors * np.sqrt(np.maximum(root.eigenvalues, 0.0))
+    drawn = fitted + np.random.default_rng(0).standard_normal((DRAWS, fitted.size)) @ spread.T
+    reached = ROLLOFF_KNOTS[1]
+    for log, model in zip(data.logs, data.models(best.nu, best.effects(found.suspects)), strict=True):
+        if math.isfinite(log.load):
+            currents = log.course.block_mean(log.course.electrical(constants(model, log.load), "i_s"))
+            reached = max(reached, float(np.max(currents)))
+    current = np.linspace(0.0, reached, POINTS)
+    fields = [fitted, *np.clip(drawn, best.bounds.low[place], best.bounds.high[place])]
+    line, *lines = (share_of_k_e(tuple(x.tolist()), current) for x in fields)
+    low, high = np.quantile(list(lines), (0.025, 0.975), axis=0)
+    return Profile(current, line, low, high)
