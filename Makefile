@@ -36,7 +36,7 @@ test-browser: $(VENV)/installed
 
 # One table of ratios in a quarter of an hour or less; make bench BENCH=--quick takes about a minute and is rougher.
 bench: $(VENV)/installed
-	$(BIN)/python benchmarks/all.py $(BENCH)
+	$(BIN)/python benchmarks/bench.py $(BENCH)
 
 # Scores of the diagnosis on campaigns of the twin; make trials TRIALS="--family nothing" does a part.
 trials: $(VENV)/installed

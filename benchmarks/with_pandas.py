@@ -69,16 +69,10 @@ def reduce(path: Path, window: float | None = None) -> pd.DataFrame:
 
 def plot(path: Path, figure_file: Path) -> None:
     """Draw speed, force, torque and power of a log over time."""
-    import matplotlib.pyplot as plt
-
-    log = read(path)
-    figure, axes = plt.subplots(4, 1, sharex=True, figsize=(8, 10))
-    for ax, names in zip(axes, (["v", "v_smooth"], ["force"], ["torque"], ["p_line", "p_mech", "p_gen"]), strict=True):
-        for name in names:
-            ax.plot(log.t, log[name], label=name)
-        ax.legend()
-    axes[-1].set_xlabel("time (s)")
-    figure.savefig(figure_file)
+    parts = [("v", "v_smooth"), ("force",), ("torque",), ("p_line", "p_mech", "p_gen")]
+    columns = [name for part in parts for name in part]
+    axes = read(path).plot(x="t", y=columns, subplots=parts, figsize=(8, 10), xlabel="time (s)")
+    axes[0].figure.savefig(figure_file)
 
 
 def main() -> None:

@@ -37,7 +37,7 @@ def record(
             entries.append(f'simulated = "own_{name}"\n')
     (folder / "campaign.toml").write_text("".join(entries))
     suspects = {name: EFFECTS[name] for name in ("line_drag", "ke_rolloff")}
-    return diagnose_campaign(folder / "campaign.toml", suspects=suspects, seed=0, predictions=None)
+    return diagnose_campaign(folder / "campaign.toml", suspects=suspects)
 
 
 def kinds(files: list[Mapping[str, Any]]) -> dict[str, list[tuple[str, str | None]]]:

@@ -1,6 +1,8 @@
 """Trials for the tests: answers sealed by hand, and diagnoses that never looked at a log."""
 
 import json
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
@@ -10,117 +12,89 @@ from typing import Any
 import msgspec
 import pytest
 
-from winchcascade.blind.cases import (
-    SEALED,
-    TRIAL,
-    Answer,
-    Case,
-    Kind,
-    SealedAnswers,
-    campaign_toml,
-    make_campaign,
-    seal,
-    trial_bytes,
-)
+from winchcascade.blind.cases import Case, campaign_toml, write_campaign
 from winchcascade.blind.injected import PARTS
-from winchcascade.diagnosis.suspects import Suspects
+from winchcascade.blind.trial import DIAGNOSES, SEALED, TRIAL, Answer, SealedAnswers, seal
+from winchcascade.core.files import json_bytes
+
+FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
 
 
-def answer(
-    case: str,
-    kind: Kind,
-    effects: Mapping[str, float] | None = None,
-    *,
-    outsider: str | None = None,
-    truth: Mapping[str, float] | None = None,
-) -> Answer:
-    """An answer without a rig; true parameters by effect, 0.5 where none is given."""
-    hidden = dict(effects or {})
-    parameters = {name: {PARTS[name].parameter: (truth or {}).get(name, 0.5)} for name in hidden}
-    return Answer(case, kind, hidden, outsider, parameters, {}, {}, {}, {})
+def answer(case: str, *effects: str, strength: float = 1.0, outsider: str | None = None) -> Answer:
+    """An answer without a rig; true parameters are 0.5."""
+    kind = "outsider" if outsider else ("none", "single", "pair")[len(effects)]
+    parameters = {name: {PARTS[name].parameter: 0.5} for name in effects}
+    return Answer(case, kind, dict.fromkeys(effects, strength), outsider, parameters)
 
 
 def sealed_trial(folder: Path, *answers: Answer) -> Path:
     """A folder with sealed answers and no logs."""
     content, trial = seal(SealedAnswers(0, answers))
-    (folder / "diagnoses").mkdir(parents=True)
+    (folder / DIAGNOSES).mkdir(parents=True)
     (folder / SEALED).write_bytes(content)
-    (folder / TRIAL).write_bytes(trial_bytes(trial))
+    (folder / TRIAL).write_bytes(json_bytes(trial))
     return folder
 
 
-def cause(effect: str, *rivals: str, value: float = 0.5, half: float = 0.1) -> dict[str, Any]:
+def cause(effect: str, *rivals: str, value: float = 0.5, half: float = 0.1, **further: Any) -> dict[str, Any]:
     """A cause as a diagnosis writes it, with an interval of a half-width about its value."""
-    said = {PARTS[effect].parameter: {"value": value, "low": value - half, "high": value + half, "unit": "1"}}
-    return {
-        "effect": effect,
-        "stage": PARTS[effect].stage,
-        "probability": 0.9,
-        "parameters": said,
-        "rivals": [{"effect": rival, "probability": 0.1, "told_apart_by": ""} for rival in rivals],
-    }
+    said = {"value": value, "low": value - half, "high": value + half, "unit": "1"}
+    parameters = {PARTS[effect].parameter: said} if effect in PARTS else {}
+    others = [{"effect": rival, "probability": 0.1} for rival in rivals]
+    return {"effect": effect, "probability": 0.99, "parameters": parameters, "rivals": others, **further}
 
 
 def say(folder: Path, case: str, verdict: str, *causes: dict[str, Any], share: float | None = None) -> None:
     """Write a case's diagnosis."""
-    closure = None if share is None else {"withheld": [36.0], "channels": {}, "share_closed": share, "interval": [0, 1]}
+    closure = None if share is None else {"share_closed": share}
     record = {"schema": "winchcascade/diagnosis/1", "verdict": verdict, "causes": list(causes), "closure": closure}
-    (folder / "diagnoses" / f"{case}.json").write_text(json.dumps(record))
-
-
-Maker = Callable[[Case], dict[str, bytes]]
+    (folder / DIAGNOSES).mkdir(exist_ok=True)
+    (folder / DIAGNOSES / f"{case}.json").write_text(json.dumps(record))
 
 
 @contextmanager
-def cases_by(maker: Maker) -> Iterator[None]:
-    """Within this context the logs of a case are made by another function, which takes less time than solving the twin."""
+def cases_by(maker: Callable[[Case, Path], None]) -> Iterator[None]:
+    """Within this context the campaign of a case is written by another function, which takes less time than the twin."""
     with pytest.MonkeyPatch.context() as changed:
-        changed.setattr("winchcascade.blind.trial.make_campaign", maker)
+        changed.setattr("winchcascade.blind.trial.write_campaign", maker)
         yield
 
 
-def once(case: Case) -> dict[str, bytes]:
-    """Logs of the twin, made once for each case."""
-    return _made(msgspec.json.encode(case))
+def once(case: Case, folder: Path) -> None:
+    """Write logs of the twin, made once for each case."""
+    for name, content in _made(msgspec.json.encode(case)).items():
+        (folder / name).write_bytes(content)
 
 
 @cache
 def _made(case: bytes) -> dict[str, bytes]:
-    return make_campaign(msgspec.json.decode(case, type=Case))
+    with tempfile.TemporaryDirectory() as folder:
+        write_campaign(msgspec.json.decode(case, type=Case), Path(folder))
+        return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
 
 
-def shipped(case: Case) -> dict[str, bytes]:
-    """Logs of the shipped campaign, the same for each case."""
-    logs = sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv"))
-    return {"campaign.toml": campaign_toml(case.name).encode(), **{log.name: log.read_bytes() for log in logs}}
+def shipped(case: Case, folder: Path) -> None:
+    """Write the logs of the shipped campaign, the same for each case."""
+    for log in FIXTURES.glob("*.csv"):
+        shutil.copyfile(log, folder / log.name)
+    (folder / "campaign.toml").write_text(campaign_toml(case.name))
 
 
-def guess(campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None) -> dict[str, Any]:
-    """Diagnose without thought: the first suspect, and the log itself as the prediction; tells what it could see."""
-    assert predictions is not None
-    for when in ("before", "after"):
-        (predictions / when).mkdir()
-        (predictions / when / "r36ohm.csv").write_bytes((campaign_toml.parent / "r36ohm.csv").read_bytes())
-    seen = sorted(str(p.relative_to(campaign_toml.parents[1])) for p in campaign_toml.parents[1].rglob("*.*"))
-    return {
-        "schema": "winchcascade/diagnosis/1",
-        "verdict": "explained",
-        "causes": [cause(min(suspects))],
-        "closure": {"share_closed": 0.5, "interval": [0.4, 0.6], "withheld": [], "channels": {}},
-        "seen": seen,
-        "seed": seed,
-    }
+def guess(campaign_toml: Path) -> Mapping[str, object]:
+    """Diagnose without thought, and report what could be seen."""
+    place = campaign_toml.parents[1]
+    seen = sorted(str(path.relative_to(place)) for path in place.rglob("*") if path.is_file())
+    causes = [cause("ke_shift")]
+    return {"schema": "winchcascade/diagnosis/1", "verdict": "explained", "causes": causes, "seen": seen}
 
 
-def fail_on_the_second(
-    campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
-) -> dict[str, Any]:
+def fail_on_the_second(campaign_toml: Path) -> Mapping[str, object]:
     """Diagnose no case but the first."""
     if campaign_toml.parent.name == "case-0002":
         raise ValueError("this one is too hard")
-    return guess(campaign_toml, suspects=suspects, seed=seed, predictions=predictions)
+    return guess(campaign_toml)
 
 
-def find_no_room(campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None) -> dict[str, Any]:
+def find_no_room(campaign_toml: Path) -> Mapping[str, object]:
     """Diagnose nothing, as on a full disk."""
-    raise OSError(28, "No space left on device")
+    raise OSError(28, "No space left on device", str(campaign_toml))

@@ -1,11 +1,14 @@
-"""The program that scores the diagnosis on campaigns of the twin."""
+"""The program that scores the diagnosis on families of campaigns of the twin."""
 
 import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from winchcascade.blind.truth import read_truth
 
 PROGRAM = Path(__file__).parent.parent.parent / "benchmarks" / "trials.py"
 
@@ -15,55 +18,41 @@ def trials(*arguments: str | Path) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def result(number: int, verdict: str, *causes: str) -> str:
-    """A line of the results of a case with nothing injected."""
-    found = {"verdict": verdict, "causes": [{"effect": name} for name in causes]}
-    plan = {"family": "nothing", "number": number}
-    times = {"making": 2.0, "diagnosing": 10.0, "commit": "0000000"}
-    return json.dumps({"plan": plan, "parameters": {}, "found": found, **times}) + "\n"
+def result(family: str, number: int, verdict: str, *causes: dict[str, Any]) -> str:
+    """A line of the results."""
+    found = {"verdict": verdict, "causes": [{"probability": 0.9, **cause} for cause in causes]}
+    times = {"making": 2.0, "diagnosing": 10.0, "processor": 11.0, "commit": "0000000"}
+    return json.dumps({"plan": {"family": family, "number": number}, "found": found, **times}) + "\n"
 
 
 def test_a_score_counts_the_results_and_lists_the_cases_that_missed(tmp_path: Path) -> None:
-    lines = [result(1, "no_gap"), result(2, "explained", "rotor_windage"), '{"plan": {"fam']
-    (tmp_path / "nothing.jsonl").write_text("".join(lines))
-    table = trials("--family", "nothing", "--score", "--out", tmp_path)
-    assert "1 of 2" in table
-    assert "too few: 2 of 60" in table
+    lines = [result("nothing", 1, "no_gap"), result("nothing", 2, "explained", {"effect": "rotor_windage"})]
+    (tmp_path / "nothing.jsonl").write_text("".join((*lines, '{"plan": {"fam')))
+    wrong = [{"effect": "load_entry", "run": run} for run in ("r27ohm.csv", "r9ohm.csv")]
+    lines = [result("entries", 2, "explained", cause) for cause in wrong]
+    (tmp_path / "entries.jsonl").write_text(lines[1])
+    assert "0 of 1" in trials("--family", "entries", "--score", "--out", tmp_path)
+    (tmp_path / "entries.jsonl").write_text(lines[0])
+    table = " ".join(trials("--score", "--out", tmp_path).split())
+    assert "honest 1 of 2 50.0 % 98 % of 60 too few" in table
+    assert "missed 2 nothing" in table
     assert "explained: rotor_windage" in table
+    assert "1 of 1 100.0 % 90 % of 60" in table
+    assert "processor time of the diagnoses 22 s, median 11.0 s" in table
 
 
 @pytest.mark.slow
-def test_a_wrong_load_counts_only_in_its_own_run(tmp_path: Path) -> None:
-    entry = {"effect": "load_entry", "factor": 1.5, "log": "r27ohm"}
-    part = {"effect": "load_entry", "kind": "entry", "value": 0.01, "low": 0.0, "high": 0.02}
-    lines = []
-    for number, run in enumerate(("r27ohm.csv", "r9ohm.csv"), 1):
-        cause = {"effect": "load_entry", "run": run}
-        accounts = [{"metric": "eta_trans", "load_ohm": "inf", "parts": [part]}]
-        found = {"verdict": "explained", "causes": [cause], "contributions": accounts}
-        plan = {"family": "entries", "number": number, "entry": entry}
-        times = {"making": 2.0, "diagnosing": 10.0, "commit": "0000000"}
-        lines.append(json.dumps({"plan": plan, "parameters": {}, "found": found, **times}) + "\n")
-    (tmp_path / "entries.jsonl").write_text("".join(lines))
-    table = trials("--family", "entries", "--score", "--out", tmp_path)
-    assert table.count("1 of 2") == 2  # all entries, and those of this kind
-    assert "   2  load_entry of r27ohm x 1.500" in table
-
-
-@pytest.mark.slow
-def test_a_case_is_done_once_and_kept(tmp_path: Path) -> None:
-    part = ("--family", "nothing", "--cases", "1", "--first", "3", "--jobs", "1", "--out", tmp_path)
-    assert "1 cases" in trials(*part)
-    line = (tmp_path / "nothing.jsonl").read_bytes()
-    assert json.loads(line)["found"]["verdict"] in ("no_gap", "explained", "partly_explained", "unexplained")
+def test_a_case_is_made_once_and_diagnosed_once(tmp_path: Path) -> None:
+    part = ("--family", "calibrated", "--cases", "1", "--first", "3", "--jobs", "1", "--out", tmp_path)
+    trials(*part, "--make", tmp_path / "made")
+    folder = tmp_path / "made" / "calibrated" / "0003"
+    assert len(list(folder.glob("*.csv"))) == 7
+    assert read_truth(folder / "truth.json").kind == "single"
+    assert not (tmp_path / "calibrated.jsonl").exists()
+    assert "calibrated: 1 cases; median 0.0 s to make" in trials(*part, "--from", tmp_path / "made")
+    line = (tmp_path / "calibrated.jsonl").read_bytes()
+    found = json.loads(line)
+    assert found["found"]["verdict"] == found["plain"]["verdict"]
+    assert found["processor"] > 1.0
     trials(*part)
-    assert (tmp_path / "nothing.jsonl").read_bytes() == line
-
-
-@pytest.mark.slow
-def test_a_quick_fit_that_stops_short_does_not_end_the_search(tmp_path: Path) -> None:
-    # Here the quick fit of the true effect ends with less evidence than the fit without any cause.
-    table = trials("--family", "contributions", "--cases", "1", "--first", "23", "--jobs", "1", "--out", tmp_path)
-    assert "of those whose cause is named alone" in table
-    found = json.loads((tmp_path / "contributions.jsonl").read_bytes())["found"]
-    assert [cause["effect"] for cause in found["causes"]] == ["gear_mesh_loss"]
+    assert (tmp_path / "calibrated.jsonl").read_bytes() == line

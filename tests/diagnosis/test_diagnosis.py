@@ -234,7 +234,7 @@ SHARED = [
 @pytest.mark.slow
 @pytest.mark.parametrize("case", SHARED)
 def test_a_labelled_campaign_is_diagnosed(shared: Path, case: str) -> None:
-    record = diagnose_campaign(shared / "labelled" / case, suspects=EFFECTS, seed=0, predictions=None)
+    record = diagnose_campaign(shared / "labelled" / case, suspects=EFFECTS)
     if case == "outside_the_catalogue":
         assert record["verdict"] not in ("explained", "no_gap")
         return

@@ -13,7 +13,7 @@ from openlog import made_log, motion_run
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.diagnosis_result import StagePlace
+from winchcascade.diagnosis.diagnosis_result import Place
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.stagewise import stagewise
@@ -58,7 +58,7 @@ def campaign(models: dict[float, Model], seed: int) -> list[Run]:
 
 
 @cache
-def planted(name: str = "") -> tuple[StagePlace, ...]:
+def planted(name: str = "") -> tuple[Place, ...]:
     model = baseline(built_in())
     model = make_effect(name, PLANTED[name][0]).apply(model) if name else model
     return stagewise(Fitted(campaign(dict.fromkeys(LOADS, model), 0), built_in()))

@@ -43,7 +43,7 @@ def diagnosed(name: str) -> dict[str, Any]:
     """The diagnosis of a campaign as JSON."""
     if not (SHARED / name).is_dir():
         pytest.skip(f"{name} is not beside the project")
-    return diagnose_campaign(SHARED / name / "campaign.toml", suspects=EFFECTS, seed=0, predictions=None)
+    return diagnose_campaign(SHARED / name / "campaign.toml", suspects=EFFECTS)
 
 
 def certain(record: dict[str, Any]) -> set[str]:

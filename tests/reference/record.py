@@ -29,9 +29,6 @@ from workplace import KEPT, Workplace, workplace  # noqa: E402
 
 OUTPUTS = HERE / "outputs"
 
-PREDICTED = "r36ohm.csv"
-"""Predictions of one log are kept of a trial: those of all logs are four times as large as everything else."""
-
 
 def present(group: Group) -> dict[str, Any] | None:
     """Make the outputs of a group, texts and data by name; None if it needs data that are not there."""
@@ -117,9 +114,6 @@ def keep_version() -> None:
             "blind diagnose trial --jobs 1",
         ):
             print(place.run(*line.split()))
-        for predicted in Path("trial", "predictions").rglob("*.csv"):
-            if predicted.name != PREDICTED:
-                predicted.unlink()
         for name in ("results", "trial"):
             with tarfile.open(folder / f"{name}.tar.xz", "w:xz", preset=9) as file:
                 file.add(place.folder / name, name)

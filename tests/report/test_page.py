@@ -107,7 +107,7 @@ def test_a_page_has_no_character_that_html_forbids(clean: Report) -> None:
 @pytest.mark.slow
 def test_a_log_of_hours_has_a_page_that_can_be_sent_by_mail_with_its_largest_force(tmp_path: Path) -> None:
     log = tmp_path / "long.csv"
-    script = ROOT / "benchmarks" / "make_long_log.py"
+    script = ROOT / "benchmarks" / "make_logs.py"
     subprocess.run([sys.executable, script, log, "--rows", "268000"], check=True, capture_output=True)
     report, force = drawn(log), read_run(log).channels["force"]
     page = page_text(report)

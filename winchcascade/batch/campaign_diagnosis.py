@@ -24,6 +24,7 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import NoModel, load_rig, model_of
+from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import simulate, write_log, write_simulated
 
 if TYPE_CHECKING:
@@ -192,14 +193,9 @@ def diagnose_listed(
     return diagnose_line(entries, the_rig, suspects, seed=seed, on_progress=on_progress)
 
 
-def diagnose_campaign(
-    campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
-) -> dict[str, object]:
-    """Diagnose a campaign for a trial: JSON as a dict, predictions into a folder if one is given."""
-    found = diagnose_listed(load_campaign(campaign_toml), suspects, seed=seed)
-    if predictions is not None:
-        write_predictions(found, predictions)
-    return as_json(found)
+def diagnose_campaign(campaign_toml: Path, *, suspects: Suspects = EFFECTS) -> dict[str, object]:
+    """Diagnose a campaign for a trial: the nested records of its JSON."""
+    return as_json(diagnose_listed(load_campaign(campaign_toml), suspects))
 
 
 def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:

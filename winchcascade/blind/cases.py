@@ -1,36 +1,28 @@
-"""The cases of a trial: what is injected in each, the campaign that a twin makes of it, and the sealed answers.
-
-The answers are one file beside the cases; the record of the trial holds its digest. A diagnosis needs neither. A score opens
-the answers and rejects them if they were changed after the cases were generated.
-"""
+"""Cases of trials as data: what is injected, how it is logged and stated, and the campaign that a twin makes of it."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from importlib.resources import files
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
 
 import msgspec
 import numpy as np
 
+from winchcascade.blind.history import History, twin_by_run
 from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
-from winchcascade.blind.twin_numbers import LOADS
-from winchcascade.core.errors import OptionError
-from winchcascade.core.files import json_bytes
+from winchcascade.blind.simulators import simulated_log
+from winchcascade.blind.truth import Truth, truth_by_effects
+from winchcascade.blind.twin import FIXED, Twin, draw_motion, draw_twin, read_log, solve_twin
+from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOAD_SCATTER, LOADS, SCATTER, Logger, Numbers
 from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.run import Signal
-from winchcascade.core.store import digest_of, inside
-from winchcascade.core.version import __version__
 
-if TYPE_CHECKING:
-    from winchcascade.blind.twin import Twin
-
-Content = TypeVar("Content")
-
-Kind = Literal["single", "pair", "none", "outsider"]
+BLIND = "blind"
+"""Family of the cases that `blind deal` generates."""
 
 STRENGTHS = (1.0, 0.4, 1.5)
 """Strengths of single effects, in turn; both effects of a pair have full strength."""
@@ -38,49 +30,113 @@ STRENGTHS = (1.0, 0.4, 1.5)
 SHARES = {"none": 0.08, "outsider": 0.12, "pair": 0.12}
 """Share of each kind among the cases of a trial; in all others a single effect is injected."""
 
-NAME = re.compile(r"case-(?!0000)(?:[0-9]{4}|[1-9][0-9]{4,8})")
-"""Pattern of the names of cases, which are also the names of their folders."""
+NOMINAL = Numbers()
+
+
+class WrongEntry(msgspec.Struct, frozen=True):
+    """A wrong entry of the rig file or, for `load_entry`, of one run.
+
+    Parameters
+    ----------
+    effect : suspect that describes it
+    factor : stated value over the true one [1]
+    log : run whose load is wrong
+    shared : the logger computes the motion of the line with the wrong radius, too
+    """
+
+    effect: str
+    factor: float
+    log: str | None = None
+    shared: bool = False
+
+    @property
+    def key(self) -> str:
+        """Key of the number in the rig file."""
+        return {"drum_radius": "r_drum"}.get(self.effect, self.effect.removesuffix("_convention"))
+
+    def truth(self, twin: Twin) -> dict[str, float]:
+        """True value of the number that a diagnosis reports of it."""
+        if self.log is not None:
+            return {"load_ohm": twin.loads[self.log]}
+        if self.key in ("r_drum", "gear_ratio"):
+            return {self.key: FIXED.r_drum if self.key == "r_drum" else FIXED.gear}
+        return {f"{self.key}_ratio": getattr(twin.numbers, self.key) / (getattr(NOMINAL, self.key) * self.factor)}
 
 
 class Case(msgspec.Struct, frozen=True):
-    """Plan of one case before its values are drawn: its number, and the strength of each injected effect, or the outsider."""
+    """Plan of one case before its values are drawn; the seed and the number decide them.
 
+    Parameters
+    ----------
+    effects : strength of each injected effect, 1 for full
+    kind : of what is injected, where a family has several
+    truth : what an honest answer may be, where that does not follow from the effects
+    outsider : cause beyond the catalogue
+    physics : further physics of the twin, by the names of `PHYSICS`
+    reported : value of the reported parameter of an effect that is not drawn
+    history : what changes from run to run
+    order : of the runs, that of the loads if empty
+    scatter : true scatter of the rig over the stated one [1]
+    bias : error of the rig file, by number in stated uncertainties [1]
+    calibrated : the rig file is calibrated from the open circuit of the campaign
+    repeats : number of runs of each load
+    entry : wrong entry of the rig file or of the campaign
+    simulator : simulator of the owner's own simulation, a name of `SIMULATORS`
+    """
+
+    family: str
     number: int
-    seed: int
-    kind: Kind
-    effects: dict[str, float]
+    seed: int = 0
+    effects: dict[str, float] = {}
+    kind: str = ""
+    truth: Truth | None = None
     outsider: str | None = None
+    physics: dict[str, float] = {}
+    reported: dict[str, float] = {}
+    history: History = History()
+    order: tuple[str, ...] = ()
+    scatter: float = 1.0
+    bias: dict[str, float] = {}
+    calibrated: bool = False
+    logger: Logger = CRANE_LOGGER
+    repeats: int = 1
+    entry: WrongEntry | None = None
+    simulator: str | None = None
 
     @property
     def name(self) -> str:
         """Name of the folder of the case, which does not depend on what is injected."""
-        return f"case-{self.number:04d}"
+        return f"case-{self.number:04d}" if self.family == BLIND else f"{self.number:04d}"
 
+    @property
+    def hidden(self) -> str:
+        """What is injected, in words."""
+        if self.entry is None:
+            words = " + ".join(f"{name} x {size:g}" if size != 1.0 else name for name, size in self.effects.items())
+            numbers = [f"{name} {value:.3g}" for name, value in self.physics.items()]
+            return ", ".join([words or self.kind or "nothing", *numbers])
+        place = f" of {self.entry.log}" if self.entry.log else ", shared by the logger" if self.entry.shared else ""
+        return f"{self.entry.effect}{place} x {self.entry.factor:.3f}"
 
-class Answer(msgspec.Struct, frozen=True):
-    """The sealed answer of one case.
-
-    `parameters` are the true values that a diagnosis reports, by effect; `rig`, `loads` and `gains` the numbers of the campaign
-    in SI units [loads in ohm], `laws` the numbers of the laws of the injected effects.
-    """
-
-    case: str
-    kind: Kind
-    effects: dict[str, float]
-    outsider: str | None
-    parameters: dict[str, dict[str, float]]
-    rig: dict[str, float]
-    loads: dict[str, float]
-    gains: dict[str, float]
-    laws: dict[str, float]
-    outsider_size: float | None = None
+    @property
+    def settings(self) -> str:
+        """Settings of the campaign, in words."""
+        further = {
+            f"{self.simulator} simulator": self.simulator,
+            "rig file calibrated": self.calibrated,
+            "rig file biased": self.bias,
+            f"scatter x {self.scatter:g}": self.scatter != 1.0,
+            "shuffled": self.order,
+        }
+        words = [f"{1 / self.logger.interval:g} Hz", f"noise x {self.logger.noise:g}", f"{self.repeats} of each load"]
+        return ", ".join(words + [name for name, there in further.items() if there])
 
 
 def plan_cases(count: int, seed: int) -> tuple[Case, ...]:
-    """Plan what is injected in each of a number of cases, in a random order."""
+    """Plan what is injected in each case of a trial of `blind deal`, in a random order."""
     rng = np.random.default_rng([seed, 0])
     counts = {kind: round(share * count) for kind, share in SHARES.items()}
-    hidden: list[tuple[Kind, dict[str, float], str | None]] = [("none", {}, None)] * counts["none"]
+    hidden: list[tuple[str, dict[str, float], str | None]] = [("none", {}, None)] * counts["none"]
     outsiders = _in_turn(list(OUTSIDERS), rng)
     hidden += [("outsider", {}, next(outsiders)) for _ in range(counts["outsider"])]
     hidden += [("pair", _pair(rng), None) for _ in range(counts["pair"])]
@@ -88,7 +144,11 @@ def plan_cases(count: int, seed: int) -> tuple[Case, ...]:
     for k in range(count - len(hidden)):
         strength = STRENGTHS[(turn + k + k // len(PARTS)) % len(STRENGTHS)]
         hidden.append(("single", {next(singles): strength}, None))
-    return tuple(Case(number, seed, *hidden[place]) for number, place in enumerate(rng.permutation(count), 1))
+    planned = [hidden[place] for place in rng.permutation(count)]
+    return tuple(
+        Case(BLIND, number, seed, effects, kind, outsider=outsider)
+        for number, (kind, effects, outsider) in enumerate(planned, 1)
+    )
 
 
 def _in_turn(names: list[str], rng: np.random.Generator) -> Iterator[str]:
@@ -105,33 +165,12 @@ def _pair(rng: np.random.Generator) -> dict[str, float]:
             return {names[one]: 1.0, names[other]: 1.0}
 
 
-def _draw(case: Case) -> tuple[Hidden, Twin, np.random.Generator]:
+def draw(case: Case) -> tuple[Hidden, Twin, np.random.Generator]:
     """Injected values and the twin of a case, and the generator from which the logs are drawn next."""
-    from winchcascade.blind.twin import draw_twin
-
     rng = np.random.default_rng([case.seed, case.number])
-    hidden = draw_hidden(case.effects, case.outsider, rng)
-    return hidden, draw_twin(hidden, rng), rng
-
-
-def answer_of(case: Case) -> Answer:
-    """Draw the true numbers of a case without making its logs."""
-    hidden, twin, _ = _draw(case)
-    return Answer(
-        case.name, case.kind, case.effects, case.outsider, hidden.reported(), twin.numbers._asdict(), twin.loads, twin.gains,
-        hidden.laws, None if case.outsider is None else hidden.outsiders[case.outsider],
-    )  # fmt: skip
-
-
-def make_campaign(case: Case) -> dict[str, bytes]:
-    """Make the files of a case: its logs and their campaign.toml, the same bytes for the same case every time."""
-    from winchcascade.blind.twin import make_log
-
-    _, twin, rng = _draw(case)
-    texts = {f"{log}.csv": log_text(make_log(twin, log, rng)) for log in LOADS} | {
-        "campaign.toml": campaign_toml(case.name)
-    }
-    return {name: text.encode() for name, text in texts.items()}
+    hidden = draw_hidden(case.effects, case.outsider, rng, case.reported)
+    hidden = msgspec.structs.replace(hidden, physics=case.physics)
+    return hidden, draw_twin(hidden, rng, case.scatter), rng
 
 
 ORIGIN = "Made by a numerical twin of the rig, with hidden numbers and effects"
@@ -143,112 +182,136 @@ STATED_LOADS = {log: math.inf if log == "open_circuit" else ohm for log, ohm in 
 HEADER = "Time (s),Displacement (m),Velocity (m/s),Pressure (kg/cm2),Force (N),Torque (N.m),Vdc (V),Idc (A)"
 """Header of a log, in the format of the logger of the crane."""
 
+PLAIN = "plain.toml"
+"""The campaign with the built-in rig file, of a case whose rig file is calibrated."""
 
-def log_text(columns: dict[str, Signal]) -> str:
+SIMULATED = "simulated"
+"""Folder of the owner's own simulation."""
+
+
+def write_campaign(case: Case, folder: Path) -> None:
+    """Write the logs of a case, its campaign.toml, and its rig file where that is not the built-in one; the same case gives the
+    same bytes every time.
+    """
+    _, twin, rng = draw(case)
+    stated, entry = dict(STATED_LOADS), case.entry
+    if entry is not None and entry.log is not None:
+        stated[entry.log] = round(stated[entry.log] * entry.factor, 3)
+    loads, order = {}, (case.order or tuple(stated)) * case.repeats
+    for k, (log, here) in enumerate(zip(order, twin_by_run(twin, case.history, order), strict=True)):
+        name = log if case.repeats == 1 else f"{log}_{k // len(stated) + 1:02d}"
+        x, v, resting = draw_motion(log, rng)
+        columns = read_log(here, solve_twin(here, log, x, v, resting), rng, case.logger)
+        if entry is not None and entry.shared:
+            columns |= {key: np.round(columns[key] * entry.factor, 4) for key in ("displacement", "velocity")}
+        write_log(folder / f"{name}.csv", columns)
+        if case.simulator is not None:
+            write_log(folder / SIMULATED / f"{name}.csv", simulated_log(case.simulator, log, x, v))
+        loads[name] = stated[log]
+    title = case.name if case.family == BLIND else f"{case.family} {case.number}"
+    rig = _rig_file(case, folder)
+    if rig is not None:
+        (folder / "rig.toml").write_bytes(rig.encode())
+    if case.calibrated:
+        (folder / PLAIN).write_bytes(campaign_toml(title, loads).encode())
+    text = campaign_toml(title, loads, DEFAULT_RIG if rig is None else "rig.toml", simulated=case.simulator is not None)
+    (folder / "campaign.toml").write_bytes(text.encode())
+
+
+def write_log(path: Path, columns: Mapping[str, Signal]) -> None:
     """Write a log in the format of the logger of the crane, with no more digits than a channel has."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return "\n".join([HEADER, *(",".join(map(repr, row)) for row in rows)]) + "\n"
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(("\n".join([HEADER, *(",".join(map(repr, row)) for row in rows)]) + "\n").encode())
 
 
-def campaign_toml(title: str, loads: Mapping[str, float] = STATED_LOADS) -> str:
-    """Make the campaign.toml of a case, with the built-in rig for which the twin stands.
+def campaign_toml(
+    title: str, loads: Mapping[str, float] = STATED_LOADS, rig: str = DEFAULT_RIG, *, simulated: bool = False
+) -> str:
+    """Make the campaign.toml of a case.
 
     Parameters
     ----------
     loads : stated load of each log by its name [ohm]
+    simulated : each run has the owner's own simulation
     """
-    lines = [f'title = "{title}"', f'rig = "{DEFAULT_RIG}"', "measured = false", f'origin = "{ORIGIN}"']
+    lines = [f'title = "{title}"', f'rig = "{rig}"', "measured = false", f'origin = "{ORIGIN}"']
     for log, ohm in loads.items():
-        lines += ["", "[[run]]", f'file = "{log}.csv"', f"load_ohm = {ohm!r}"]
+        own = [f'simulated = "{SIMULATED}/{log}.csv"'] if simulated else []
+        lines += ["", "[[run]]", f'file = "{log}.csv"', *own, f"load_ohm = {ohm!r}"]
     return "\n".join(lines) + "\n"
 
 
-SEALED, TRIAL = "sealed.json", "trial.json"
-"""Files of a trial: the answers, and the record without them."""
+def _rig_file(case: Case, folder: Path) -> str | None:
+    """The rig file of a campaign whose logs are written, None for the built-in one."""
+    if case.calibrated:
+        from winchcascade.diagnosis.calibrate import calibrate
+        from winchcascade.diagnosis.rig_text import calibrated_text
+        from winchcascade.ingest.read import read_run
+        from winchcascade.rig.open_rig import load_rig
 
-SEALED_SCHEMA = "winchcascade/sealed/1"
-TRIAL_SCHEMA = "winchcascade/trial/1"
-
-
-class SealedAnswers(msgspec.Struct, frozen=True):
-    """All answers of a trial, with the seed from which the cases were generated."""
-
-    seed: int
-    answers: tuple[Answer, ...]
-    schema: str = SEALED_SCHEMA
-
-
-class Trial(msgspec.Struct, frozen=True):
-    """Record of a trial without its answers: its cases and the digest of the sealed answers."""
-
-    cases: tuple[str, ...]
-    sealed_sha256: str
-    version: str = __version__
-    schema: str = TRIAL_SCHEMA
-
-
-def seal(sealed: SealedAnswers) -> tuple[bytes, Trial]:
-    """Put answers into the bytes of a sealed file, and make the record of the trial with their digest."""
-    content = trial_bytes(sealed)
-    return content, Trial(tuple(a.case for a in sealed.answers), digest_of(content))
-
-
-def trial_bytes(record: Trial | SealedAnswers) -> bytes:
-    """Content of the file of the record of a trial, or of its answers."""
-    return json_bytes(record)
-
-
-def read_trial(folder: Path) -> Trial:
-    """Read the record of a trial; OptionError gives the reason if the folder is no trial."""
-    path = inside(folder, TRIAL)
-    content = _content(path, "expected the folder of a trial, as blind deal makes it.")
-    trial = decoded(path, content, Trial, "is no record of a trial", "deal the trial again")
-    if trial.schema != TRIAL_SCHEMA:
-        raise OptionError(f"{path}: has the schema {trial.schema}; expected {TRIAL_SCHEMA}.")
-    _check_names(trial.cases, path)
-    return trial
-
-
-def _content(path: Path, expected: str) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as fault:
-        raise OptionError(f"{path}: cannot be read ({fault.strerror}); {expected}") from None
-
-
-def decoded(path: Path, content: bytes, kind: type[Content], what: str, remedy: str) -> Content:
-    """Decode the content of a file of a trial; OptionError with what is wrong and what to do if that is not possible."""
-    try:
-        return msgspec.json.decode(content, type=kind)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
-        raise OptionError(f"{path}: {what} ({fault}); {remedy}.") from None
-
-
-def _check_names(names: Sequence[str], path: Path) -> None:
-    """Reject names that are not those of cases: they are also names of folders, which are replaced."""
-    for number, name in enumerate(names, 1):
-        if NAME.fullmatch(name) is None or name in names[: number - 1]:
-            raise OptionError(
-                f"{path}: case {number} is named {name!r}; expected names such as case-0001, each once. The file was changed "
-                "by hand; deal the trial again."
-            )
-
-
-def open_seal(folder: Path) -> tuple[Trial, SealedAnswers]:
-    """Open the answers of a trial.
-
-    Raises
-    ------
-    OptionError : the folder is no trial, the answers are missing, or they were changed
-    """
-    trial, path = read_trial(folder), inside(folder, SEALED)
-    content = _content(path, "without the answers no trial is scored.")
-    found = digest_of(content)
-    if found != trial.sealed_sha256:
-        raise OptionError(
-            f"{path}: the answers were changed after the cases were dealt: their SHA-256 is {found}, {TRIAL} has "
-            f"{trial.sealed_sha256}; put the dealt file back, or deal again."
+        return calibrated_text(calibrate(read_run(folder / "open_circuit.csv", load=math.inf), load_rig(DEFAULT_RIG)))
+    if case.entry is not None and case.entry.log is None:
+        return _rig_text({case.entry.key: case.entry.factor})
+    if case.bias:
+        return _rig_text(
+            {
+                "mu_screw" if name == "mu" else name: 1.0 + by * (getattr(SCATTER, name) / getattr(NOMINAL, name))
+                for name, by in case.bias.items()
+            }
         )
-    sealed = decoded(path, content, SealedAnswers, "holds no answers that this version can read", "deal again")
-    _check_names([answer.case for answer in sealed.answers], path)
-    return trial, sealed
+    return None
+
+
+def _rig_text(factors: Mapping[str, float]) -> str:
+    """The built-in rig file with wrong values: factor on each, by key; ValueError where it has no entry of that key."""
+    text = files("winchcascade").joinpath("rigfiles", f"{DEFAULT_RIG}.toml").read_text(encoding="utf-8")
+    for key, factor in factors.items():
+        entry = re.compile(rf"(?m)^({key} = {{ value =) ([0-9.e+-]+)")
+        text, count = entry.subn(lambda found, by=factor: f"{found[1]} {float(found[2]) * by:.6g}", text)  # type: ignore[misc]
+        if count != 1:
+            raise ValueError(f"rig file {DEFAULT_RIG}: expected one entry {key}, found {count}")
+    return text
+
+
+EFFECT_OF = {
+    "k_e": "ke_shift", "r_s": "copper_heating", "l_s": "sync_inductance", "b_rotor": "rotor_viscous", "p_gas": "precharge",
+    "area": "piston_area", "v_gas": "gas_volume", "eta_mesh": "gear_mesh_loss", "mu": "screw_friction",
+    "torque": "torque_gain", "force": "force_gain", "vdc": "voltage_gain", "idc": "current_gain", "pressure": "pressure_gain",
+}  # fmt: skip
+"""Effect by which a wrong number or gain of the rig is named."""
+
+REAL = 2.5
+"""Deviation of a number from the rig file, in stated uncertainties, from which it is a true cause. [1]"""
+
+
+def _wrong_numbers(case: Case, twin: Twin) -> tuple[str, ...]:
+    """Effects that describe true deviations of a twin from a rig file that is worse than it states."""
+    if not case.bias and case.scatter == 1.0:
+        return ()
+    by = {
+        name: (true - stated) / u - case.bias.get(name, 0.0)
+        for name, true, stated, u in zip(twin.numbers._fields, twin.numbers, NOMINAL, SCATTER, strict=True)
+    }
+    by |= {name: (gain - 1.0) / LOAD_SCATTER for name, gain in twin.gains.items()}
+    return tuple(EFFECT_OF[name] for name, deviation in by.items() if name in EFFECT_OF and abs(deviation) >= REAL)
+
+
+def truth_of(case: Case) -> Truth:
+    """What is injected in a case, with its true numbers, and what an honest answer may be."""
+    hidden, twin, _ = draw(case)
+    entry = case.entry
+    parameters = hidden.reported() if entry is None else {entry.effect: entry.truth(twin)}
+    if case.outsider is not None:
+        found = Truth("outsider", honest="no cause with certainty")
+    elif case.truth is not None:
+        found = msgspec.structs.replace(case.truth, effects=case.effects, parameters=parameters)
+    else:
+        effects = case.effects if entry is None else {entry.effect: 1.0}
+        found = truth_by_effects(effects, parameters, beside=_wrong_numbers(case, twin))
+    return msgspec.structs.replace(
+        found,
+        kind=case.kind or found.kind,
+        what=f"{case.hidden} ({case.settings})",
+        run=None if entry is None or entry.log is None else f"{entry.log}.csv",
+    )

@@ -42,16 +42,6 @@ class History(msgspec.Struct, frozen=True):
     zero_drifts: dict[str, float] = {}
 
 
-class RunChange(msgspec.Struct, frozen=True):
-    """Changes of one run against the rig of the campaign: shares of its numbers and gains [1], and zeros [unit of the log]."""
-
-    k_e: float
-    r_s: float
-    p_gas: float
-    gains: dict[str, float]
-    zeros: dict[str, float]
-
-
 def stator_heat(log: str) -> float:
     """Square of the rms stator current at the plateau of a log, from the mean voltage of a diode bridge. [A2]
 
@@ -79,29 +69,17 @@ def temperatures(history: History, logs: Sequence[str]) -> list[float]:
     return [value / max(found) for value in found] if max(found) > 0.0 else found
 
 
-def run_changes(history: History, logs: Sequence[str]) -> list[RunChange]:
-    """Changes of each run; gas and sensors drift evenly from the first run to the last."""
-    places = [k / max(len(logs) - 1, 1) for k in range(len(logs))]
-    return [
-        RunChange(
-            -history.k_e_fall * warm,
-            history.r_s_rise * warm,
-            -history.gas_leak * place,
-            {name: drift * place for name, drift in history.gain_drifts.items()},
-            {name: drift * place for name, drift in history.zero_drifts.items()},
+def twin_by_run(twin: Twin, history: History, logs: Sequence[str]) -> list[Twin]:
+    """The twin as it is in each run; gas and sensors drift evenly from the first run to the last."""
+    found = []
+    for k, warm in enumerate(temperatures(history, logs)):
+        place, n = k / max(len(logs) - 1, 1), twin.numbers
+        numbers = n._replace(
+            k_e=n.k_e * (1.0 - history.k_e_fall * warm),
+            r_s=n.r_s * (1.0 + history.r_s_rise * warm),
+            p_gas=n.p_gas * (1.0 - history.gas_leak * place),
         )
-        for warm, place in zip(temperatures(history, logs), places, strict=True)
-    ]
-
-
-def in_run(twin: Twin, change: RunChange) -> Twin:
-    """The twin as it is in one run."""
-    n = twin.numbers
-    return msgspec.structs.replace(
-        twin,
-        numbers=n._replace(
-            k_e=n.k_e * (1.0 + change.k_e), r_s=n.r_s * (1.0 + change.r_s), p_gas=n.p_gas * (1.0 + change.p_gas)
-        ),
-        gains={name: gain * (1.0 + change.gains.get(name, 0.0)) for name, gain in twin.gains.items()},
-        zeros={**twin.zeros, **change.zeros},
-    )
+        gains = {name: gain * (1.0 + history.gain_drifts.get(name, 0.0) * place) for name, gain in twin.gains.items()}
+        zeros = twin.zeros | {name: drift * place for name, drift in history.zero_drifts.items()}
+        found.append(msgspec.structs.replace(twin, numbers=numbers, gains=gains, zeros=zeros))
+    return found

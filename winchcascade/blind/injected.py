@@ -113,33 +113,42 @@ class Hidden(msgspec.Struct, frozen=True):
 
     def reported(self) -> dict[str, dict[str, float]]:
         """True value of the parameter that a diagnosis reports, by effect."""
-        signs = {"ke_rolloff": -1.0, "gas_polytropic": 1.0}  # their parameters are 1 where the effect is absent
         return {
-            name: {INJECTED[name].parameter: 1.0 + signs[name] * value if name in signs else value}
+            name: {INJECTED[name].parameter: 1.0 + _SIGNS[name] * value if name in _SIGNS else value}
             for name, value in self.effects.items()
         }
 
 
-def draw_hidden(effects: Mapping[str, float], outsider: str | None, rng: np.random.Generator) -> Hidden:
+_SIGNS = {"ke_rolloff": -1.0, "gas_polytropic": 1.0}
+"""Effects whose reported parameter is 1 where they are absent, with the sign of what is added. [1]"""
+
+
+def draw_hidden(
+    effects: Mapping[str, float],
+    outsider: str | None,
+    rng: np.random.Generator,
+    reported: Mapping[str, float] | None = None,
+) -> Hidden:
     """Draw the values of the causes of a case.
 
     Parameters
     ----------
     effects : strength of each effect, 1 for full
     outsider : cause outside the catalogue, None for none
+    reported : value of the reported parameter of effects whose value is not drawn
     """
     values = {name: strength * _size(INJECTED[name], rng) for name, strength in effects.items()}
+    values |= {
+        name: (value - 1.0) * _SIGNS[name] if name in _SIGNS else value for name, value in (reported or {}).items()
+    }
     laws: dict[str, float] = {}
     if "ke_rolloff" in values:
         laws |= _rolloff(values["ke_rolloff"], rng)
     if "gas_polytropic" in values:
         laws["gas_cooling"] = rng.uniform(4.0, 12.0)
     if "stribeck" in values:
-        laws |= {
-            "slow_speed": rng.uniform(0.08, 0.18),
-            "slow_power": rng.uniform(1.6, 2.4),
-            "slow_seals": rng.uniform(0.0, 1.0),
-        }
+        ranges = {"slow_speed": (0.08, 0.18), "slow_power": (1.6, 2.4), "slow_seals": (0.0, 1.0)}
+        laws |= {name: rng.uniform(*ends) for name, ends in ranges.items()}
     if outsider is None:
         return Hidden(values, laws)
     outside = {outsider: OUTSIDERS[outsider] * rng.uniform(0.85, 1.25)}
@@ -154,11 +163,11 @@ def _size(part: InjectedEffect, rng: np.random.Generator) -> float:
 def _rolloff(lost: float, rng: np.random.Generator) -> dict[str, float]:
     """Draw a law by which a share of the back-EMF is lost at 10 A rms."""
     law = (KNEE, LINE, BELL)[rng.integers(3)]
-    if law == BELL:
-        power = rng.uniform(1.2, 2.0)
-        return {"law": law, "knee": 0.0, "width": 10.0 / (-math.log1p(-lost)) ** (1.0 / power), "power": power}
-    knee = rng.uniform(3.0, 6.0)
-    if law == LINE:
-        return {"law": law, "knee": knee, "width": lost / (10.0 - knee), "power": 1.0}
-    power = rng.uniform(1.0, 1.8)
-    return {"law": law, "knee": knee, "width": (10.0 - knee) * ((1.0 - lost) / lost) ** (1.0 / power), "power": power}
+    knee = 0.0 if law == BELL else rng.uniform(3.0, 6.0)
+    power = 1.0 if law == LINE else rng.uniform(*((1.2, 2.0) if law == BELL else (1.0, 1.8)))
+    width = {
+        KNEE: (10.0 - knee) * ((1.0 - lost) / lost) ** (1.0 / power),
+        LINE: lost / (10.0 - knee),
+        BELL: 10.0 / (-math.log1p(-lost)) ** (1.0 / power),
+    }
+    return {"law": law, "knee": knee, "width": width[law], "power": power}

@@ -1,39 +1,29 @@
-"""A trial: cases are generated with sealed answers, and diagnosed from the logs alone."""
+"""A trial in a folder: cases are dealt with sealed answers, or come with a truth.json each; they are diagnosed from their logs.
+
+The sealed answers are one file beside the cases; the record of the trial holds its digest. A diagnosis needs neither. A score
+opens the answers and rejects them if they were changed after the cases were generated.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TypeVar
 
 import msgspec
 
-from winchcascade.blind.cases import (
-    SEALED,
-    TRIAL,
-    Case,
-    SealedAnswers,
-    Trial,
-    answer_of,
-    make_campaign,
-    open_seal,
-    plan_cases,
-    read_trial,
-    seal,
-    trial_bytes,
-)
-from winchcascade.blind.twin_numbers import LOADS
-from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
-from winchcascade.core.errors import CampaignError, OptionError, OutputError
-from winchcascade.core.files import check_replaceable, scratch_folder, write_content
+from winchcascade.blind.cases import Case, draw, plan_cases, write_campaign
+from winchcascade.blind.truth import TRUTH_FILE, Truth, truth_by_effects
+from winchcascade.core.campaign_file import CAMPAIGN_FILE
+from winchcascade.core.errors import OptionError
+from winchcascade.core.files import check_replaceable, json_bytes, scratch_folder, write_content
 from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.store import (
     Kept,
-    State,
-    altered,
     digest_of,
     files_within,
     foreign,
@@ -47,47 +37,159 @@ from winchcascade.core.store import (
 )
 from winchcascade.core.version import __version__
 
-if TYPE_CHECKING:
-    from winchcascade.diagnosis.suspects import Suspects
+Content = TypeVar("Content")
 
-DIAGNOSES, PREDICTIONS = "diagnoses", "predictions"
-"""Folders of a trial beside its cases: a JSON for each case, and what the diagnosis predicted of its logs."""
+SEALED, TRIAL, DIAGNOSES = "sealed.json", "trial.json", "diagnoses"
+"""Files of a trial: the answers, the record without them, and the folder with the JSON of each diagnosis."""
 
+SEALED_SCHEMA, TRIAL_SCHEMA = "winchcascade/sealed/1", "winchcascade/trial/1"
 
-class Diagnose(Protocol):
-    """A function that diagnoses a campaign: its logs in, the diagnosis out, as the nested records of its JSON."""
+NAME = re.compile(r"case-(?!0000)(?:[0-9]{4}|[1-9][0-9]{4,8})")
+"""Pattern of the names of dealt cases, which are also the names of their folders."""
 
-    def __call__(
-        self, campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
-    ) -> dict[str, object]:
-        """Diagnose one campaign and write the predictions of its held-out logs into a folder."""
+ANSWERS = (TRUTH_FILE, "diagnosis.json")
+"""Files of a campaign that its diagnosis does not see."""
 
 
-class DiagnosisMethod(msgspec.Struct, frozen=True):
-    """How cases are diagnosed: by a function of a module, so that another process finds it; with effects by name that may be
-    named as causes, and with a seed.
+class Answer(msgspec.Struct, frozen=True):
+    """The sealed answer of one case.
+
+    `parameters` are the true values that a diagnosis reports, by effect; `rig`, `loads` and `gains` the numbers of the campaign
+    in SI units [loads in ohm], `laws` the numbers of the laws of the injected effects.
     """
 
-    diagnose: Diagnose
-    suspects: Suspects
-    seed: int = 0
+    case: str
+    kind: str
+    effects: dict[str, float]
+    outsider: str | None
+    parameters: dict[str, dict[str, float]]
+    rig: dict[str, float] = {}
+    loads: dict[str, float] = {}
+    gains: dict[str, float] = {}
+    laws: dict[str, float] = {}
+    outsider_size: float | None = None
+
+    @property
+    def truth(self) -> Truth:
+        """What an honest answer may be."""
+        if self.outsider is not None:
+            return Truth("outsider", self.outsider, "no cause with certainty")
+        return truth_by_effects(self.effects, self.parameters)
+
+
+def answer_of(case: Case) -> Answer:
+    """Draw the true numbers of a case without making its logs."""
+    hidden, twin, _ = draw(case)
+    return Answer(
+        case.name, case.kind, case.effects, case.outsider, hidden.reported(), twin.numbers._asdict(), twin.loads, twin.gains,
+        hidden.laws, None if case.outsider is None else hidden.outsiders[case.outsider],
+    )  # fmt: skip
+
+
+class SealedAnswers(msgspec.Struct, frozen=True):
+    """All answers of a trial, with the seed from which the cases were generated."""
+
+    seed: int
+    answers: tuple[Answer, ...]
+    schema: str = SEALED_SCHEMA
+
+
+class Trial(msgspec.Struct, frozen=True):
+    """Record of a trial without its answers: its cases and the digest of the sealed answers."""
+
+    cases: tuple[str, ...]
+    sealed_sha256: str
+    version: str = __version__
+    schema: str = TRIAL_SCHEMA
 
 
 class TrialProgress(msgspec.Struct, frozen=True):
-    """Result of a call: the cases of the trial, how many were done already, the fault of each that failed, and the cases whose
-    diagnosis did not match its digest and was made again.
+    """Result of a call: the cases of the trial, how many were done already, the fault of each that failed, the digest of the
+    answers, and the cases whose diagnosis did not match its digest and was made again.
     """
 
     cases: tuple[str, ...]
     kept: int
     faults: dict[str, str]
-    sha256: str
+    sha256: str | None = None
     altered: tuple[str, ...] = ()
 
     @property
     def made(self) -> int:
         """Cases that the call did itself."""
         return len(self.cases) - self.kept - len(self.faults)
+
+
+def seal(sealed: SealedAnswers) -> tuple[bytes, Trial]:
+    """Put answers into the bytes of a sealed file, and make the record of the trial with their digest."""
+    content = json_bytes(sealed)
+    return content, Trial(tuple(a.case for a in sealed.answers), digest_of(content))
+
+
+def decoded(path: Path, kind: type[Content], expected: str) -> Content:
+    """Decode a file of a trial; OptionError with what was expected if that is not possible."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=kind)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
+        words = fault.strerror if isinstance(fault, OSError) else fault
+        raise OptionError(f"{path}: cannot be read ({words}); expected {expected}.") from None
+
+
+def read_trial(folder: Path) -> Trial:
+    """Read the record of a trial; OptionError if the folder is none, or names cases that are no names of folders."""
+    path = inside(folder, TRIAL)
+    trial = decoded(
+        path, Trial, "the folder of a trial, as blind deal makes it, or of campaigns with a truth.json each"
+    )
+    if trial.schema != TRIAL_SCHEMA:
+        raise OptionError(f"{path}: has the schema {trial.schema}; expected {TRIAL_SCHEMA}.")
+    for number, name in enumerate(trial.cases, 1):  # they are also the names of folders, which are replaced
+        if NAME.fullmatch(name) is None or name in trial.cases[: number - 1]:
+            raise OptionError(
+                f"{path}: case {number} is named {name!r}; expected names such as case-0001, each once. The file was changed "
+                "by hand; deal the trial again."
+            )
+    return trial
+
+
+def open_seal(folder: Path) -> tuple[Trial, SealedAnswers]:
+    """Open the answers of a trial.
+
+    Raises
+    ------
+    OptionError : the folder is no trial, the answers are missing, or they were changed
+    """
+    trial, path = read_trial(folder), inside(folder, SEALED)
+    sealed = decoded(path, SealedAnswers, "the answers of a trial, without which none is scored")
+    found = digest_of(path.read_bytes())
+    if found != trial.sealed_sha256 or tuple(answer.case for answer in sealed.answers) != trial.cases:
+        raise OptionError(
+            f"{path}: the answers were changed after the cases were dealt: their SHA-256 is {found}, {TRIAL} has "
+            f"{trial.sealed_sha256}; put the dealt file back, or deal again."
+        )
+    return trial, sealed
+
+
+def case_names(folder: Path) -> tuple[str, ...]:
+    """Names of the cases of a trial: those of its record or, without one, of the folders with a campaign and its truth.
+
+    Raises
+    ------
+    OptionError : the folder is no trial, or a case of it is missing
+    """
+    if not (folder / TRIAL).exists():
+        beside = sorted(path.parent.name for path in folder.glob(f"*/{TRUTH_FILE}"))
+        names = tuple(name for name in beside if (folder / name / CAMPAIGN_FILE).is_file())
+        if names:
+            return names
+    names = read_trial(folder).cases
+    missing = [name for name in names if not inside(folder, f"{name}/{CAMPAIGN_FILE}").is_file()]
+    if missing:
+        raise OptionError(
+            f"{folder}: {len(missing)} of {len(names)} cases are missing, the first {missing[0]}; "
+            "give blind deal the same command again to deal them."
+        )
+    return names
 
 
 def deal(
@@ -122,120 +224,66 @@ def deal(
     with locked(out, watch.waiting):
         _lay_out(out, content, trial, force=force)
         orders = {case.name: case for case in plan if not inside(out, case.name).is_dir()}
-        work = partial(_deal_case, folder=str(out) if workers.scheduler is None else None)
-        faults: dict[str, str] = {}
         watch.begin(cases - len(orders), len(orders))
-        for name, outcome in workers.run(work, orders, watch):
-            if outcome.value is None:
-                faults[name] = outcome.fault or ""
-            elif outcome.value:
-                _write_folder(out / name, outcome.value)
-        return TrialProgress(trial.cases, cases - len(orders), faults, trial.sealed_sha256)
+        done = workers.run(partial(write_whole_campaign, folder=str(out)), orders, watch)
+        faults = {name: outcome.fault for name, outcome in done if outcome.fault is not None}
+    return TrialProgress(trial.cases, cases - len(orders), faults, trial.sealed_sha256)
 
 
 def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
     """Write the sealed answers into the folder of a trial, or check those of an earlier call."""
     if inside(out, TRIAL).is_file():
-        if read_trial(out).sealed_sha256 == trial.sealed_sha256:
+        earlier = read_trial(out)
+        if earlier.sealed_sha256 == trial.sealed_sha256:
             open_seal(out)
             return
         if not force:
             raise OptionError(
                 f"{out}: holds another trial (other cases, seed or version); give --out a new folder or add --force."
             )
-        _forget(out)
+        folders = [inside(out, name) for name in (*earlier.cases, DIAGNOSES)]
+        for folder in folders:
+            files_within(folder)  # rejects a link before the first is removed
+        (out / TRIAL).unlink()  # first, so that no half of a trial passes for one
+        for folder in filter(Path.is_dir, folders):
+            shutil.rmtree(folder)
     elif not force and set(foreign(out)) - {SEALED}:  # answers without a record are of a call that was cut short
         raise not_empty(out, "a trial")
     write_content(inside(out, SEALED), content, force=force)
-    write_content(inside(out, TRIAL), trial_bytes(trial), force=force)
+    write_content(inside(out, TRIAL), json_bytes(trial), force=force)
 
 
-def _forget(out: Path) -> None:
-    """Remove an earlier trial, its record first, so that no half of one passes for a trial.
-
-    The folders are checked before the first is removed: no link is followed, and none is removed either.
-    """
-    folders = [inside(out, name) for name in (*read_trial(out).cases, DIAGNOSES, PREDICTIONS)]
-    for folder in folders:
-        files_within(folder)
-    (out / TRIAL).unlink(missing_ok=True)
-    for folder in folders:
-        if folder.is_dir():
-            shutil.rmtree(folder)
-
-
-def _deal_case(case: Case, folder: str | None) -> dict[str, bytes]:
-    """Make the files of a case and write them into the folder of the trial; without one they are returned."""
-    files = make_campaign(case)
-    if folder is None:
-        return files
-    _write_folder(Path(folder) / case.name, files)
-    return {}
-
-
-def _write_folder(folder: Path, files: Mapping[str, bytes], *, known: Iterable[str] = ()) -> None:
-    """Write a folder of files, whole or not at all; a folder of that name is replaced.
-
-    Parameters
-    ----------
-    known : files of the folder that is replaced, beyond those of the same names, which this tool made
-
-    Raises
-    ------
-    OutputError : the folder that is there holds a link or a file that this tool did not make
-    """
-    strange = sorted(set(files_within(folder)) - set(files) - set(known))
-    if strange:
-        raise OutputError(
-            f"{folder / strange[0]}: was not written by winchcascade and stands where a result is replaced; move it elsewhere."
-        )
-    with scratch_folder(folder.parent) as part:
-        for name, content in files.items():
-            path = inside(part, name)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
+def write_whole_campaign(case: Case, folder: str) -> None:
+    """Write the campaign of a case into a folder of its name, whole or not at all."""
+    with scratch_folder(Path(folder)) as part:
+        write_campaign(case, part)
         part.chmod(0o755)
-        if folder.is_dir():
-            shutil.rmtree(folder)
-        os.replace(part, folder)
+        os.replace(part, Path(folder) / case.name)
 
 
-class _Order(msgspec.Struct, frozen=True):
-    """One case to diagnose; its files where the worker has no access to the folder of the trial."""
-
-    name: str
-    key: str
-    files: Mapping[str, bytes] | None
-
-
-class _Diagnosed(msgspec.Struct, frozen=True):
-    """A diagnosis as JSON, and the predicted logs by their place under the folder of the case."""
-
-    record: bytes
-    predictions: dict[str, bytes]
-
-
-class _Marked(msgspec.Struct):
-    """The entry of an earlier diagnosis that holds how it was made."""
-
-    trial: Kept
+Diagnose = Callable[[Path], Mapping[str, object]]
+"""A function of a module that diagnoses a campaign: its campaign.toml in, the JSON out as nested records."""
 
 
 def diagnose(
     folder: Path,
-    method: DiagnosisMethod,
+    method: Diagnose,
     *,
+    diagnoses: Path | None = None,
+    only: Collection[str] | None = None,
     workers: Workers | None = None,
     force: bool = False,
     watch: Watch | None = None,
 ) -> TrialProgress:
     """Diagnose every case of a trial from its logs alone; the answers stay sealed.
 
-    Each case is diagnosed in a separate folder elsewhere that holds only its logs. A diagnosis with the same suspects, seed and
+    Each case is diagnosed in a separate folder elsewhere that holds only its campaign. A diagnosis of the same logs by the same
     version is kept, unless `force` is set.
 
     Parameters
     ----------
+    diagnoses : folder of the results, by default `DIAGNOSES` in that of the trial
+    only : cases to diagnose; all if not given
     workers : one process of this machine if not given
 
     Raises
@@ -244,103 +292,42 @@ def diagnose(
     OutputError : the folder cannot be locked, or holds a link
     """
     workers, watch = workers or Workers(), watch or Nobody()
-    read_trial(folder)  # a folder that is no trial is not locked
-    with locked(folder, watch.waiting):
-        trial = read_trial(folder)
-        _all_dealt(folder, trial)
-        for made in (DIAGNOSES, PREDICTIONS):
-            make_one(inside(folder, made), "another trial")
-        keys = {name: _key(inside(folder, name), method) for name in trial.cases}
-        states = {name: _state_of(folder, name, keys[name]) for name in trial.cases}
-        todo = [name for name in trial.cases if force or states[name] != "kept"]
-        here = str(folder) if workers.scheduler is None else None
-        orders = {name: _Order(name, keys[name], None if here else _files(folder / name)) for name in todo}
-        work = partial(_diagnose_case, method=method, folder=here)
-        faults: dict[str, str] = {}
-        watch.begin(len(trial.cases) - len(todo), len(todo))
-        for name, outcome in workers.run(work, orders, watch):
-            if outcome.value is None:
-                faults[name] = outcome.fault or ""
-                if outcome.rejected and states[name] == "other":  # the present one has other logs, suspects or version
-                    inside(folder, f"{DIAGNOSES}/{name}.json").unlink(missing_ok=True)
-            elif outcome.value.record:
-                _write_diagnosis(folder, name, outcome.value)
-        redone = tuple(name for name in trial.cases if states[name] == "altered")
-        return TrialProgress(trial.cases, len(trial.cases) - len(todo), faults, trial.sealed_sha256, redone)
+    names = tuple(name for name in case_names(folder) if only is None or name in only)
+    out = inside(folder, DIAGNOSES) if diagnoses is None else diagnoses
+    make_one(out, "another folder")
+    with locked(out, watch.waiting):
+        keys = {name: _key(inside(folder, name)) for name in names}
+        earlier = {name: kept(inside(out, f"{name}.json"), "trial") for name in names}
+        redone = tuple(name for name, found in earlier.items() if found == "altered")
+        todo = [
+            name for name, found in earlier.items() if force or not isinstance(found, Kept) or found.key != keys[name]
+        ]
+        for name in todo:
+            check_replaceable(out / f"{name}.json", force=False)
+        watch.begin(len(names) - len(todo), len(todo))
+        work = partial(_diagnose_case, method=method, folder=str(folder), out=str(out))
+        done = workers.run(work, {name: (name, keys[name]) for name in todo}, watch)
+        faults = {name: outcome.fault for name, outcome in done if outcome.fault is not None}
+    return TrialProgress(names, len(names) - len(todo), faults, altered=redone)
 
 
-def _all_dealt(folder: Path, trial: Trial) -> None:
-    missing = [name for name in trial.cases if not inside(folder, f"{name}/{CAMPAIGN_FILE}").is_file()]
-    if missing:
-        raise OptionError(
-            f"{folder}: {len(missing)} of {len(trial.cases)} cases are missing, the first {missing[0]}; "
-            "give blind deal the same command again to deal them."
-        )
+def _files(case: Path) -> dict[str, Path]:
+    """Files of a campaign, none of them a link that leads elsewhere, without those that state an answer."""
+    return {name: path for name, path in files_within(case).items() if Path(name).name not in ANSWERS}
 
 
-def _files(case: Path) -> dict[str, bytes]:
-    """The campaign of a case and its logs, none of them a link."""
-    paths = {name: inside(case, name) for name in (CAMPAIGN_FILE, *(f"{log}.csv" for log in LOADS))}
-    return {name: path.read_bytes() for name, path in paths.items() if path.is_file()}
-
-
-def _key(case: Path, method: DiagnosisMethod) -> str:
+def _key(case: Path) -> str:
     """Digest of everything that a diagnosis depends on."""
-    files = {name: digest_of(content) for name, content in _files(case).items()}
-    return digest_of(repr((__version__, sorted(method.suspects), method.seed, files)).encode())
+    digests = {name: digest_of(path.read_bytes()) for name, path in _files(case).items()}
+    return digest_of(repr((__version__, digests)).encode())
 
 
-def _state_of(folder: Path, name: str, key: str) -> State:
-    """Whether an earlier call made a case's diagnosis and predictions from the same logs with the same suspects and seed."""
-    found = kept(inside(folder, f"{DIAGNOSES}/{name}.json"), "trial")
-    if not isinstance(found, Kept):
-        return found
-    if found.key != key:
-        return "other"
-    return "altered" if altered(inside(folder, f"{PREDICTIONS}/{name}"), found.files) else "kept"
-
-
-def _diagnose_case(order: _Order, method: DiagnosisMethod, folder: str | None) -> _Diagnosed:
-    """Diagnose one case in a folder that holds its logs and nothing else; write the result, or without a folder return it."""
-    files = order.files if folder is None else _files(Path(folder) / order.name)
+def _diagnose_case(order: tuple[str, str], method: Diagnose, folder: str, out: str) -> None:
+    """Diagnose one case in a folder that holds its campaign and nothing else, and write the result."""
+    name, key = order
     with scratch_folder() as scratch:
-        case, predicted = scratch / order.name, scratch / PREDICTIONS
-        predicted.mkdir()
-        _write_folder(case, files or {})
-        _check_campaign(case)
-        found = method.diagnose(case / CAMPAIGN_FILE, suspects=method.suspects, seed=method.seed, predictions=predicted)
-        logs = {name: path.read_bytes() for name, path in files_within(predicted).items() if path.suffix == ".csv"}
-    about = {
-        "case": order.name,
-        "key": order.key,
-        "files": {name: digest_of(content) for name, content in logs.items()},
-    }
-    made = _Diagnosed(with_digest(found, "trial", about, indent=1), logs)
-    if folder is None:
-        return made
-    _write_diagnosis(Path(folder), order.name, made)
-    return _Diagnosed(b"", {})
-
-
-def _check_campaign(case: Path) -> None:
-    """Reject a case whose campaign names a log or a rig file in another folder."""
-    campaign = load_campaign(case / CAMPAIGN_FILE)
-    elsewhere = [f"the log {run.file}" for run in campaign.runs if run.file.parent != case]
-    if campaign.rig is not None and Path(campaign.rig).name != campaign.rig:
-        elsewhere.append(f"the rig file {campaign.rig}")
-    if elsewhere:
-        raise CampaignError(
-            f"{case.name}/{CAMPAIGN_FILE}: names {elsewhere[0]}, which is not in the folder of the case; deal the trial again."
-        )
-
-
-def _write_diagnosis(folder: Path, name: str, made: _Diagnosed) -> None:
-    """Write the diagnosis of a case: the predictions first, the JSON last, as it marks the case as complete."""
-    path = inside(folder, f"{DIAGNOSES}/{name}.json")
-    check_replaceable(path, force=False)
-    try:
-        known = msgspec.json.decode(path.read_bytes(), type=_Marked).trial.files
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        known = {}
-    _write_folder(inside(folder, f"{PREDICTIONS}/{name}"), made.predictions, known=known)
-    write_content(path, made.record)
+        for place, path in _files(Path(folder) / name).items():
+            (scratch / name / place).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, scratch / name / place)
+        found = method(scratch / name / CAMPAIGN_FILE)
+    write_content(Path(out) / f"{name}.json", with_digest(found, "trial", {"case": name, "key": key}, indent=1))

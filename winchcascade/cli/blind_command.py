@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,9 @@ blind_command = typer.Typer(
 )
 
 
+_DIAGNOSES = option("--diagnoses", "DIR", "Keep the diagnoses here, not in the folder diagnoses of the trial.", OUTPUTS)
+
+
 @blind_command.command("deal", cls=GroupedCommand)
 @with_options(out=option("--out", "DIR", "Write the trial into this folder. A second call completes it.", OUTPUTS))
 def blind_deal_command(
@@ -40,24 +43,35 @@ def blind_deal_command(
 
 
 @blind_command.command("diagnose", cls=GroupedCommand)
-@with_options()
+@with_options(diagnoses=_DIAGNOSES)
 def blind_diagnose_command(
-    trial: Path, jobs: int | None = None, scheduler: str | None = None, force: bool = False
+    trial: Path,
+    diagnoses: Path | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    force: bool = False,
 ) -> None:
     """Diagnose every case of a trial from its logs alone.
 
     A second call keeps what is done. The exit code is 1 if a case failed.
     """
+    done = _diagnosed(trial, diagnoses, Workers(jobs or processes(), scheduler), force=force)
+    _end(done, "diagnosed", [diagnoses or trial / "diagnoses"])
+
+
+def _diagnosed(
+    trial: Path, diagnoses: Path | None, workers: Workers, *, only: Collection[str] | None = None, force: bool = False
+) -> TrialProgress:
+    """Diagnose the cases of a trial, or some of them, and show the progress."""
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_campaign
-    from winchcascade.blind.trial import DiagnosisMethod, diagnose
+    from winchcascade.blind.trial import diagnose
     from winchcascade.report.screen import Progress
-    from winchcascade.rig.effects.catalogue import EFFECTS
 
-    method, workers = DiagnosisMethod(diagnose_campaign, EFFECTS), Workers(jobs or processes(), scheduler)
     with Progress(f"diagnosing {trial.name}") as watch:
-        done = diagnose(trial, method, workers=workers, force=force, watch=watch)
-    _end(done, "diagnosed", [trial / "diagnoses", trial / "predictions"])
+        return diagnose(
+            trial, diagnose_campaign, diagnoses=diagnoses, only=only, workers=workers, force=force, watch=watch
+        )
 
 
 def _end(done: TrialProgress, what: str, folders: Sequence[Path]) -> NoReturn:
@@ -70,12 +84,25 @@ def _end(done: TrialProgress, what: str, folders: Sequence[Path]) -> NoReturn:
 
 
 @blind_command.command("score", cls=GroupedCommand)
-@with_options("json")
-def blind_score_command(trial: Path, outputs: Outputs = NO_OUTPUTS) -> None:
-    """Open the answers of a trial, and count correct and wrong diagnoses. Changed answers are rejected."""
-    from winchcascade.blind.score import score, score_record
-    from winchcascade.report.results.trials import trial_report
+@with_options("json", diagnoses=_DIAGNOSES)
+def blind_score_command(
+    trial: Path, diagnoses: Path | None = None, jobs: int | None = None, outputs: Outputs = NO_OUTPUTS
+) -> None:
+    """Open the answers of a trial, and count correct and wrong diagnoses. Changed answers are rejected.
 
-    outputs.check([*trial.glob("*.json"), *trial.glob("diagnoses/*.json")])
-    found = score(trial)
+    A folder of your own campaigns is judged as well, if each has a truth.json beside its campaign.toml; those without a
+    diagnosis are diagnosed first.
+    """
+    from winchcascade.blind.score import score, score_record
+    from winchcascade.blind.trial import DIAGNOSES, TRIAL, case_names
+    from winchcascade.report.results.trials import progress_report, trial_report
+
+    place = diagnoses or trial / DIAGNOSES
+    outputs.check([*trial.glob("*.json"), *trial.glob("*/*.json"), *place.glob("*.json")])
+    if not (trial / TRIAL).exists():
+        missing = [name for name in case_names(trial) if not (place / f"{name}.json").exists()]
+        done = _diagnosed(trial, diagnoses, Workers(jobs or processes()), only=missing) if missing else None
+        if done is not None and done.faults:
+            present(lambda: progress_report(done, "diagnosed"), NO_OUTPUTS)
+    found = score(trial, diagnoses)
     present(lambda: trial_report(found), outputs, record=lambda: score_record(found))

@@ -88,7 +88,7 @@ OPTIONS: dict[str, Any] = {
     "table": argument("TABLE", _TABLE, TABLES),
     "a": argument("A", "The first side: a campaign, the folder of a batch, the JSON of a reduction, or a log."),
     "b": argument("B", "The second side, of the same kinds."),
-    "trial": argument("DIR", "The folder of a trial that `blind deal` has made."),
+    "trial": argument("DIR", "The folder of a trial that `blind deal` has made, or of campaigns with a truth.json each."),
     "rig": option(
         "--rig", "RIG", "Use this rig file, or the built-in rig hsu2026 (the default) or kitepower.", INPUT, names=RIGS
     ),

@@ -27,8 +27,8 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Names,
     OwnSimulation,
+    Place,
     Remainder,
-    StagePlace,
     Verdict,
 )
 from winchcascade.diagnosis.entries import bound_to
@@ -64,7 +64,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     data: Fitted
     found: Found
     closure: ModelClosure | None = None
-    stages: tuple[StagePlace, ...]
+    stages: tuple[Place, ...]
     predicted: Signal
     fitted_blocks: Signal
     alone: Signal | None = None

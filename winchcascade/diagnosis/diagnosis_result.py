@@ -1,4 +1,7 @@
-"""What a diagnosis found, by a model or without one, as data, and the rules that both share; `report` makes the sentences."""
+"""What a diagnosis found, by a model or without one, as data, and the rules that both share; `report` makes the sentences.
+
+Numbers are in SI units, loads in ohm (inf for an open circuit, None for none), runs are given by their number.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,6 @@ Names = tuple[str, ...]
 CALLED = {"load": "generator"}
 """Stage of the catalogue that a stage belongs to, where it is not called the same: load and bridge make one module."""
 
-
 NAMED = 2
 """Maximum number of causes that are named where much stays unexplained."""
 
@@ -38,12 +40,16 @@ MOSTLY = 0.9
 HALF = 0.5
 """Share of the gap that must be closed for a structured residual not to make it unexplained."""
 
+RIVALS = 2
+"""Maximum number of look-alikes of a cause that are its `rivals`."""
 
+
+# ------------------------------------------------------------------------------------------------------ where a gap lies
 class Spot(msgspec.Struct, frozen=True):
-    """A spot of the gap: a channel, in one phase and at one load [ohm] where these are stated.
+    """A spot of the gap: a channel, in one phase and at one load where these are stated.
 
-    `bias` is a difference there, in the unit of the channel, and `z` one in standard deviations; NaN where it is not stated.
-    `within_blocks` is about the samples within blocks and not about the means of blocks.
+    `bias` is a difference there, and `z` one in standard deviations; NaN where it is not stated. `within_blocks` is about the
+    samples within blocks and not about the means of blocks.
     """
 
     channel: str
@@ -54,14 +60,21 @@ class Spot(msgspec.Struct, frozen=True):
     within_blocks: bool = False
 
 
-class Weighed(msgspec.Struct, frozen=True, kw_only=True):
-    """Bias of some blocks of one phase and its yardsticks, SI units of their channel.
+class Place(msgspec.Struct, frozen=True, kw_only=True):
+    """Measured minus predicted in one phase of one log, weighed over its `blocks`: of a channel, or of the output of a stage.
 
-    `bias` and `rms` of the means of blocks, `noise` of a block, one standard deviation. Standard uncertainties of the bias:
-    `u_noise` of noise and zero, `u_repeat` of how cycles repeat (NaN with one), `u_tolerance` of the numbers and gains of the
-    rig. `z` is the bias over all three.
+    `bias` and `rms` are those of the means of blocks, `noise` one standard deviation of a block. Standard uncertainties of
+    the bias: `u_noise` of noise and zeros, `u_repeat` of how cycles repeat (NaN with one), `u_tolerance` of the numbers and
+    gains of the rig. `z` is the bias over all three. From end to end the zero of the log is taken off. A `stage` is compared
+    with what it makes of its own measured `inputs`, no zero taken off. Without a model a place holds all logs (`log` is -1),
+    and `share` is its share of the squared gap.
     """
 
+    channel: str = ""
+    phase: str = ""
+    log: int = -1
+    load: float | None = None
+    blocks: int
     bias: float
     rms: float
     noise: float
@@ -69,37 +82,16 @@ class Weighed(msgspec.Struct, frozen=True, kw_only=True):
     u_repeat: float
     u_tolerance: float
     z: float
-
-
-class Place(Weighed, frozen=True, kw_only=True):
-    """One channel in one phase of one log: measured minus simulated, once the zero of the log is taken off.
-
-    `blocks` is their number. Without a model a place holds all logs (`log` is -1), and `share` is its share of the squared gap.
-    """
-
-    channel: str
-    phase: str
-    log: int
-    load: float | None
-    blocks: int
+    stage: str = ""
+    inputs: tuple[str, ...] = ()
     share: float = math.nan
-
-
-class StagePlace(Place, frozen=True, kw_only=True):
-    """One stage in one phase of one log: measured minus what the stage makes of its own measured `inputs`, SI units.
-
-    `channel` is the output of the stage. No zero is taken off: those of output and inputs are in `u_noise`.
-    """
-
-    stage: str
-    inputs: tuple[str, ...]
 
 
 class Arises(msgspec.Struct, frozen=True):
     """Where a gap arises: the stages that are `off` by themselves, most first, and the `worst` place of the first."""
 
     off: tuple[str, ...]
-    worst: StagePlace | None
+    worst: Place | None
 
     @property
     def stage(self) -> str | None:
@@ -122,11 +114,12 @@ class Where(msgspec.Struct, frozen=True):
     arises: Arises | None = None
 
 
+# ------------------------------------------------------------------------------------------------------------ the causes
 class Reported(msgspec.Struct, frozen=True):
     """A number that a diagnosis reports, with its 95 % interval, which includes the tolerance of what the effect changes.
 
-    A number that the data push against the lower or upper end of its range is `at_limit`; its interval is then one-sided and
-    ends there. One beyond the plausible range, but within what is physically possible, is `beyond_range`.
+    A number that the data push against an end of its range is `at_limit`; its interval is then one-sided and ends there. One
+    beyond the plausible range, but within what is physically possible, is `beyond_range`.
     """
 
     value: float
@@ -145,15 +138,10 @@ class Alternative(msgspec.Struct, frozen=True):
     differs: Spot | None
 
 
-Along = Literal["order", "load", "scatter"]
-"""What the number of a cause changes along: the order of the runs, the conductance of their loads, or neither."""
-
-
 class RunValue(msgspec.Struct, frozen=True):
-    """Number of a cause from one run alone with its 95 % interval, in the unit of the cause; NaN where the run gives none.
+    """Number of a cause from one run alone with its 95 % interval; NaN where it is `withheld` or hardly depends on the cause.
 
-    The interval includes what the runs share, by which all numbers move together. A run gives no number where it is `withheld`,
-    or where its interval would be wider than what is plausible.
+    The interval includes what the runs share, by which all numbers move together.
     """
 
     run: int
@@ -163,12 +151,16 @@ class RunValue(msgspec.Struct, frozen=True):
     withheld: bool = False
 
 
+Along = Literal["order", "load", "scatter"]
+"""What the number of a cause changes along: the order of the runs, the conductance of their loads, or neither."""
+
+
 class Trend(msgspec.Struct, frozen=True):
     """A difference between the numbers of the runs that their uncertainties do not allow.
 
     `change` is the one from the first run to the last, from the smallest to the largest conductance of the load, or the range
-    of a scatter, `u` its standard uncertainty (NaN for a scatter), in the unit of the cause. Runs that agree would show it with
-    the probability `chance`. `instead` is what would explain it as well.
+    of a scatter, `u` its standard uncertainty (NaN for a scatter). Runs that agree would show it with the probability `chance`.
+    `instead` is what would explain it as well.
     """
 
     along: Along
@@ -185,16 +177,11 @@ class Stability(msgspec.Struct, frozen=True):
     trends: tuple[Trend, ...]
 
 
-RIVALS = 2
-"""Maximum number of look-alikes of a cause that are its `rivals`."""
-
-
 class NamedCause(msgspec.Struct, frozen=True):
     """An effect that is needed: its posterior probability within the catalogue, its numbers, all effects that explain the data
     about as well in its place, and how much of the objective it carries.
 
-    `ablation` is the share of the gap that a fit of the others closes without it [1]. `stability` is its number run by run;
-    None without a model.
+    `ablation` is the share of the gap that a fit of the others closes without it [1]. `stability` is its number run by run.
     """
 
     effect: str
@@ -210,54 +197,6 @@ class NamedCause(msgspec.Struct, frozen=True):
     def rivals(self) -> tuple[Alternative, ...]:
         """The first of its look-alikes, at most `RIVALS`."""
         return self.look_alikes[:RIVALS]
-
-
-class CycleEnergy(msgspec.Struct, frozen=True):
-    """Signed energy of a stage in one phase of one cycle: measured, predicted before and after, standard uncertainty. [J]"""
-
-    run: str
-    cycle: int
-    phase: str
-    stage: str
-    measured: float
-    before: float
-    after: float
-    u: float
-
-
-ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]
-"""What a part of a difference is: a cause that costs energy, one that changes only what is read, a wrong entry; the fitted
-numbers and sensors of the rig within their tolerances, the difference between two models, and the rest."""
-
-
-class ContributionPart(msgspec.Struct, frozen=True):
-    """One part of the difference between model and measured run with its 95 % interval, in the unit of its metric.
-
-    `effect` is the cause, None for what is no cause.
-    """
-
-    effect: str | None
-    kind: ContributionKind
-    value: float
-    low: float
-    high: float
-
-
-class Contribution(msgspec.Struct, frozen=True):
-    """One metric of one run: by the model of the rig file, as measured, and the parts that add up to the difference; SI units.
-
-    `log` is the number of the run. `metric` is one of the nine metrics of the integration windows or the mean of a channel over
-    them. NaN and no parts for a metric that the run cannot give. `plateau_speed` is the mean of the run [m/s], None where it
-    has no plateau.
-    """
-
-    log: int
-    load: float | None
-    metric: str
-    as_given: float
-    measured: float
-    parts: tuple[ContributionPart, ...]
-    plateau_speed: float | None = None
 
 
 class LargestChange(msgspec.Struct, frozen=True):
@@ -282,8 +221,54 @@ class Minor(msgspec.Struct, frozen=True):
     hint: float = math.nan
 
 
+# ----------------------------------------------------------------------------------------------- energies and efficiencies
+class CycleEnergy(msgspec.Struct, frozen=True):
+    """Signed energy of a stage in one phase of one cycle: measured, predicted before and after, standard uncertainty. [J]"""
+
+    run: str
+    cycle: int
+    phase: str
+    stage: str
+    measured: float
+    before: float
+    after: float
+    u: float
+
+
+ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]
+"""What a part of a difference is: a cause that costs energy, one that changes only what is read, a wrong entry; the fitted
+numbers and sensors of the rig within their tolerances, the difference between two models, and the rest."""
+
+
+class ContributionPart(msgspec.Struct, frozen=True):
+    """One part of the difference between model and measured run with its 95 % interval; `effect` is None for no cause."""
+
+    effect: str | None
+    kind: ContributionKind
+    value: float
+    low: float
+    high: float
+
+
+class Contribution(msgspec.Struct, frozen=True):
+    """One metric of one run: by the model of the rig file, as measured, and the parts that add up to the difference.
+
+    `metric` is one of the nine metrics of the integration windows or the mean of a channel over them. NaN and no parts for one
+    that the run cannot give. `plateau_speed` is the mean of the run [m/s], None where it has no plateau.
+    """
+
+    log: int
+    load: float | None
+    metric: str
+    as_given: float
+    measured: float
+    parts: tuple[ContributionPart, ...]
+    plateau_speed: float | None = None
+
+
+# ---------------------------------------------------------------------------------------------- closure and what remains
 class Shrunk(msgspec.Struct, frozen=True):
-    """Root mean squares of one channel over the withheld logs, SI units: before, after, and noise."""
+    """Root mean squares of one channel over the withheld logs: before, after, and noise."""
 
     before: float
     after: float
@@ -309,17 +294,14 @@ class GapClosure(msgspec.Struct, frozen=True):
 
 
 class Drift(msgspec.Struct, frozen=True):
-    """A number of a cause that differs from run to run, or lies beyond its plausible range; or causes that cancel each other.
-
-    `effects` are the causes, `channel` is that in which they cancel each other.
-    """
+    """Causes whose number differs from run to run or is beyond its plausible range, or that cancel each other in a channel."""
 
     effects: tuple[str, ...]
     channel: str = ""
 
 
 class EnergySpot(msgspec.Struct, frozen=True):
-    """An energy of one stage, over one phase of one run, by the number of the run."""
+    """An energy of one stage, over one phase of one run."""
 
     stage: str
     phase: str
@@ -330,17 +312,8 @@ class Alarm(msgspec.Struct, frozen=True):
     """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
 
     kind: Literal[
-        "structure",
-        "scatter",
-        "ripple",
-        "nuisance",
-        "drift",
-        "range",
-        "cancelling",
-        "worse",
-        "energy",
-        "residual",
-    ]
+        "structure", "scatter", "ripple", "nuisance", "drift", "range", "cancelling", "worse", "energy", "residual"
+    ]  # fmt: skip
     about: Spot | Nuisance | Drift | EnergySpot
     size: float
     limit: float
@@ -357,9 +330,9 @@ class Remainder(msgspec.Struct, frozen=True):
 class Experiment(msgspec.Struct, frozen=True):
     """One run that would distinguish two suspects, and by how many standard deviations.
 
-    `speed` is the highest one [m/s]; `load` [ohm] and `length` of the payout [m] belong to a `cycle` of a rig with a model,
-    the line tension `force` [N] to the motions of a winch without one. `repeats` is a log of the campaign whose load is run
-    again after all others, to separate what changes with the order of the runs.
+    `speed` is the highest one [m/s]; `load` and `length` of the payout [m] belong to a `cycle` of a rig with a model, the line
+    tension `force` [N] to the motions of a winch without one. `repeats` is a log of the campaign whose load is run again after
+    all others, to separate what changes with the order of the runs.
     """
 
     motion: Literal["cycle", "speed_steps", "force_steps", "out_and_back", "swing"]
@@ -372,11 +345,12 @@ class Experiment(msgspec.Struct, frozen=True):
     repeats: str = ""
 
 
+# ---------------------------------------------------------------------------------------------------- your own simulation
 class ModelForm(msgspec.Struct, frozen=True):
     """What the owner's own simulation has in another form than the rig's model, at the place where it shows most.
 
-    `bias` is simulation minus rig's model there, SI units of the channel, all differences together, and `z` the same in
-    standard uncertainties. `likely` is the effect or simplification that explains it, None where none does.
+    `bias` is simulation minus rig's model there, all differences together, and `z` the same in standard uncertainties. `likely`
+    is the effect or simplification that explains it, None where none does.
     """
 
     stage: str
@@ -403,13 +377,14 @@ class OwnSimulation(msgspec.Struct, frozen=True):
     shared: Names = ()
 
 
+# ------------------------------------------------------------------------------------------------------------- the result
 class DiagnosisResult(Viewed, frozen=True, kw_only=True):
     """The answer of a diagnosis, by a model or without one.
 
     `chosen` are the effects of the fit, `fitted` their numbers, and `causes` those of them that are named; `sets` holds the
     probability of every set of suspects that was fitted, `places` the map of the gap. `minor` are effects that are significant
-    but too small to matter, and hints. `closure` and `experiment` are None where no cause is named, `where`
-    and `remainder` where there is no gap.
+    but too small to matter, and hints. `closure` and `experiment` are None where no cause is named, `where` and `remainder`
+    where there is no gap.
     """
 
     title: str
@@ -437,10 +412,8 @@ class DiagnosisResult(Viewed, frozen=True, kw_only=True):
 
 
 class Entries(msgspec.Struct, frozen=True):
-    """Runs of a campaign with its title.
-
-    `cycles` are, of each run, the first and last that count, None for all; `withheld` are the numbers of the runs that take
-    part in neither choice nor fit.
+    """Runs of a campaign with its title; of each run the first and last cycle that count, None for all, and the numbers of the
+    runs that take part in neither choice nor fit.
     """
 
     runs: Sequence[Run]

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.diagnosis_result import Arises, Place, StagePlace, Weighed, Where
+from winchcascade.diagnosis.diagnosis_result import Arises, Place, Where
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ LARGEST = 0.975
 """Quantile of the differences of the significant blocks that counts as the largest: single blocks may be disturbed."""
 
 
-def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: float, tolerances: Signal) -> Weighed:
+def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: float, tolerances: Signal) -> Place:
     """Weigh the bias of some blocks of one phase, in the unit of their channel.
 
     Parameters
@@ -62,7 +62,8 @@ def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: floa
     means = [float(np.mean(residual[cycle == c])) for c in np.unique(cycle)]
     u_repeat = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else math.nan
     u = math.hypot(u_noise, u_tolerance, 0.0 if math.isnan(u_repeat) else u_repeat)
-    return Weighed(
+    return Place(
+        blocks=residual.size,
         bias=bias,
         rms=float(np.sqrt(np.mean(residual**2))),
         noise=own,
@@ -106,24 +107,21 @@ def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place,
     u_zero = data.zeros(np.ones(len(data.nuisances)))
     tolerances = np.concatenate((tolerances, data.discrepancies()), axis=2)
     return tuple(
-        Place(
-            **msgspec.structs.asdict(
-                weigh(residual[here, k], cycle[here], data.noise[here, k], u_zero[log, k], tolerances[here, k])
-            ),
+        msgspec.structs.replace(
+            weigh(residual[here, k], cycle[here], data.noise[here, k], u_zero[log, k], tolerances[here, k]),
             channel=CHANNELS[k],
             phase=PHASES[phase],
             log=log,
             load=data.logs[log].run.load,
-            blocks=here.size,
         )
         for log, k, phase, here in data.cells()
         if here.size >= 2
     )
 
 
-def arises(places: Sequence[StagePlace]) -> Arises:
+def arises(places: Sequence[Place]) -> Arises:
     """Find the stages that deviate by themselves in the map of `stagewise`, the worst first."""
-    worst: dict[str, StagePlace] = {}
+    worst: dict[str, Place] = {}
     for place in sorted(places, key=lambda p: -abs(p.z)):
         if abs(place.z) > STANDS_OUT:
             worst.setdefault(place.stage, place)

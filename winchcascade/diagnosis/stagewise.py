@@ -17,7 +17,7 @@ import numpy as np
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
-from winchcascade.diagnosis.diagnosis_result import StagePlace
+from winchcascade.diagnosis.diagnosis_result import Place
 from winchcascade.diagnosis.gap_map import weigh
 from winchcascade.diagnosis.misfit import NOISELESS, Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
@@ -38,7 +38,7 @@ MODELLED, READ = ("rig", "law", "load"), ("zero", "gain", "timing")
 """Kinds of nuisances that change the model, and that change what a sensor reads."""
 
 
-def stagewise(data: Fitted) -> tuple[StagePlace, ...]:
+def stagewise(data: Fitted) -> tuple[Place, ...]:
     """Compare every stage with what it makes of its own measured inputs, by the model of the rig file."""
     one = np.eye(len(data.nuisances))
     moved = {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in MODELLED}
@@ -50,7 +50,7 @@ def stagewise(data: Fitted) -> tuple[StagePlace, ...]:
     return tuple(place for places in all_at_once(jobs, data.sizes) for place in places)
 
 
-def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Signal) -> list[StagePlace]:
+def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Signal) -> list[Place]:
     """Compare every stage of one log.
 
     Parameters
@@ -70,7 +70,7 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
             changes[n] = _gaps(_misread(run, n), model, path)
         elif n.kind in MODELLED and (n.kind != "load" or n.load == log.load):
             changes[n] = _gaps(run, moved[j], path)
-    found: list[StagePlace] = []
+    found: list[Place] = []
     for output in outputs_along(run, model, path):
         if output.channel in run.channels:
             gap = gaps[output.stage] - of_the_laws[output.stage]
@@ -101,7 +101,7 @@ def _misread(run: Run, n: Nuisance) -> Run:
 
 def _places(
     data: Fitted, number: int, output: StageOutput, gap: Signal, changes: Mapping[Nuisance, Signal], of_model: Signal
-) -> Iterator[StagePlace]:
+) -> Iterator[Place]:
     """Weigh a stage in every phase of a log in which it predicts anything.
 
     Parameters
@@ -124,15 +124,14 @@ def _places(
         zeros = [float(np.mean(x[here])) for n, x in moved.items() if n.kind == "zero"]
         others = np.column_stack([of_model[here], *(x[here] for n, x in moved.items() if n.kind != "zero")])
         noise = _noise(log, output, here, residual)
-        yield StagePlace(
-            **msgspec.structs.asdict(weigh(residual[here], blocks.cycle[here], noise, math.hypot(*zeros), others)),
+        yield msgspec.structs.replace(
+            weigh(residual[here], blocks.cycle[here], noise, math.hypot(*zeros), others),
             stage=output.stage,
             channel=output.channel,
             inputs=output.inputs,
             phase=name,
             log=number,
             load=log.run.load,
-            blocks=int(np.count_nonzero(here)),
         )
 
 

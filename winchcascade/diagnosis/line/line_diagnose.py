@@ -172,10 +172,7 @@ def _places(rows: LineRows) -> tuple[Place, ...]:
         noise = noise if math.isfinite(noise) else float(np.std(rows.gap[here]))
         share = float(squares[here].sum()) / max(float(squares.sum()), 1e-300)
         by = weigh(rows.gap[here], rows.blocks.cycle[here], np.full(size, noise), 0.0, np.zeros((size, 1)))
-        place = Place(
-            **msgspec.structs.asdict(by), channel=POWER, phase=name, log=-1, load=None, blocks=size, share=share
-        )
-        found.append(place)
+        found.append(msgspec.structs.replace(by, channel=POWER, phase=name, share=share))
     return tuple(found)
 
 

@@ -15,7 +15,6 @@ from winchcascade.diagnosis.diagnosis_result import (
     Place,
     Reported,
     Spot,
-    StagePlace,
     Trend,
     Where,
 )
@@ -102,7 +101,7 @@ def arises_sentence(own: Arises | None) -> str:
     return f"{inputs} {which}: {_deviates(own.worst, own.worst.bias)}by {size} in the mean."
 
 
-def _deviates(worst: Place | StagePlace, bias: float, region: str = "") -> str:
+def _deviates(worst: Place, bias: float, region: str = "") -> str:
     """In which direction a channel deviates, by the sign of measured minus simulated, and at which load it does so most."""
     return (
         f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during {phase_words(worst.phase)}{region}, "

@@ -1,4 +1,4 @@
-"""What noise-free simulators give for a motion: the twin itself, and the owner's simulators of the trials.
+"""Simulations without noise: what the twin itself reads of a motion, and the simulators that the owner of a rig may have.
 
 `same` is the twin with the nominal numbers. `averaged` is quasi-static: it replaces the switched bridge by the formula of
 its mean voltage, with the drop of commutation or without, and the speed of the rotor by that of the drum.
@@ -12,31 +12,23 @@ import numpy as np
 
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.twin import FIXED, Solved, Twin, noiseless, solve_twin, stamps_of
-from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Logger, Numbers
+from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
 from winchcascade.core.run import Signal
 
 DECIMALS = 6
 """Digits of a simulated log after the point."""
 
-COMMUTATION = {"averaged": 3.0 / math.pi, "averaged without commutation": 0.0}
-"""Drop of the mean voltage by commutation over electrical speed, inductance and current. [1]"""
+SIMULATORS = {"same": math.nan, "averaged": 3.0 / math.pi, "averaged without commutation": 0.0}
+"""Simulators of the owner, each with its drop of the mean voltage by commutation over electrical speed, inductance and current.
+[1]"""
 
 
-def nominal_twin() -> Twin:
-    """The twin with the nominal numbers and nothing injected."""
-    return Twin(Numbers(), dict(LOADS), dict.fromkeys(SENSORS, 1.0), Hidden())
-
-
-def noise_free(twin: Twin, solved: Solved, logger: Logger = CRANE_LOGGER) -> dict[str, Signal]:
+def noise_free(twin: Twin, solved: Solved) -> dict[str, Signal]:
     """One log without zeros, noise and steps, by channel in the units of the log."""
-    stamps = stamps_of(solved, logger)
+    stamps = stamps_of(solved)
     grid = np.concatenate([[0.0], solved.t + solved.t[0]])
-    columns = {
-        "time": stamps,
-        "displacement": np.interp(stamps, grid, solved.x),
-        "velocity": np.interp(stamps, grid, solved.v),
-        **noiseless(twin, solved, stamps),
-    }
+    motion = {"displacement": np.interp(stamps, grid, solved.x), "velocity": np.interp(stamps, grid, solved.v)}
+    columns = {"time": stamps, **motion, **noiseless(twin, solved, stamps)}
     return {name: np.round(value, DECIMALS) for name, value in columns.items()}
 
 
@@ -45,12 +37,12 @@ def simulated_log(simulator: str, log: str, x: Signal, v: Signal) -> dict[str, S
 
     Parameters
     ----------
-    simulator : a name of `trial_plans.SIMULATORS`
+    simulator : a name of `SIMULATORS`
     x, v : motion on the grid of the twin [m, m/s]
     """
-    twin = nominal_twin()
+    twin = Twin(Numbers(), dict(LOADS), dict.fromkeys(SENSORS, 1.0), Hidden())
     solved = solve_twin(twin, log, x, v, 0.0)
-    return noise_free(twin, solved if simulator == "same" else _averaged(solved, LOADS[log], COMMUTATION[simulator]))
+    return noise_free(twin, solved if simulator == "same" else _averaged(solved, LOADS[log], SIMULATORS[simulator]))
 
 
 def _averaged(solved: Solved, load: float, commutation: float) -> Solved:
