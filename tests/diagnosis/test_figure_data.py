@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
-from winchcascade.rig.open_rig import load_rig
 
 from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.diagnose import diagnose
@@ -23,6 +22,7 @@ from winchcascade.diagnosis.figure_data import (
 )
 from winchcascade.diagnosis.load_costs import load_costs
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 VDC, FORCE = CHANNELS.index("vdc"), CHANNELS.index("force")

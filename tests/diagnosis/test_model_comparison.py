@@ -27,7 +27,7 @@ from winchcascade.reduction.bins import stored_powers
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.rig.baseline import load_rig
-from winchcascade.rig.simulate import LEDGER
+from winchcascade.rig.ledger import LEDGER
 
 KEPT = 5.1e-5
 """Five significant digits are kept."""

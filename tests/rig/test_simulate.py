@@ -14,8 +14,9 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
+from winchcascade.rig.ledger import LEDGER
 from winchcascade.rig.parts import with_part
-from winchcascade.rig.simulate import LEDGER, motion_of, simulate, solve, write_log
+from winchcascade.rig.simulate import motion_of, simulate, solve, write_log
 
 MODEL = baseline(built_in())
 

@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 
 from winchcascade.reduction.reduction_result import CycleResult
-from winchcascade.rig.simulate import LEDGER, Simulation
+from winchcascade.rig.ledger import LEDGER
+from winchcascade.rig.simulate import Simulation
 
 
 class Group(NamedTuple):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, ShaftNumbers, constants, solve_shaft
-from winchcascade.rig.readings import TRUE, path_of, run_readings, sensor_numbers
+from winchcascade.rig.readings import path_of, readings
 from winchcascade.rig.simulate import READ, motion_of
 
 if TYPE_CHECKING:
@@ -83,12 +83,8 @@ class Course:
         gain : scales the velocity that drives the shaft [1]
         skew : (5,) how late each channel is read [s]
         """
-        numbers, found = constants(model, self.load), np.empty((len(CHANNELS), self.coarse.t.size))
-        sensors = sensor_numbers(model, np.zeros(len(CHANNELS)) if skew is None else skew, self.coarse.step)
-        run_readings(
-            self._path, numbers, self.shaft(numbers, gain), sensors, np.empty((TRUE, self.coarse.t.size)), found
-        )
-        return found.T
+        numbers = constants(model, self.load)
+        return readings(self._path, numbers, self.shaft(numbers, gain), model.sensors, skew).T
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`."""

@@ -101,22 +101,6 @@ class Constants(NamedTuple):
     shaft: ShaftNumbers
 
 
-class DrivenShaft(NamedTuple):
-    """The generator's side and what drives it: velocity of the line at even steps, (n,), payout positive [m/s], the step [s],
-    the numbers of the parts, and the table of the bridge as `bridge_table` gives it.
-    """
-
-    v: Signal
-    dt: float
-    numbers: ShaftNumbers
-    table: Signal
-
-
-def driven_shaft(v: Signal, dt: float, numbers: ShaftNumbers) -> DrivenShaft:
-    """The generator's side along a line motion, with the table of its bridge."""
-    return DrivenShaft(v, dt, numbers, blended_table(numbers.generator.averaged, numbers.generator.uncommutated))
-
-
 def constants(model: Model, load: float) -> Constants:
     """Put the numbers of a model together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]"""
     gas, machine, r_motion = model.restoring, model.generator, model.r_motion
@@ -257,16 +241,17 @@ def _turned(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_shaft(driven: DrivenShaft, every: int, out: Signal) -> None:
+def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, out: Signal) -> None:
     """Step the generator's side along a line motion: clutch, shaft, gear, machine, bridge and DC link.
 
     Parameters
     ----------
+    v, dt : velocity of the line at even steps, (n,), payout positive [m/s], and the step [s]
+    table : of the bridge, as `blended_table` gives it
     every : number of steps from one that is kept to the next
     out : (m, 8) is filled with `SHAFT` at the steps that are kept; torque and currents are the mean of the half steps on
         either side
     """
-    v, dt, c, table = driven.v, driven.dt, driven.numbers, driven.table
     machine, r_s = c.generator, c.generator.r_s + c.generator.r_diode
     omega = omega_before = twist = v_dc = guess = before = 0.0
     middle_before = (0.0, 0.0, 0.0, 0.0)
@@ -321,15 +306,14 @@ _VOLTS = 1e-6
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_steady(driven: DrivenShaft, inertia: float, every: int, out: Signal) -> None:
+def run_steady(v: Signal, dt: float, c: ShaftNumbers, table: Signal, inertia: float, every: int, out: Signal) -> None:
     """Compute the generator's side in the steady state of each instant: a stiff shaft, no capacitor.
 
     Parameters
     ----------
     inertia : of the rotor [kg m2]
-    every, out : as `run_shaft` takes them
+    v, dt, table, every, out : as `run_shaft` takes them
     """
-    v, dt, c, table = driven.v, driven.dt, driven.numbers, driven.table
     shaft, machine, r_s = c.drivetrain, c.generator, c.generator.r_s + c.generator.r_diode
     v_dc = guess = 0.0
     for row in range(out.shape[0]):
@@ -364,17 +348,17 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1) -> Sig
 
     Parameters
     ----------
-    v, dt : as `DrivenShaft` has them
+    v, dt : as `run_shaft` takes them
     every : number of steps from one that is kept to the next
     """
-    shaft = numbers.shaft.drivetrain
-    driven, out = driven_shaft(v, dt, numbers.shaft), np.empty((-(-v.size // every), len(SHAFT)))
-    run_shaft(driven, every, out)
+    c, shaft, machine = numbers.shaft, numbers.shaft.drivetrain, numbers.shaft.generator
+    table, out = blended_table(machine.averaged, machine.uncommutated), np.empty((-(-v.size // every), len(SHAFT)))
+    run_shaft(v, dt, c, table, every, out)
     if shaft.quasi_static == shaft.weightless == 0.0:
         return out
     steady, weightless = np.empty_like(out), np.empty_like(out)
-    run_steady(driven, shaft.inertia_rotor, every, steady)
-    run_steady(driven, 0.0, every, weightless)
+    run_steady(v, dt, c, table, shaft.inertia_rotor, every, steady)
+    run_steady(v, dt, c, table, 0.0, every, weightless)
     dynamic = 1.0 - shaft.quasi_static - shaft.weightless
     return dynamic * out + shaft.quasi_static * steady + shaft.weightless * weightless
 

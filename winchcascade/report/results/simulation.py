@@ -19,7 +19,8 @@ from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import STAGE_PLACES
 from winchcascade.report.results.common import data_note, histories, provenance, samples_row
 from winchcascade.report.wording import banner, load_words
-from winchcascade.rig.simulate import LEDGER, Simulation
+from winchcascade.rig.ledger import LEDGER
+from winchcascade.rig.simulate import Simulation
 
 ENTRY_SHARE_MIN = 5e-4
 """Entries below this share of the energy of the line are left out: they round to 0.0 %, as shares have one decimal. [1]"""
