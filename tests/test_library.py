@@ -23,7 +23,6 @@ from winchcascade import (
 )
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.calibrate import complete_payouts
 from winchcascade.rig.baseline import baseline
 from winchcascade.tables.audit import Audit
 
@@ -49,8 +48,9 @@ def test_simulate_takes_the_rig_that_reduce_takes() -> None:
 
 def test_calibrate_takes_the_rig_and_the_payouts_that_reduce_takes() -> None:
     run = read_run("fixtures/campaign/open_circuit.csv", load=math.inf)
-    plain, given = calibrate(run), calibrate(run, built_in(), complete_payouts(reduce(run)))
+    plain, given = calibrate(run), calibrate(run, built_in())
     assert [(n.name, n.value) for n in plain.numbers] == [(n.name, n.value) for n in given.numbers]
+    assert [onset for onset, _ in plain.payouts] == [cycle.phases.onset for cycle in reduce(run).complete]
     with pytest.raises(LogError, match="none of 0 payouts is complete"):
         calibrate(read_run(_at_rest(), load=math.inf))
 

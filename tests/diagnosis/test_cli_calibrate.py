@@ -55,16 +55,7 @@ def test_a_rig_file_of_ones_own_is_not_replaced(log: Path, tmp_path: Path) -> No
     assert winchcascade("calibrate", log, "--write", mine, "--force").returncode == 0
 
 
-def test_the_rig_file_that_a_campaign_names_is_not_replaced_either(log: Path, tmp_path: Path) -> None:
-    alone, rig = Path(shutil.copy(log, tmp_path / "alone.csv")), tmp_path / "rig.toml"
-    assert winchcascade("calibrate", alone, "--load-ohm", "inf", "--write", rig).returncode == 0
-    (tmp_path / "campaign.toml").write_text(
-        'title = "ours"\nrig = "rig.toml"\n[[run]]\nfile = "alone.csv"\nload_ohm = inf\n'
-    )
-    assert "is an input" in one_sentence("calibrate", alone, "--write", rig)
-
-
-def test_the_json_holds_what_the_table_shows(log: Path) -> None:
+def test_the_json_holds_what_the_table_shows_and_outputs_need_names_of_their_own(log: Path, tmp_path: Path) -> None:
     done = winchcascade("calibrate", log, "--json", "-")
     record = json.loads(done.stdout)
     assert record["schema"] == "winchcascade/calibration/1"
@@ -72,26 +63,18 @@ def test_the_json_holds_what_the_table_shows(log: Path) -> None:
     assert [n["name"] for n in record["numbers"]] == ["k_e", "mu_screw", "eta_mesh", "b_rotor"]
     assert record["regression"]["samples"] > 500
     assert done.stderr == ""
-
-
-def test_json_and_rig_file_need_names_of_their_own(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert "both name" in one_sentence("calibrate", log, "--json", out, "--write", out)
     assert "expected the name of a file" in one_sentence("calibrate", log, "--write", "-")
 
 
-def test_the_load_is_not_guessed(log: Path, tmp_path: Path) -> None:
-    alone = Path(shutil.copy(log, tmp_path / "alone.csv"))
+def test_the_load_is_not_guessed_and_a_whole_payout_needed(log: Path, tmp_path: Path) -> None:
+    alone, short = Path(shutil.copy(log, tmp_path / "alone.csv")), tmp_path / "short.csv"
     assert "its load is unknown" in one_sentence("calibrate", alone)
     assert winchcascade("calibrate", alone, "--load-ohm", "inf").returncode == 0
     assert "a log with a load of 36 ohm" in one_sentence("calibrate", log.parent / "r36ohm.csv")
-
-
-def test_a_log_without_a_whole_payout_is_reported(fixtures: Path, tmp_path: Path) -> None:
-    rows = (fixtures / "campaign" / "open_circuit.csv").read_text().splitlines()
-    (tmp_path / "short.csv").write_text("\n".join(rows[:200]) + "\n")
-    text = one_sentence("calibrate", tmp_path / "short.csv", "--load-ohm", "inf")
-    assert "none of 1 payouts is complete and holds a plateau, which a calibration needs" in text
+    short.write_text("\n".join(log.read_text().splitlines()[:200]) + "\n")
+    assert "none of 1 payouts is complete" in one_sentence("calibrate", short, "--load-ohm", "inf")
 
 
 def test_a_simulation_of_a_rig_gives_its_numbers_back(log: Path, tmp_path: Path) -> None:

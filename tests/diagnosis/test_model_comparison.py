@@ -17,7 +17,6 @@ from winchcascade.diagnosis.model_comparison import (
     HAUL_IN,
     LONGEST,
     MIN_BIN_SAMPLES,
-    SLOWEST,
     Account,
     ModelComparison,
     account_of,
@@ -59,19 +58,9 @@ def changed(**fields: object) -> Reduction:
 
 
 # ------------------------------------------------------------------------------------------------------ what is left out
-@pytest.mark.parametrize(
-    ("fields", "reason"),
-    [
-        ({"load": None}, "the load of the log is not known"),
-        ({"fs": 0.9 * SLOWEST}, "4.5 samples a second"),
-    ],
-)
-def test_a_log_that_cannot_be_simulated_has_a_reason(fields: dict[str, object], reason: str) -> None:
-    assert reason in str(compare_with_baseline(changed(**fields)))
-
-
 def test_a_rig_a_motion_and_cycles_that_cannot_be_simulated_have_a_reason() -> None:
     loaded = reduced("18 ohm")
+    assert "the load of the log is not known" in str(compare_with_baseline(changed(load=None)))
     other = msgspec.structs.replace(loaded, rig=load_rig("kitepower"))
     assert "kitepower" in str(compare_with_baseline(other))
     still = {name: x for name, x in loaded.run.channels.items() if name != "velocity"}
@@ -100,7 +89,7 @@ def test_bridged_samples_of_any_channel_are_not_compared(channel: str) -> None:
     whole, c = comparison(), comparison().cycles[1]
     gap = np.array([[c.phases.onset + 3.0, c.phases.onset + 4.0]])
     found = compared(changed(gaps={channel: gap}))
-    inside = (found.run.t > gap[0, 0]) & (found.run.t < gap[0, 1])
+    inside = (found.run.t >= gap[0, 0]) & (found.run.t <= gap[0, 1])
     assert not (found.payout | found.driven)[inside].any()
     assert (found.payout == whole.payout)[~inside].all()
 

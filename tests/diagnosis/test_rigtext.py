@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from openlog import estimated_rig, made_log, steady_payouts
+from openlog import estimated_rig, made_log
 
 from winchcascade import __version__, calibrate, load_rig
 from winchcascade.core.errors import LogError, RigError
@@ -24,7 +24,7 @@ NAMES = {"k_e": "generator", "mu_screw": "restoring", "b_rotor": "drivetrain"}
 def calibration() -> Calibration:
     run = made_log(seed=1)
     run = msgspec.structs.replace(run, name="open circuit.csv", sha256="0123456789abcdef" * 4)
-    return msgspec.structs.replace(calibrate(run, estimated_rig(), steady_payouts(run)), rig=built_in())
+    return msgspec.structs.replace(calibrate(run, estimated_rig()), rig=built_in())
 
 
 def of_file(text: str, folder: Path) -> Calibration:

@@ -4,15 +4,12 @@ from functools import cache
 from pathlib import Path
 
 import msgspec
-import numpy as np
 import pytest
-from openlog import made_log, steady_payouts
+from openlog import made_log
 
 from winchcascade import Calibration, calibrate
 from winchcascade.core.files import json_bytes
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.damper_curves import FACTORS, damper_curves
-from winchcascade.diagnosis.model_comparison import LEAD
 from winchcascade.report.content import Cell, Measured, Report, Table
 from winchcascade.report.results.calibration import calibration_record, calibration_report
 from winchcascade.report.views import write_report
@@ -20,8 +17,7 @@ from winchcascade.report.views import write_report
 
 @cache
 def calibration() -> Calibration:
-    run = made_log(seed=1)
-    return calibrate(run, built_in(), steady_payouts(run))
+    return calibrate(made_log(seed=1), built_in())
 
 
 def changed(name: str, **fields: float) -> Calibration:
@@ -65,29 +61,12 @@ def test_without_convergence_only_the_regression_is_a_result() -> None:
     loose = msgspec.structs.replace(calibration(), settled=False)
     assert [tile.name for tile in calibration_report(loose).tiles] == ["k_e"]
     assert len(findings(loose)) == 1
-    assert damper_curves(loose) is None
 
 
-def test_the_tension_is_followed_best_with_the_calibrated_damper() -> None:
-    """The log is made with the numbers of the rig file."""
-    curves = damper_curves(calibration())
-    assert curves is not None
-    found = next(n.value for n in calibration().numbers if n.name == "b_rotor")
-    assert curves.dampers == tuple(factor * found for factor in FACTORS)
-    assert FACTORS[int(np.argmin(curves.rms))] == 1.0
-    payout = (curves.run.t > calibration().payouts[0][0] + 5.0) & (curves.run.t < calibration().payouts[0][1])
-    means = [float(force[payout].mean()) for force in curves.forces]
-    assert means == sorted(means)
-    first, second = (onset for onset, _ in calibration().payouts[:2])
-    assert first - LEAD <= curves.run.t[0] < curves.run.t[-1] < second
-
-
-def test_a_rig_that_no_model_can_have_leaves_the_figure_out_and_keeps_the_page(tmp_path: Path) -> None:
-    impossible = changed("mu_screw", value=-0.01)
-    assert damper_curves(impossible) is None
-    page = write_report(impossible, tmp_path / "a.html").read_text(encoding="utf-8")
+def test_the_page_has_the_figures_of_damper_screw_and_back_emf(tmp_path: Path) -> None:
+    page = write_report(changed("mu_screw", value=-0.01), tmp_path / "a.html").read_text(encoding="utf-8")
     assert 'id="figure-model-emf"' in page
-    assert 'id="figure-model-damper"' not in page
+    assert 'id="figure-model-damper"' in page
 
 
 def test_a_number_that_the_rig_file_did_not_have_has_no_value_before() -> None:

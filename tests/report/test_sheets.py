@@ -52,7 +52,6 @@ def test_a_calibration_sheet_holds_what_a_laboratory_files(fixtures: Path, tmp_p
         assert low < float(row[2]) < high
     for figure in ("model-damper", "model-emf"):
         assert f'id="figure-{figure}"' in page.read_text(encoding="utf-8")
-    assert len(_rows(page, "dampers")) == 6
     pdf = " ".join(found.extract_text() for found in PdfReader(tmp_path / "sheet.pdf").pages)
     assert "Calibrated numbers of the rig." in pdf
 

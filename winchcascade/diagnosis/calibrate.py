@@ -7,9 +7,10 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from winchcascade.core.accuracy import open_circuit_current
-from winchcascade.core.arguments import CYCLES, SPANS, check_arguments
+from winchcascade.core.arguments import CYCLES, check_arguments
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.integrate import median
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
@@ -28,39 +29,15 @@ from winchcascade.diagnosis.nuisances import (
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.solve import huber, normal_equations
 from winchcascade.reduction.reduce import reduce
-from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.rig.backemf import COVERED, RPM_MIN, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
-
-
-def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> BackEmf:
-    """The regression of the back-EMF, its uncertainties with what is open of the rig and of the Vdc sensor.
-
-    The capacitor above all: on a ramp it takes a current whose drop in the bridge looks like a lag of Vdc.
-
-    Raises
-    ------
-    LogError : no Vdc, or too few samples above 1000 rpm with a conducting bridge
-    """
-    gain, zero = sensor_errors(rig.sensors.get("vdc"))
-    found = back_emf(run, baseline(rig), payouts, u_gain=gain)
-    zeroed = msgspec.structs.replace(run, channels={**run.channels, "vdc": run.channels["vdc"] + zero})
-    open_numbers = (n for n in nuisances(rig, [run]) if n.kind == "rig" and n.name != "k_e")
-    moved = [
-        back_emf(zeroed, baseline(rig), payouts),
-        *(back_emf(run, baseline(shifted(rig, {(n.section, n.name): n.sd})), payouts) for n in open_numbers),
-    ]
-    u = math.hypot(found.u_fit, found.u_sensor, *(one.k_e - found.k_e for one in moved))
-    u_lag = math.hypot(found.u_lag, *(one.lag - found.lag for one in moved))
-    return msgspec.structs.replace(found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=u_lag)
-
 
 FREED = {("drivetrain", "b_rotor"): 0.5, ("restoring", "mu_screw"): 0.5}
 """Numbers that are found from the line tension, by section and name, and their prior width as a share of the value: wide enough
 to have no effect."""
 
-FOUND_FROM = ("force", "torque", "pressure")
-"""Channels that they are found from."""
+FOUND_FROM = {"force": "line tension", "torque": "torque", "pressure": "pressure"}
+"""Channels that they are found from: those before the machine."""
 
 TIED = ("drivetrain", "eta_mesh")
 """In open circuit the mesh efficiency acts with the damper and the inertia as one quotient: it is held to its tolerance."""
@@ -127,6 +104,19 @@ class Strain(msgspec.Struct, frozen=True):
     by: float
 
 
+class FittedBlocks(msgspec.Struct, frozen=True):
+    """Means over blocks of the log and of the fit: generator speed `rpm` (m,), `phase` (m,) as an index of `PHASES`, and of the
+    channels of `CHANNELS`, SI units, `measured` (m, 5), NaN where there is none, and `fitted` (m, 5). `damper` (m,) is the
+    torque that the damper takes, at the PTO shaft [N m].
+    """
+
+    rpm: Signal
+    phase: NDArray[np.intp]
+    measured: Signal
+    fitted: Signal
+    damper: Signal
+
+
 class Calibration(msgspec.Struct, frozen=True):
     """Numbers of a rig from an open-circuit log, the regression of the back-EMF, and what cannot be distinguished.
 
@@ -144,6 +134,7 @@ class Calibration(msgspec.Struct, frozen=True):
     strained: tuple[Strain, ...]
     settled: bool
     payouts: tuple[tuple[float, float], ...]
+    blocks: FittedBlocks
 
     def __repr__(self) -> str:
         """One line instead of every number."""
@@ -151,13 +142,7 @@ class Calibration(msgspec.Struct, frozen=True):
         return f"Calibration({self.rig.name!r}, {', '.join(found)})"
 
 
-def calibrate(
-    run: Run,
-    rig: Rig | None = None,
-    payouts: Sequence[tuple[float, float]] | None = None,
-    *,
-    cycles: tuple[int, int] | None = None,
-) -> Calibration:
+def calibrate(run: Run, rig: Rig | None = None, *, cycles: tuple[int, int] | None = None) -> Calibration:
     """Calibrate a rig from an open-circuit log (Sec. 4.2).
 
     The back-EMF constant is a regression on the DC voltage; damper and screw friction follow from line tension, torque and
@@ -167,8 +152,7 @@ def calibrate(
     Parameters
     ----------
     rig : to be calibrated; by default the one that the run was read with
-    payouts : from the onset of each payout to the start of its braking [s]; those of `reduce` by default
-    cycles : first and last cycle that count for damper and screw, numbered by payout; by default those of the run's campaign
+    cycles : first and last cycle that count, numbered by payout; by default those of the run's campaign
 
     Raises
     ------
@@ -177,87 +161,89 @@ def calibrate(
     OptionError : something else than a run or a rig
     """
     check_type("calibrate", run, Run, "read_run(log)")
-    check_arguments("calibrate", ("payouts", payouts, SPANS), ("cycles", cycles, CYCLES))
+    check_arguments("calibrate", ("cycles", cycles, CYCLES))
     rig = given_rig("calibrate", rig, run.rig)
     cycles = run.cycles if cycles is None else cycles
-    if payouts is None:
-        payouts = complete_payouts(reduce(run, rig=rig, cycles=cycles))
-    _require_open_circuit(run, rig, payouts)
+    payouts = _payouts(run, rig, cycles)
     before = before_calibration(rig)
     freed = _freed(before)
     regression = back_emf_of(run, freed, payouts)
-    k_e = _back_emf_constant(before, regression)
-    with_k_e = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, u=k_e.u)
+    k_e = _back_emf_constant(before.generator.k_e, regression)
+    known = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, u=k_e.u)
     exact = msgspec.structs.replace(freed, model=ModelAccuracy(discrepancy=0.0))
-    data = Fitted([run], with_quantity(exact, "generator", "k_e", with_k_e), [cycles])
+    data = Fitted([run], with_quantity(exact, "generator", "k_e", known), [cycles])
     value, covariance, misfit, settled = _posterior(data)
     at = [k for k, n in enumerate(data.nuisances) if (n.section, n.name) in (*FREED, TIED)]
-    numbers = (k_e, *(_fitted(before, data, k, value, covariance) for k in at))
-    together = tuple(_together(data, covariance, at, regression))
-    strained = tuple(
-        Strain(str(n), float(x))
-        for k, (n, x) in enumerate(zip(data.nuisances, value, strict=True))
+    strained = (
+        Strain(str(n), float(x)) for k, (n, x) in enumerate(zip(data.nuisances, value, strict=True))
         if abs(x) > STRAINED and k not in at
+    )  # fmt: skip
+    return Calibration(
+        run=run,
+        rig=rig,
+        numbers=(k_e, *(_fitted(before, data, k, value, covariance) for k in at)),
+        regression=regression,
+        together=tuple(_together(data, covariance, at, regression)),
+        misfit=misfit,
+        strained=tuple(strained),
+        settled=settled,
+        payouts=payouts,
+        blocks=_blocks(data, value),
     )
-    return Calibration(run, rig, numbers, regression, together, misfit, strained, settled, tuple(payouts))
 
 
-def complete_payouts(reduction: Reduction) -> list[tuple[float, float]]:
-    """Payouts of the complete cycles, from the onset to the start of braking; LogError without one. [s]"""
-    payouts = [
-        (cycle.phases.onset, plateau.braking)
-        for cycle in reduction.complete
-        if (plateau := cycle.summary.payout.plateau) is not None
-    ]
+def _payouts(run: Run, rig: Rig, cycles: tuple[int, int] | None) -> tuple[tuple[float, float], ...]:
+    """Payouts of the complete cycles of an open circuit, from the onset to the start of braking [s].
+
+    Rejects a log that is not stated as an open circuit, that lacks the line tension, or whose Idc is more than the bleed
+    resistance takes.
+    """
+    if run.load is None or not math.isinf(run.load) or "force" not in run.channels:
+        wrong = "its load is unknown" if run.load is None else f"a log with a load of {run.load:g} ohm"
+        wrong = "no line tension, which damper and screw friction are found from" if run.open_circuit else wrong
+        raise LogError(
+            f"{run.name}: {wrong}; a calibration needs an open circuit with line tension and Vdc. Choose such a log; "
+            "--load-ohm inf, or load_ohm = inf in the campaign.toml beside it, states that no load was connected."
+        )
+    reduction = reduce(run, rig=rig, cycles=cycles)
+    plateaus = [(cycle.phases.onset, cycle.summary.payout.plateau) for cycle in reduction.complete]
+    payouts = tuple((onset, plateau.braking) for onset, plateau in plateaus if plateau is not None)
     if not payouts:
         raise LogError(
-            f"{reduction.run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a "
-            "calibration needs; `winchcascade reduce` lists what is wrong with each."
+            f"{run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a calibration needs; "
+            "`winchcascade reduce` lists what is wrong with each."
         )
+    if {"vdc", "idc"} <= run.channels.keys():
+        moving = np.logical_or.reduce([(run.t >= begin) & (run.t < end) for begin, end in payouts])
+        voltage, current = (median(run.channels[name][moving]) for name in ("vdc", "idc"))
+        if current > (maximum := open_circuit_current(rig, abs(voltage))):
+            raise LogError(
+                f"{run.name}: stated as an open circuit, but it delivers {voltage * current:.3g} W (Idc {current:.4g} A, at "
+                f"most {maximum:.2g} A expected). Choose a log without load, or check Idc."
+            )
     return payouts
 
 
-def _require_open_circuit(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> None:
-    """Reject a log that is not stated as an open circuit, and one whose Idc is more than the bleed resistance takes."""
-    if run.load is None:
-        raise LogError(
-            f"{run.name}: its load is unknown, and a calibration needs an open circuit; give --load-ohm inf if no load was "
-            "connected, or list the log in a campaign.toml beside it with load_ohm = inf."
-        )
-    if not math.isinf(run.load):
-        raise LogError(
-            f"{run.name}: a log with a load of {run.load:g} ohm; a calibration needs an open circuit: choose that log, or "
-            "give --load-ohm inf if no load was connected."
-        )
-    if "force" not in run.channels:
-        raise LogError(f"{run.name}: no line tension, which damper and screw friction are found from; log it.")
-    moving = np.zeros(run.t.size, dtype=bool)
-    for begin, end in payouts:
-        moving[np.searchsorted(run.t, begin) : np.searchsorted(run.t, end)] = True
-    if not moving.any() or not {"vdc", "idc"} <= run.channels.keys():
-        return
-    voltage, current = (median(run.channels[name][moving]) for name in ("vdc", "idc"))
-    maximum = open_circuit_current(rig, abs(voltage))
-    if current > maximum:
-        raise LogError(
-            f"{run.name}: stated as an open circuit, but it delivers {voltage * current:.3g} W (Vdc {voltage:.4g} V, Idc "
-            f"{current:.4g} A; expected at most {maximum:.2g} A). A calibration needs a log without load: choose that log, or "
-            "check Idc."
-        )
+def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> BackEmf:
+    """The regression of the back-EMF, its uncertainties with what is open of the rig and of the Vdc sensor.
 
+    The capacitor above all: on a ramp it takes a current whose drop in the bridge looks like a lag of Vdc.
 
-def _back_emf_constant(rig: Rig, regression: BackEmf) -> Number:
-    before = rig.generator.k_e
-    return Number(
-        "generator",
-        "k_e",
-        "V/rpm",
-        math.nan if before is None else before.value,
-        _u_of(before),
-        regression.k_e,
-        (regression.high - regression.k_e) / COVERED,
-        how=f"regression of Vdc above {RPM_MIN:g} rpm, R2 = {regression.r2:.5f}",
-    )
+    Raises
+    ------
+    LogError : no Vdc, or too few samples above 1000 rpm with a conducting bridge
+    """
+    gain, zero = sensor_errors(rig.sensors.get("vdc"))
+    found = back_emf(run, baseline(rig), payouts, u_gain=gain)
+    zeroed = msgspec.structs.replace(run, channels={**run.channels, "vdc": run.channels["vdc"] + zero})
+    open_numbers = (n for n in nuisances(rig, [run]) if n.kind == "rig" and n.name != "k_e")
+    moved = [
+        back_emf(zeroed, baseline(rig), payouts),
+        *(back_emf(run, baseline(shifted(rig, {(n.section, n.name): n.sd})), payouts) for n in open_numbers),
+    ]
+    u = math.hypot(found.u_fit, found.u_sensor, *(one.k_e - found.k_e for one in moved))
+    u_lag = math.hypot(found.u_lag, *(one.lag - found.lag for one in moved))
+    return msgspec.structs.replace(found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=u_lag)
 
 
 def _u_of(number: Quantity | None) -> float:
@@ -265,14 +251,18 @@ def _u_of(number: Quantity | None) -> float:
     return math.inf if number is None or number.u is None else number.u
 
 
+def _back_emf_constant(before: Quantity | None, found: BackEmf) -> Number:
+    how = f"regression of Vdc above {RPM_MIN:g} rpm, R2 = {found.r2:.5f}"
+    value, u = math.nan if before is None else before.value, (found.high - found.k_e) / COVERED
+    return Number("generator", "k_e", "V/rpm", value, _u_of(before), found.k_e, u, how)
+
+
 def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -> Number:
     """A number of the rig from a fit, by its place among the nuisances."""
-    n = data.nuisances[k]
-    before: Quantity = getattr(getattr(rig, n.section), n.name)
+    n, before = data.nuisances[k], quantity_of(rig, data.nuisances[k].section, data.nuisances[k].name)
+    assert before is not None  # it is a nuisance
     unit, tied = find_unit(n.unit), (n.section, n.name) == TIED
-    channels = data.logs[0].run.channels
-    *first, last = ("line tension" if name == "force" else name for name in FOUND_FROM if name in channels)
-    found_from = f"{', '.join(first)} and {last}" if first else last
+    *first, last = (what for name, what in FOUND_FROM.items() if name in data.logs[0].run.channels)
     number = Number(
         n.section,
         n.name,
@@ -281,7 +271,7 @@ def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -
         n.sd if tied else _u_of(before),
         before.value + n.sd * float(value[k]),
         n.sd * math.sqrt(covariance[k, k]),
-        how=found_from,
+        how=f"{', '.join(first)} and {last}" if first else last,
     )
     kept = "rig file: an open circuit does not determine it"
     return number if number.new else msgspec.structs.replace(number, how=kept)
@@ -305,7 +295,7 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
     """Nuisances in units of their prior width, (n,), their covariance, the misfit, and whether the fit converged; from the
     channels before the machine.
     """
-    used = np.array([channel not in ("vdc", "idc") for channel in CHANNELS], dtype=np.float64)
+    used = np.array([channel in FOUND_FROM for channel in CHANNELS], dtype=np.float64)
     nu = np.zeros(len(data.nuisances))
     for _ in range(ROUNDS):
         z = data.whiten((data.measured - data.predict(nu, [])) * used)
@@ -316,6 +306,17 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
             break
     misfit = 2.0 * huber(z) / max(int(np.count_nonzero(z)), 1)
     return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(curve), dtype=np.float64), misfit, settled
+
+
+def _blocks(data: Fitted, nu: Signal) -> FittedBlocks:
+    """The blocks of the log and of the fit."""
+    log, model = data.logs[0], data.model(nu, [])
+    shaft = model.drivetrain
+    omega = log.course.blocks.mean(log.run.channels["velocity"]) / model.r_motion * shaft.gear
+    damper = np.where(omega > 0.0, shaft.gear / shaft.eta_mesh * shaft.b_rotor * omega, 0.0)
+    rpm, phase = omega * 30.0 / math.pi, log.course.blocks.phase
+    measured = np.where(data.seen, data.measured, math.nan)
+    return FittedBlocks(rpm, phase, measured, data.predict(nu, []), damper)
 
 
 def _together(data: Fitted, covariance: Signal, at: Sequence[int], regression: BackEmf) -> Iterator[str]:

@@ -32,9 +32,6 @@ STAGE_OF = {
 }
 """Stage whose output a channel is."""
 
-DOWNSTREAM = ("idc", "vdc", "torque", "pressure", "force")
-"""Channels in the order in which a gap is assigned to a stage: an error at the end of the cascade shows upstream too."""
-
 STANDS_OUT = 4.0
 """A bias is significant beyond this many standard uncertainties of noise, repeatability and tolerance."""
 
@@ -137,15 +134,10 @@ def locate(
     ----------
     residual : (M, 5) measured minus simulated blocks, zeros taken off
     places : the map of the gap
-    stage : of its main cause, or the one that deviates by itself, where either is known; else the last one of the cascade whose
-        output deviates significantly
+    stage : of its main cause, or the one that deviates by itself, where either is known; else the one of the largest deviation
     own : where it arises stage by stage
     """
-    significant = {p.channel for p in places if abs(p.z) > STANDS_OUT}
-    if stage in (None, "sensor"):
-        channels = [name for name in DOWNSTREAM if name in significant][:1]
-    else:
-        channels = [name for name in CHANNELS if STAGE_OF[name] == stage and name in significant]
+    channels = {p.channel for p in places if abs(p.z) > STANDS_OUT and STAGE_OF[p.channel] == stage}
     worst = max((p for p in places if not channels or p.channel in channels), key=lambda p: abs(p.z))
     k, phase = CHANNELS.index(worst.channel), PHASES.index(worst.phase)
     here = data.seen[:, k] & (data.blocks.phase == phase)

@@ -26,9 +26,6 @@ LONGEST = 200.0
 LEAD = 2.0
 """A part of a log begins before its first onset and ends after its last cycle by this. [s]"""
 
-SLOWEST = 5.0
-"""With a lower sampling rate a log does not show how the line starts and brakes. [Hz]"""
-
 BINS = 40
 """Maximum number of bins of a curve, which its markers show one by one."""
 
@@ -124,9 +121,8 @@ def compare_with_baseline(reduction: Reduction) -> ModelComparison | str:
         return model.why
     if run.load is None:
         return "the load of the log is not known; give it by --load-ohm or in a campaign.toml."
-    if run.fs < SLOWEST:
-        return f"the log has {run.fs:.3g} samples a second; with fewer than {SLOWEST:g} it does not show how the line starts."
-    cycles = _first_cycles(reduction.complete)
+    complete = reduction.complete
+    cycles = tuple(c for c in complete if _end(c) - complete[0].phases.onset <= LONGEST)
     if not cycles:
         return f"no complete cycle ends within {LONGEST:g} s of its onset, the longest that is simulated."
     run = between(run, cycles[0].phases.onset - LEAD, _end(cycles[-1]) + LEAD)
@@ -136,23 +132,21 @@ def compare_with_baseline(reduction: Reduction) -> ModelComparison | str:
         return str(fault).removeprefix(f"{run.name}: ")
     if not all(np.isfinite(x).all() for x in simulation.run.channels.values()):
         return "along this motion the model gives no finite numbers; check unit and scale of the velocity."
-    whole = ~within(run.t, all_gaps(run, tuple(run.channels)), strictly=True)
-    driven = engaged(run, [c.phases for c in cycles], [c.summary.payout.plateau for c in cycles], reduction.rig)
+    phases, plateaus = [c.phases for c in cycles], [c.summary.payout.plateau for c in cycles]
+    braking = [p.payout_end if flat is None else flat.braking for p, flat in zip(phases, plateaus, strict=True)]
+    whole = ~within(run.t, all_gaps(run, tuple(run.channels)))
     return ModelComparison(
         run=run,
         rig=reduction.rig,
         cycles=cycles,
-        total=len(reduction.complete),
+        total=len(complete),
         simulation=simulation,
-        payout=within(run.t, [(c.phases.onset, c.phases.payout_end) for c in cycles]) & whole,
-        driven=driven & within(run.t, _before_braking(cycles)) & whole,
-        haul_in=within(run.t, [c.phases.haul_in for c in cycles if c.phases.haul_in is not None]) & whole,
+        payout=within(run.t, [(p.onset, p.payout_end) for p in phases]) & whole,
+        driven=engaged(run, phases, plateaus, reduction.rig)
+        & within(run.t, [(p.onset, end) for p, end in zip(phases, braking, strict=True)])
+        & whole,
+        haul_in=within(run.t, [p.haul_in for p in phases if p.haul_in is not None]) & whole,
     )
-
-
-def _first_cycles(complete: Sequence[CycleResult]) -> tuple[CycleResult, ...]:
-    """The first cycles, as far as they end within `LONGEST`."""
-    return tuple(c for c in complete if _end(c) - complete[0].phases.onset <= LONGEST)
 
 
 def _end(cycle: CycleResult) -> float:
@@ -168,20 +162,11 @@ def between(run: Run, begin: float, end: float) -> Run:
     return msgspec.structs.replace(run, t=run.t[rows], channels=channels, samples=run.t[rows].size)
 
 
-def _before_braking(cycles: Sequence[CycleResult]) -> list[tuple[float, float]]:
-    """From the onset of each payout to the start of its braking, to its end where it holds no plateau. [s]"""
-    return [
-        (c.phases.onset, c.phases.payout_end if c.summary.payout.plateau is None else c.summary.payout.plateau.braking)
-        for c in cycles
-    ]
-
-
-def within(t: Signal, spans: Iterable[Sequence[float]] | Signal, *, strictly: bool = False) -> Mask:
-    """Samples that lie in any of some spans, (n,); both ends belong to these unless it is `strictly` within."""
+def within(t: Signal, spans: Iterable[Sequence[float]] | Signal) -> Mask:
+    """Samples that lie in any of some spans, both ends included, (n,)."""
     inside = np.zeros(t.size, dtype=bool)
     for begin, end in spans:
-        first, last = np.searchsorted(t, begin, "right" if strictly else "left"), np.searchsorted(t, end, "right")
-        inside[first : np.searchsorted(t, end, "left") if strictly else last] = True
+        inside[np.searchsorted(t, begin) : np.searchsorted(t, end, side="right")] = True
     return inside
 
 

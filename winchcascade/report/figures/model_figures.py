@@ -12,20 +12,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from winchcascade.core.run import Signal
-from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
 from winchcascade.diagnosis.model_comparison import HAUL_IN, ComparedCurve
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.style import (
     COLOURS,
-    LOAD_COLOURS,
     MARK_SIZE,
-    MARKS,
     Dashes,
     Entry,
     LineStyle,
-    dots,
     label_panel,
     legend_above,
     line_entry,
@@ -33,10 +28,8 @@ from winchcascade.report.figures.style import (
     panel_figure,
     patch_entry,
     readable,
-    samples_entry,
     shade_over_speed,
 )
-from winchcascade.rig.backemf import BackEmf
 
 SPEED = "Generator speed (rpm)"
 
@@ -181,58 +174,6 @@ def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool) 
 def _mark(mark: str) -> LineStyle:
     """Style of a marker of the simulation."""
     return {"marker": mark, "ms": MARK_SIZE, "mew": 0.7, "mfc": COLOURS["paper"]}
-
-
-# --------------------------------------------------------------------------------------------------- an open circuit
-def _draw_dampers(ax: Axes, x: Signal, forces: Sequence[Signal], own: str) -> list[Entry]:
-    """Draw the tension that each damper gives, with 40 markers at most; `own` is what the rig's own damper is called."""
-    entries = []
-    for k, (factor, force) in enumerate(zip(FACTORS, forces, strict=True)):
-        every = (k * x.size // 200, max(x.size // 40, 1))
-        colour = COLOURS[LOAD_COLOURS[k % len(LOAD_COLOURS)]]
-        (line,) = ax.plot(x, force, color=colour, lw=0.5, markevery=every, **_mark(MARKS[k % len(MARKS)]))
-        entries.append((line, {0.0: "no damper", 1.0: own}.get(factor, f"{factor:g} ×")))
-    return entries
-
-
-def damper_histories(curves: DamperCurves, *, word: str) -> Figure:
-    """Draw line velocity and tension of an open circuit over time, logged and simulated with several dampers (Fig. 11)."""
-    rows = slice(None, None, -(-curves.run.samples // MAX_DRAWN))
-    t = curves.run.t[rows] - curves.onset
-    figure, (top, bottom) = panel_figure(4.2, 2, share="x")
-    label_panel(top, "a", "Line velocity", unit="m/s")
-    label_panel(bottom, "b", "Line tension", x="Time from the onset (s)", unit="N")
-    top.plot(t, curves.run.channels["velocity"][rows], color=COLOURS["ink"], lw=1.4)
-    entries: list[Entry] = [(bottom.plot(t, curves.run.channels["force"][rows], color=COLOURS["ink"], lw=1.4)[0], word)]
-    own = f"calibrated, {number_text(curves.dampers[FACTORS.index(1.0)])} N·m·s/rad"
-    legend_above(figure, entries + _draw_dampers(bottom, t, [force[rows] for force in curves.forces], own))
-    return figure
-
-
-def back_emf_figure(fit: BackEmf, reference: float, *, word: str) -> Figure:
-    """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12).
-
-    Parameters
-    ----------
-    reference : back-EMF constant of the rig file, not finite where it has none [V/rpm]
-    """
-    figure, (left, right) = panel_figure(2.6, 1, 2)
-    ends = np.array([0.0, 1.05 * float(fit.rpm.max())])
-    rig: LineStyle = {"ls": (0, (5, 2)), "lw": 0.9}
-    stated = []
-    if np.isfinite(reference):
-        right.fill_between(ends, 0.9 * reference * ends, 1.1 * reference * ends, color=COLOURS["payout"], lw=0)
-        right.plot(ends, reference * ends, color=COLOURS["soft"], **rig)
-        stated = [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")]
-    right.plot(ends, fit.k_e * ends, color=COLOURS["mech"], lw=0.9)
-    titles = ("Voltage of the DC link", "Back-EMF, line to line, rms")
-    for ax, letter, title, volt in zip((left, right), "ab", titles, (fit.vdc, fit.v_ll), strict=True):
-        dots(ax, fit.rpm, volt, COLOURS["ink"])
-        ax.set(xlim=ends, ylim=(0.0, None))
-        label_panel(ax, letter, title, x=SPEED, unit="V")
-    own = [samples_entry(f"{word}, samples used", "ink"), line_entry("line through zero", "mech", lw=0.9)]
-    legend_above(figure, [*own, *stated])
-    return figure
 
 
 # ----------------------------------------------------------------------------------------------------- the loss budget

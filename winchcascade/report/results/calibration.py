@@ -10,7 +10,6 @@ from winchcascade.core.store import fingerprint
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number, Strain
 from winchcascade.diagnosis.causes import COVERED
-from winchcascade.diagnosis.damper_curves import FACTORS, DamperCurves
 from winchcascade.report.content import (
     Block,
     Column,
@@ -56,19 +55,13 @@ STRAINS: tuple[Column[Strain], ...] = (
     Column("moved by", lambda strain: strain.by, "standard uncertainties", 0, signed=True),
 )
 
-DAMPERS: tuple[Column[tuple[float, float, float]], ...] = (
-    Column("damper", lambda row: row[1], "N.m.s/rad"),
-    Column("over the calibrated one", lambda row: row[0], "", 1),
-    Column("rms difference of the tension", lambda row: row[2], "N", 1),
-)
-
 
 def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (), *, command: str = "") -> Report:
     """Report of a calibration.
 
     Parameters
     ----------
-    fit : figures and table of the fits, as `fit_blocks` makes them
+    fit : figures of the fits, as `fit_blocks` makes them
     """
     run, rig, against = calibration.run, calibration.rig, _against(calibration)
     outcome = Note(_outcome(calibration), "Outcome", "warn" if against else "good", brief=False)
@@ -110,11 +103,10 @@ def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (
 
 def drawn_calibration(calibration: Calibration, *, command: str = "") -> Report:
     """Report of a calibration with its figures."""
-    from winchcascade.diagnosis.damper_curves import damper_curves
     from winchcascade.report.figures.style import house_style
 
     with house_style():
-        return calibration_report(calibration, fit_blocks(calibration, damper_curves(calibration)), command=command)
+        return calibration_report(calibration, fit_blocks(calibration), command=command)
 
 
 def _change(number: Number) -> Measured | None:
@@ -198,28 +190,21 @@ def _regression(calibration: Calibration) -> str:
     )
 
 
-def fit_blocks(calibration: Calibration, curves: DamperCurves | None) -> list[Block | None]:
-    """Figs 11 and 12: tension with several dampers, and the regression of the back-EMF. Called within the style of figures."""
-    from winchcascade.report.figures.model_figures import back_emf_figure, damper_histories
+def fit_blocks(calibration: Calibration) -> list[Block | None]:
+    """Damper and screw by the blocks of the fit, and the regression of the back-EMF. Called within the style of figures."""
+    from winchcascade.report.figures.calibration_figures import back_emf_figure, damper_and_screw
 
     word = calibration.run.origin.word
-    damper: list[Block | None] = []
-    if curves is not None:
-        damper = [
-            picture(
-                damper_histories(curves, word=word), "model-damper",
-                "First payout: line velocity, and line tension of the log and of simulations with multiples of the calibrated "
-                "damper, priors as in the rig file (Fig. 11 of Hsu et al. 2026).",
-                "Line velocity and tension over time, one curve for each damper; the differences are in the table.",
-            ),
-            table("dampers", "Simulated tension against the log in that payout.", DAMPERS,
-                  zip(FACTORS, curves.dampers, curves.rms, strict=True), brief=False),
-        ]  # fmt: skip
     return [
-        *damper,
+        picture(
+            damper_and_screw(calibration.blocks, word=word), "model-damper",
+            "Block means of the log and of the fit. Torque in payout beyond that of a shaft without the damper, over "
+            "generator speed. Line tension over gas pressure: screw friction makes that of payout and haul-in.",
+            "Dots along a line through zero, and along two branches that rise with the pressure.",
+        ),
         picture(
             back_emf_figure(calibration.regression, calibration.numbers[0].before, word=word), "model-emf",
-            "DC voltage and back-EMF over generator speed; the line through zero has the slope k_e (Fig. 12 there).",
+            "DC voltage and back-EMF over generator speed; the line has the slope k_e (Fig. 12 of Hsu et al. 2026).",
             "Dots along a straight line through zero.",
         ),
     ]  # fmt: skip
