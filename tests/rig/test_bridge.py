@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from circuit import NGSPICE, R_S, solved, solved_by_ngspice
 
-from winchcascade.rig.bridge import back_emfs, blended_table, bridge_state, bridge_table, dc_voltages
+from winchcascade.rig.bridge import back_emfs, bridge_state, bridge_table, dc_voltages
 
 WITHIN = {"vdc": 0.003, "irms": 0.01, "pem": 0.007}
 """Shares that the model may be off from the stored points, whose diodes are not ideal and whose capacitor ripples."""
@@ -42,18 +42,6 @@ def test_nothing_flows_where_the_back_emf_does_not_reach_and_more_voltage_never_
     for speed in (0.2, 1.0, 3.0):
         currents = [bridge_state(v, 100.0, R_S, speed, bridge_table())[:2] for v in np.linspace(1.0, 141.0, 300)]
         assert np.all(np.diff(np.array(currents), axis=0) <= 1e-3)
-
-
-@pytest.mark.parametrize("uncommutated", [0.0, 1.0])
-def test_the_averaged_bridge_is_the_textbook_average(uncommutated: float) -> None:
-    table, driving = blended_table(1.0 - uncommutated, uncommutated), 3.0 * math.sqrt(2.0) / math.pi * 100.0
-    for v_total in (40.0, 80.0, 120.0):
-        for reactance in (0.3, 1.5, 3.0):
-            i_dc, i_s, _, _ = bridge_state(v_total, 100.0, R_S, reactance, table)
-            drop = 3.0 / math.pi * reactance * (1.0 - uncommutated) + 2.0 * R_S
-            assert i_dc == pytest.approx((driving - v_total) / drop, rel=2e-3)  # the table is interpolated
-            assert i_s == pytest.approx(math.sqrt(2.0 / 3.0) * i_dc, rel=2e-3)
-    assert blended_table(0.0, 0.0) is bridge_table()
 
 
 # ------------------------------------------------------------------------------------------------------ the other way round

@@ -55,18 +55,16 @@ def test_the_smoothing_takes_noise_out_of_the_acceleration_and_leaves_braking(r1
     assert np.mean(motion.a[braking]) == pytest.approx(-1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("load", [math.inf, 45.0, 18.0, 4.5])
-def test_half_the_step_changes_nothing(r18ohm: Run, load: float) -> None:
+@pytest.mark.parametrize("load", [math.inf, 18.0, 4.5])
+def test_half_the_step_changes_nothing_and_the_energy_of_the_line_is_stored_lost_or_delivered(
+    r18ohm: Run, load: float
+) -> None:
     run = msgspec.structs.replace(r18ohm, load=load)
-    coarse, fine = (simulate(run, MODEL, step=step).run.channels for step in (5e-4, 2.5e-4))
+    coarse, fine = (simulate(run, MODEL, step=step) for step in (5e-4, 2.5e-4))
     for name in SENSORS:
-        plateau = float(np.quantile(np.abs(coarse[name]), 0.95))
-        assert np.max(np.abs(coarse[name] - fine[name])) < 5e-4 * plateau, name
-
-
-@pytest.mark.parametrize("load", [math.inf, 45.0, 9.0, 4.5])
-def test_the_energy_of_the_line_is_stored_lost_or_delivered(r18ohm: Run, load: float) -> None:
-    energy = simulate(msgspec.structs.replace(r18ohm, load=load), MODEL).energy
+        plateau = float(np.quantile(np.abs(coarse.run.channels[name]), 0.95))
+        assert np.max(np.abs(coarse.run.channels[name] - fine.run.channels[name])) < 5e-4 * plateau, name
+    energy = coarse.energy
     last = int(np.argmax(energy["line"]))
     booked = [energy[name][last] for name in LEDGER if name != "line"]
     assert list(energy) == list(LEDGER)
