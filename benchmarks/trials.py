@@ -190,7 +190,7 @@ def run_family(name: str, options: argparse.Namespace) -> None:
     done = {} if options.make else read_results(path)
     numbers = range(options.first, options.first + (options.cases or FAMILIES[name].cases))
     plans = planned(name, [number for number in numbers if number not in done], options)
-    orders = {f"{name} {p.number}: {p.hidden}, {p.settings}": p for p in sorted(plans, key=lambda p: -p.repeats)}
+    orders = {f"{name} {p.number}: {p.text}": p for p in sorted(plans, key=lambda p: -p.repeats)}
     work = partial(do_case, results=path, keep=options.keep, made=options.made)
     if options.make:
         work = partial(make_case, out=options.make)
@@ -266,9 +266,8 @@ def report(name: str, results: Sequence[Result]) -> tuple[list[str], list[bool]]
     for r, score, given in sorted(zip(results, scores, found, strict=True), key=lambda row: row[0].plan.number):
         counted = [f for figure, kinds in wanted if not kinds or r.plan.kind in kinds for f in given.get(figure, ())]
         if not all(counted):
-            about = f"{r.plan.hidden}, {r.plan.settings}"
             answer = score.text if r.fault is None else f"fault: {r.fault}"
-            lines.append(f"  missed {r.plan.number:>4}  {about} -> {answer} ({r.diagnosing:.0f} s, {r.commit})")
+            lines.append(f"  missed {r.plan.number:>4}  {r.plan.text} -> {answer} ({r.diagnosing:.0f} s, {r.commit})")
     return lines, flags(Figure.COVERED, ())
 
 

@@ -102,11 +102,11 @@ def terminal_source() -> Source:
     from winchcascade.report.render.terminal import terminal_text
     from winchcascade.report.results.audits import audit_report
     from winchcascade.report.screen import PIPE, Screen, painted, use_screen
-    from winchcascade.tables.audit import audit_by_load
+    from winchcascade.tables.audit import audit
 
     use_screen(Screen(84, colour=True))
     try:
-        printed = painted(terminal_text(audit_report(audit_by_load(TABLE))), lines)
+        printed = painted(terminal_text(audit_report(audit(TABLE))), lines)
     finally:
         use_screen(PIPE)
     return [f"$ winchcascade audit {TABLE}", *printed.rstrip("\n").split("\n")]

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from winchcascade.core.published_table import BUILT_IN as TABLES
 from winchcascade.core.rig_toml import BUILT_IN as RIGS
 from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.tables.table_file import BUILT_IN as TABLES
 
 
 def offered(line: str) -> list[str]:

@@ -18,7 +18,6 @@ from winchcascade.core.campaign_file import (
     origin_from,
 )
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.published_table import load_table
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
@@ -32,7 +31,8 @@ from winchcascade.report.results.reduction import reduction_report
 from winchcascade.report.wording import banner, origin_words
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate, write_log
-from winchcascade.tables.check import check, measured_from_record
+from winchcascade.tables.check import check
+from winchcascade.tables.table_file import load_table
 
 LOG = "r4p5ohm.csv"
 
@@ -141,8 +141,7 @@ def test_a_batch_and_a_check_state_the_origin_of_each_log(simulated: Path, tmp_p
     again = run_batch(make_plan([str(campaign(simulated, "measured = false"))]), tmp_path / "out")
     assert batch.kept == again.kept == 0  # another statement makes another result
     table = load_table("hsu2026-table2")
-    results = [measured_from_record(record, name) for name, record in load_results(tmp_path / "out").records]
-    compared = check(results, table, whole_campaign=False)
+    compared = check(load_results(tmp_path / "out").records, table, whole_campaign=False)
     report = check_report(compared)
     assert any(SIMULATED.sentence in note.text for note in report.notes if note.about == "Data")
     assert report.banner

@@ -35,7 +35,7 @@ def test_a_score_counts_the_results_and_lists_the_cases_that_missed(tmp_path: Pa
     (tmp_path / "entries.jsonl").write_text(lines[0])
     table = " ".join(trials("--score", "--out", tmp_path).split())
     assert "honest 1 of 2 50.0 % 98 % of 60 too few" in table
-    assert "missed 2 nothing" in table
+    assert "missed 2 logger" in table
     assert "explained: rotor_windage" in table
     assert "1 of 1 100.0 % 90 % of 60" in table
     assert "processor time of the diagnoses 22 s, median 11.0 s" in table

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from compared import KGCM2, LOGS, before_braking, binned, compared, reduced
 
-from winchcascade.core.rig_toml import built_in, parse_rig
-from winchcascade.core.run import CLOCK, Run, Signal
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import CLOCK, Signal
 from winchcascade.diagnosis.loss_budget import GROUPS
 from winchcascade.diagnosis.model_comparison import (
     BINS,
@@ -107,70 +107,49 @@ def test_of_a_long_log_the_first_complete_cycles_are_compared() -> None:
     assert found.run.t[-1] - found.run.t[0] <= LONGEST + 5.0
 
 
-def test_a_rig_of_ones_own_is_simulated_with_its_own_numbers() -> None:
-    rig = parse_rig('based_on = "hsu2026"\nname = "mine"\n[generator]\nk_e = { value = 0.031, unit = "V/rpm" }\n', "r")
-    rows = comparison().driven
-    half = compared(msgspec.structs.replace(reduced("18 ohm"), rig=rig)).simulation.run.channels["vdc"][rows].max()
-    assert half == pytest.approx(0.5 * comparison().simulation.run.channels["vdc"][rows].max(), rel=0.05)
-
-
 # ----------------------------------------------------------------------------------------------------------- the curves
-def binned_over(c: ModelComparison, rows: list[int], x: Signal, y: Signal, least: float = 0.0) -> list[float]:
+def binned_over(rows: list[int], x: Signal, y: Signal, least: float = 0.0) -> Signal:
     """Means of y in bins of x, one sample after the other."""
     width = max(least, float(np.ptp(x[rows])) / BINS)
-    return list(binned(rows, x, y, width, MIN_BIN_SAMPLES).values())
-
-
-def without_stored(c: ModelComparison, run: Run) -> tuple[Signal, Signal]:
-    """P_mech and P_gen without what rotor, shaft and capacitor store, with the numbers of the paper's rig."""
-    x = run.channels
-    stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, built_in()).items()}
-    taken: Signal = x["torque"] * x["velocity"] / 0.13 - stored["rotor"] - stored["spring"]
-    given: Signal = x["vdc"] * x["idc"] + stored["capacitor"]
-    return taken, given
+    return np.array([*binned(rows, x, y, width, MIN_BIN_SAMPLES).values()])
 
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_curves_are_means_of_the_samples_of_a_bin_or_ratios_of_these(side: int) -> None:
+    """P_mech and P_gen are without what rotor, shaft and capacitor store, with the numbers of the paper's rig."""
     c, curves = comparison(), account().curves
     run = (c.run, c.simulation.run)[side]
-    rows, x, (taken, given) = before_braking(c), run.channels, without_stored(c, run)
-    rpm = c.run.channels["velocity"] / 0.13 * 50.0 * 30.0 / math.pi
-    own, mech, gen, vdc, idc = (
-        np.array(binned_over(c, rows, rpm, y, 100.0)) for y in (rpm, taken, given, x["vdc"], x["idc"])
+    x, v, z = run.channels, c.run.channels["velocity"], c.run.channels["displacement"]
+    stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, built_in()).items()}
+    taken = x["torque"] * v / 0.13 - stored["rotor"] - stored["spring"]
+    power = x["vdc"] * x["idc"]
+    out, back = np.flatnonzero(c.payout).tolist(), np.flatnonzero(c.haul_in).tolist()
+    rows, rpm = before_braking(c), v / 0.13 * 50.0 * 30.0 / math.pi
+    mech, gen, vdc, idc = (
+        binned_over(rows, rpm, y, 100.0) for y in (taken, power + stored["capacitor"], x["vdc"], x["idc"])
     )
-    strong, current = mech > 0.02 * mech.max(), idc > 0.02 * idc.max()
     expected = {
-        "torque_nm": binned_over(c, rows, rpm, x["torque"], 100.0),
-        "power_gen_w": binned_over(c, rows, rpm, x["vdc"] * x["idc"], 100.0),
-        "loss_w": binned_over(c, rows, rpm, taken - given, 100.0),
-        "vdc_v": vdc, "idc_a": idc, "eta_gen": (gen / mech)[strong], "resistance_ohm": (vdc / idc)[current],
+        "torque_nm": binned_over(rows, rpm, x["torque"], 100.0),
+        "power_gen_w": binned_over(rows, rpm, power, 100.0),
+        "loss_w": mech - gen, "vdc_v": vdc, "idc_a": idc,
+        "eta_gen": (gen / mech)[mech > 0.02 * mech.max()],
+        "resistance_ohm": (vdc / idc)[idc > 0.02 * idc.max()],
+        "pressure_kgcm2": binned_over(out, z, x["pressure"] / KGCM2),
+        HAUL_IN: binned_over(back, z, x["pressure"] / KGCM2),
+        "force_n": binned_over(sorted({*rows, *back}), v, x["force"]),
     }  # fmt: skip
+    assert set(expected) == set(CURVES)
     for name, values in expected.items():
         assert (curves[name].log, curves[name].simulated)[side] == pytest.approx(list(values), rel=KEPT), name
-    assert curves["torque_nm"].x == pytest.approx(own.tolist(), rel=KEPT)
+    assert curves["torque_nm"].x == pytest.approx(list(binned_over(rows, rpm, rpm, 100.0)), rel=KEPT)
 
 
-def test_pressure_and_force_are_means_over_displacement_and_velocity() -> None:
-    c, curves = comparison(), account().curves
-    out, back, x = np.flatnonzero(c.payout).tolist(), np.flatnonzero(c.haul_in).tolist(), c.run.channels
-    for name, rows in (("pressure_kgcm2", out), (HAUL_IN, back)):
-        expected = binned_over(c, rows, x["displacement"], x["pressure"] / KGCM2)
-        assert curves[name].log == pytest.approx(expected, rel=KEPT)
-    force = binned_over(c, sorted({*before_braking(c), *back}), x["velocity"], c.simulation.run.channels["force"])
-    assert curves["force_n"].simulated == pytest.approx(force, rel=KEPT)
-
-
-def test_in_open_circuit_nothing_that_needs_a_current_is_reported() -> None:
+def test_differences_are_log_minus_simulation_and_an_open_circuit_has_none_that_needs_a_current() -> None:
     found = account("open circuit")
     assert set(found.curves) == {"pressure_kgcm2", HAUL_IN, "force_n", "vdc_v"}
     assert set(found.differences) == {"vdc", "pressure", "force"}
     assert found.budget is not None
     assert set(found.budget.log) == {"line"}
-    assert set(account().curves) == set(CURVES)
-
-
-def test_differences_are_log_minus_simulation_over_the_payouts() -> None:
     c = comparison()
     for name, one in account().differences.items():
         unit = KGCM2 if name == "pressure" else 1.0
@@ -186,13 +165,10 @@ def test_what_is_kept_is_small_and_comes_back_from_json(name: str) -> None:
 
 
 # ------------------------------------------------------------------------------------------------------ the loss budget
-def test_every_entry_of_the_ledger_is_reported_once() -> None:
+@pytest.mark.parametrize("name", LOGS)
+def test_the_loss_budget_has_every_entry_of_the_ledger_once_and_sums_to_the_lines_energy(name: str) -> None:
     listed = [entry for group in GROUPS.values() for entry in (*group.behind, *group.before)]
     assert sorted(listed) == sorted(set(LEDGER) - {"line"})
-
-
-@pytest.mark.parametrize("name", LOGS)
-def test_the_loss_budget_sums_to_the_lines_energy(name: str) -> None:
     budget = account(name).budget
     assert budget is not None
     assert sum(budget.shares.values()) == pytest.approx(1.0, abs=WHOLE)

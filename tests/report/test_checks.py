@@ -6,11 +6,11 @@ import msgspec
 import pandas as pd
 import pytest
 
-from winchcascade.core.published_table import load_table
 from winchcascade.report.content import Report, Table
 from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
 from winchcascade.report.results.checks import check_report
-from winchcascade.tables.check import Check, Measured, check
+from winchcascade.tables.check import Check, Measured, check_measured
+from winchcascade.tables.table_file import load_table
 
 TABLE = load_table("hsu2026-table2")
 NASTY = 'a<b>&"c"\x1b[31m,50%:\n].csv'
@@ -19,18 +19,18 @@ NASTY = 'a<b>&"c"\x1b[31m,50%:\n].csv'
 def measured(load: float, name: str, factor: float = 1.0) -> Measured:
     row = TABLE.row(load)
     assert row is not None
-    mean: dict[str, float | None] = {metric: factor * value for metric, value in row.cells.items()}
-    return Measured(name, load, mean, dict.fromkeys(mean, 1.0), {m: 0.001 * (v or 0.0) for m, v in mean.items()})
+    mean = {metric: factor * cell.value for metric, cell in row.cells.items() if metric != "load_ohm"}
+    values: dict[str, float | None] = {"load": load, **mean}
+    return Measured(name, name, values, dict.fromkeys(mean, 1.0), {m: 0.001 * v for m, v in mean.items()})
 
 
 @pytest.fixture
 def found() -> Check:
     """One log that agrees, one that is 10 % off, one that measured nothing at the shaft, and rows without a run."""
     blind = measured(27.0, "blind.csv")
-    mean = {metric: None if "mech" in metric else value for metric, value in blind.mean.items()}
-    return check(
-        [measured(45.0, "good.csv"), measured(36.0, NASTY, 1.1), Measured("blind.csv", 27.0, mean, {}, {})], TABLE
-    )
+    values = {metric: None if "mech" in metric else value for metric, value in blind.values.items()}
+    results = [measured(45.0, "good.csv"), measured(36.0, NASTY, 1.1), Measured("blind.csv", "blind.csv", values)]
+    return check_measured(results, TABLE)
 
 
 def frames(report: Report) -> dict[str, pd.DataFrame]:
@@ -84,7 +84,7 @@ def test_an_annotation_escapes_what_would_end_it(found: Check) -> None:
 def test_findings_of_a_log_are_beside_its_cells_wherever_a_check_is_shown() -> None:
     words = [f"stuck: torque holds {k} N.m, 100% of::it\n" for k in range(7)]
     good, bad = measured(45.0, "good.csv"), measured(36.0, "bad.csv")
-    found = check([good, msgspec.structs.replace(bad, findings=tuple(words))], TABLE, whole_campaign=False)
+    found = check_measured([good, msgspec.structs.replace(bad, findings=tuple(words))], TABLE, whole_campaign=False)
     listed = frames(check_report(found))["findings"]
     assert list(listed.iloc[:, 0]) == ["36 ohm"] * 7
     root = ElementTree.fromstring(junit_xml(found))

@@ -11,7 +11,6 @@ from winchcascade.core.campaign_file import Origin
 from winchcascade.diagnosis import causes, closure, evidence, nuisances
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, Reported
-from winchcascade.diagnosis.load_costs import ranked_causes
 from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
 from winchcascade.report.diagnosis_names import LAWS, display_of, nuisance_words, number_words, word_of
 from winchcascade.report.results.diagnosis_record import as_json
@@ -69,15 +68,6 @@ def test_the_record_holds_the_stages_beside_the_map() -> None:
     assert all(set(row) == fields for row in rows)
     worst = max(rows, key=lambda row: abs(row["z"]))
     assert (worst["stage"], worst["channel"], worst["inputs"]) == ("gearbox", "torque", ["velocity", "vdc", "idc"])
-
-
-def test_causes_are_ranked_by_what_they_cost() -> None:
-    found = diagnosed("copper")
-    other = msgspec.structs.replace(found.causes[0], effect="force_zero", stage="sensor")
-    assert [cause.effect for cause in ranked_causes(changed(found, causes=(other, *found.causes)))] == [
-        "copper_heating",
-        "force_zero",
-    ]
 
 
 def test_the_first_screen_names_the_effects_that_the_logs_do_not_distinguish_from_a_cause() -> None:

@@ -1,251 +1,402 @@
+"""Results against published tables: the tolerance of a cell, how rows are found, and the shipped campaign."""
+
+from __future__ import annotations
+
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+from calls import call
+from made_tables import PLAIN, Units, made_table, table_text, unit_of_metric
+from msgspec.structs import replace
 
-from winchcascade import read_run, reduce, uncertainty
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.results import Results, campaign_results, check_results
 from winchcascade.core.errors import OptionError
-from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow, load_table
 from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.reduction.run_record import reduction_json, run_record
-from winchcascade.tables.check import Check, CheckError, Factors, Measured, check, measured_from_record
+from winchcascade.reduction.run_record import run_record
+from winchcascade.tables.check import SAME_LOGS, CheckError, Factors, Measured, check_measured
+from winchcascade.tables.published_table import PublishedTable
+from winchcascade.tables.table_file import load_table
 
+CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADS = (45.0, 18.0, math.inf)
-DECIMALS = {"energy": ("kJ", 3, 1e3), "power": ("W", 0, 1.0), "eta": ("%", 1, 0.01)}
-COLUMNS = {metric: PrintedColumn(*DECIMALS[metric.partition("_")[0]]) for metric in METRICS}
+UNITS: Units = {"energy": ("kJ", 3, 1e3), "power": ("W", 0, 1.0), "eta": ("%", 1, 0.01)}
 JUST = 1e-3
 """Share of the tolerance by which a value is put inside or outside of it."""
 
 
-def random_table(seed: int) -> PublishedTable:
+def random_table(seed: int = 0) -> PublishedTable:
+    """Three rows of nine cells."""
     rng = np.random.default_rng(seed)
-    rows = tuple(
-        TableRow(load, {m: round(float(rng.uniform(20.0, 900.0)), column.decimals) for m, column in COLUMNS.items()})
-        for load in LOADS
-    )
-    return PublishedTable("random", "random", "none", COLUMNS, rows)
+    factors = {m: unit_of_metric(UNITS, m)[2] for m in METRICS}
+    rows = [{"load_ohm": load, **{m: float(rng.uniform(20.0, 900.0)) * factors[m] for m in METRICS}} for load in LOADS]
+    return made_table(rows, UNITS)
 
 
-def exact_results(table: PublishedTable, seed: int = 0) -> list[Measured]:
+def exact(table: PublishedTable, seed: int = 0) -> list[Measured]:
     """Results that are what the table prints, with a deviation and an uncertainty of each metric."""
     rng = np.random.default_rng(seed)
     results = []
     for row in table.rows:
-        si = {m: printed * table.columns[m].factor for m, printed in row.cells.items()}
-        deviation: dict[str, float | None] = {m: float(rng.uniform(0.0, 20.0)) for m in METRICS}
+        si = {m: row.cells[m].value * row.cells[m].factor for m in METRICS}
         doubt: dict[str, float | None] = {m: value * float(rng.uniform(0.0, 0.05)) for m, value in si.items()}
-        results.append(Measured(f"log {row.load:g}", row.load, dict(si), deviation, doubt))
+        deviation: dict[str, float | None] = {m: float(rng.uniform(0.0, 20.0)) for m in METRICS}
+        results.append(Measured(f"log {row.load:g}", f"log {row.load:g}", {**si, "load": row.load}, deviation, doubt))
     return results
 
 
-def moved(results: list[Measured], table: PublishedTable, k: int, metric: str, share: float) -> list[Measured]:
-    """One value moved by a share of its own tolerance: m - p = share (h + d m + 2 u), solved for m."""
-    result, column = results[k], table.columns[metric]
-    deviation, doubt = result.deviation[metric] or 0.0, result.uncertainty[metric] or 0.0
-    fixed = column.rounding * column.factor + 2.0 * doubt
-    printed = table.rows[k].cells[metric] * column.factor
-    value = (printed + share * fixed) / (1.0 - share * deviation / 100.0)
-    changed = msgspec.structs.replace(result, mean={**result.mean, metric: value})
-    return [*results[:k], changed, *results[k + 1 :]]
+def with_value(results: list[Measured], k: int, metric: str, value: float | None) -> list[Measured]:
+    """Results with one value changed."""
+    return [replace(r, values={**r.values, metric: value}) if n == k else r for n, r in enumerate(results)]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_any_single_cell_beyond_its_tolerance_fails_and_within_it_passes(seed: int) -> None:
-    table = random_table(seed)
-    results = exact_results(table, seed)
-    assert check(results, table).ok
-    for k in range(len(table.rows)):
+def test_any_single_cell_beyond_its_tolerance_fails_and_within_it_passes() -> None:
+    """A value moved by a share of its own tolerance: m - p = share (h + d m + 2 u), solved for m."""
+    table = random_table()
+    results = exact(table)
+    assert check_measured(results, table).ok
+    for k, (row, result) in enumerate(zip(table.rows, results, strict=True)):
         for metric in METRICS:
-            for sign in (-1.0, 1.0):
-                assert check(moved(results, table, k, metric, sign * (1.0 - JUST)), table).ok
-                beyond = check(moved(results, table, k, metric, sign * (1.0 + JUST)), table)
-                assert [(cell.load, cell.metric) for cell in beyond.misses] == [(LOADS[k], metric)]
+            cell = row.cells[metric]
+            fixed = cell.rounding * cell.factor + 2.0 * (result.uncertainty[metric] or 0.0)
+            for share in (JUST - 1.0, 1.0 - JUST, -1.0 - JUST, 1.0 + JUST):
+                widened = 1.0 - share * (result.deviation[metric] or 0.0) / 100.0
+                moved = with_value(results, k, metric, (cell.value * cell.factor + share * fixed) / widened)
+                misses = [(miss.row.number, miss.metric) for miss in check_measured(moved, table).misses]
+                assert misses == ([(k + 1, metric)] if abs(share) > 1.0 else [])
 
 
 @pytest.mark.parametrize("part", ["rounding", "deviation", "uncertainty"])
 def test_a_factor_widens_and_narrows_its_part_alone(part: str) -> None:
-    table = random_table(0)
-    plain, wide = check(exact_results(table), table), check(exact_results(table), table, Factors(**{part: 3.0}))
+    table = random_table()
+    plain, wide = (check_measured(exact(table), table, factors) for factors in (None, Factors(**{part: 3.0})))
     for one, other in zip(plain.cells, wide.cells, strict=True):
         for name in ("rounding", "deviation", "uncertainty"):
             assert getattr(other, name) == pytest.approx((3.0 if name == part else 1.0) * getattr(one, name))
         assert other.tolerance == other.rounding + other.deviation + other.uncertainty
+    with pytest.raises(OptionError, match="tolerance factor deviation is inf"):
+        Factors(deviation=math.inf)
 
 
-@pytest.mark.parametrize("metric", ["energy_gen", "eta_gen"])
-def test_the_deviation_counts_up_to_what_the_table_prints(metric: str) -> None:
-    """One cycle of three is damaged: its deviation may not widen the tolerance beyond the table's claim."""
+@pytest.mark.parametrize(("metric", "printed"), [("energy_gen", 18.5), ("eta_gen", 2.55)])
+def test_the_deviation_counts_up_to_what_the_table_prints(metric: str, printed: float) -> None:
     table = load_table("hsu2026-table2")
-    printed = table.rows[1].cells[metric]
-    claim = {"energy_gen": 18.5, "eta_gen": 2.55}[metric]
-    cells = {}
-    for deviation in (claim, 4 * claim):
-        log = Measured("log", 36.0, {metric: printed}, {metric: deviation}, {metric: 0.004 * printed})
-        found = check([log], table, whole_campaign=False)
-        cells[deviation] = next(cell for cell in found.cells if cell.metric == metric)
-        capped = [note for note in found.notes if "its cycles deviate by more than" in note]
-        assert len(capped) == (deviation > claim)
-        assert all(f"{metric} {deviation:.3g} %" in note for note in capped)
-    within, beyond = cells.values()
-    assert beyond.deviation == pytest.approx(within.deviation)
-    assert beyond.uncertainty == pytest.approx(within.uncertainty)
+    value = table.rows[1].cells[metric].value
+    cells = []
+    for deviation in (printed, 4.0 * printed):
+        log = Measured("log", "log", {metric: value, "load": 36.0}, {metric: deviation}, {metric: 0.004 * value})
+        found = check_measured([log], table, whole_campaign=False)
+        cells += [cell for cell in found.cells if cell.metric == metric]
+        assert len([note for note in found.notes if f"{metric} {deviation:.3g} %" in note]) == (deviation > printed)
+    assert cells[0].deviation == pytest.approx(cells[1].deviation)
 
 
-def test_a_table_that_prints_no_deviation_caps_none() -> None:
-    table = random_table(0)
-    results = exact_results(table)
-    wide = msgspec.structs.replace(results[0], deviation=dict.fromkeys(METRICS, 80.0))
-    found = check([wide, *results[1:]], table)
-    assert found.notes == ()
-    assert all(cell.deviation == pytest.approx(0.8 * cell.printed) for cell in found.cells if cell.load == 45.0)
-
-
-@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
-def test_a_factor_that_is_no_number_from_zero_up_is_reported(value: float) -> None:
-    with pytest.raises(OptionError, match=r"tolerance factor deviation is .*; expected a finite number"):
-        Factors(deviation=value)
-
-
-def test_the_parts_of_a_tolerance_are_in_the_printed_unit() -> None:
-    table = PublishedTable(
-        "t", "t", "s", {"energy_line": PrintedColumn("kJ", 1, 1e3)}, (TableRow(18.0, {"energy_line": 11.7}),)
-    )
-    result = Measured("log", 18.0, {"energy_line": 12000.0}, {"energy_line": 5.0}, {"energy_line": 60.0})
-    (cell,) = check([result], table).cells
-    assert (cell.measured, cell.rounding, cell.deviation, cell.uncertainty) == pytest.approx((12.0, 0.05, 0.6, 0.12))
-    assert cell.difference == pytest.approx(0.3)
-    assert cell.missed_by == 0.0
-
-
-def test_a_metric_that_was_not_measured_fails_by_name() -> None:
-    table = random_table(1)
-    results = exact_results(table)
-    results[1] = msgspec.structs.replace(results[1], mean={**results[1].mean, "energy_gen": None})
-    (miss,) = check(results, table).misses
-    assert (miss.load, miss.metric, miss.outcome, miss.log) == (18.0, "energy_gen", "not_measured", "log 18")
-
-
-def test_a_single_cycle_has_no_deviation_which_counts_as_zero_and_is_said() -> None:
-    table = random_table(1)
-    results = exact_results(table)
-    results[0] = msgspec.structs.replace(results[0], deviation=dict.fromkeys(METRICS))
-    found = check(results, table)
-    assert all(cell.deviation == 0.0 for cell in found.cells if cell.load == 45.0)
-    assert found.notes == ("log 45: the largest deviation is not known, as of a single cycle; it counts as 0.",)
+def test_a_metric_that_was_not_measured_fails_by_name_and_a_single_cycle_is_reported() -> None:
+    table = random_table()
+    (miss,) = check_measured(with_value(exact(table), 1, "energy_gen", None), table).misses
+    assert (miss.row.load, miss.metric, miss.outcome, miss.log) == (18.0, "energy_gen", "not_measured", "log 18")
+    first, *others = exact(table)
+    found = check_measured([replace(first, deviation={}), *others], table)
+    assert all(cell.deviation == 0.0 for cell in found.cells if cell.row.load == 45.0)
+    assert [note for note in found.notes if "log 45" in note and "counts as 0" in note] == list(found.notes)
 
 
 def test_a_row_without_a_run_is_a_miss_of_a_campaign_and_left_out_of_a_single_log() -> None:
-    table = random_table(2)
-    results = exact_results(table)[:1]
-    assert {cell.outcome for cell in check(results, table).misses} == {"no_run"}
-    single = check(results, table, whole_campaign=False)
-    assert single.ok
-    assert {cell.load for cell in single.cells} == {45.0}
+    table = random_table()
+    results = exact(table)[:1]
+    assert {cell.outcome for cell in check_measured(results, table).misses} == {"no_run"}
+    single = check_measured(results, table, whole_campaign=False)
+    assert (single.ok, {cell.row.load for cell in single.cells}) == (True, {45.0})
     assert [note.partition(":")[0] for note in single.notes] == ["18 ohm", "open circuit"]
 
 
-def test_an_open_circuit_without_a_row_is_left_out_and_said() -> None:
-    table = msgspec.structs.replace(random_table(0), rows=random_table(0).rows[:2])
-    found = check(exact_results(random_table(0)), table)
+def test_a_log_without_a_row_is_left_out_with_a_note_and_two_of_a_row_are_both_compared() -> None:
+    table = random_table()
+    odd = [Measured(f"odd {load}", "odd", {"load": load}) for load in (17.9, None)]
+    found = check_measured([*exact(table), *odd], table)
     assert found.ok
-    assert found.notes == ("log inf: open circuit; the table has no row for it, so it is left out.",)
+    assert "odd 17.9 (load_ohm 17.9 ohm), odd None (load_ohm unknown)" in found.notes[0]
+    twice = check_measured([*exact(table), *with_value(exact(table)[:1], 0, "eta_pto", 9.0)], table)
+    assert [(miss.row.load, miss.metric) for miss in twice.misses] == [(45.0, "eta_pto")]
+    with pytest.raises(CheckError, match="no result belongs to a row of made: odd 17"):
+        check_measured(odd, table)
 
 
-def with_load(load: float | None) -> Measured:
-    return Measured("odd.csv", load, {}, {}, {})
-
-
-@pytest.mark.parametrize(
-    ("extra", "sentence"),
-    [
-        (with_load(17.0), "odd.csv: 17 ohm has no row in random; expected one of 45 ohm, 18 ohm, open circuit"),
-        (with_load(18.0), "odd.csv: 18 ohm is the load of log 18 too; expected one log for each row"),
-        (with_load(math.inf), "odd.csv: open circuit is the load of log inf too"),
-        (with_load(None), "odd.csv: its load is not known; expected load_ohm in a campaign.toml"),
-    ],
-)
-def test_a_log_that_has_no_place_in_the_table_is_one_sentence(extra: Measured, sentence: str) -> None:
-    table = random_table(0)
-    with pytest.raises(CheckError) as fault:
-        check([*exact_results(table), extra], table)
-    assert sentence in str(fault.value)
-
-
-def test_no_log_with_a_row_is_one_sentence() -> None:
-    with pytest.raises(CheckError, match="no log has a row in random; expected at least one log at one of 45 ohm"):
-        check([], random_table(0))
+# ------------------------------------------------------------------------------------------------------ the shipped campaign
+@pytest.fixture(scope="module")
+def results() -> Results:
+    """The reductions of the shipped campaign, whose rig states sensors that are calibrated in place."""
+    return campaign_results(make_plan([str(CAMPAIGN)]), 1)
 
 
 @pytest.fixture(scope="module")
-def record() -> dict[str, Any]:
-    """Reduction of the shipped 36 ohm log, as it is written."""
-    log = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
-    reduction = reduce(read_run(log, load=36.0), window=5.48)
-    record: dict[str, Any] = json.loads(reduction_json(reduction, uncertainty(reduction)))
-    return record
+def ours(results: Results) -> list[dict[str, float]]:
+    """What these logs give, by load."""
+    means = [(record.log.load_ohm, record.mean) for _, record in results.records]
+    return [{"load_ohm": load, **{m: mean[FIELDS[m]] or 0.0 for m in METRICS}} for load, mean in means if load]
 
 
-def read(record: object) -> Measured:
-    """What a table is compared with, of the JSON of a reduction."""
-    return measured_from_record(run_record(json.dumps(record).encode(), "x.json"), "x.json")
+def test_budget_and_limits_of_the_sensors_count_in_squares(results: Results) -> None:
+    found, records = check_results(results, "hsu2026-table2"), {r.log.load_ohm: r for _, r in results.records}
+    assert (len(found.cells), found.misses) == (54, ())
+    for cell in found.cells:
+        parts = records[cell.row.load].uncertainty
+        own, limits = (of[FIELDS[cell.metric]] or 0.0 for of in (parts.sensors, parts.sensors_by_limits))
+        assert 0.0 < own < limits
+        assert cell.basis == "budget_and_limits"
+        assert cell.uncertainty == pytest.approx(2.0 * math.hypot(own, limits))
+    stored = []
+    for name, record in results.records:  # as results were stored before they held the limits
+        fields = json.loads(msgspec.json.encode(record))
+        del fields["uncertainty"]["sensors_by_limits"]
+        stored.append((name, run_record(json.dumps(fields).encode(), name)))
+    earlier = check_results(msgspec.structs.replace(results, records=tuple(stored)), "hsu2026-table2")
+    assert {cell.basis for cell in earlier.cells} == {"budget"}
 
 
-def test_the_fields_of_a_written_reduction_are_those_that_are_read(record: dict[str, Any]) -> None:
-    assert dict(read(record).mean) == {
-        metric: record["mean"][field] for metric, field in FIELDS.items() if metric in METRICS
-    }
+def test_a_table_of_these_logs_allows_rounding_alone(
+    results: Results, ours: list[dict[str, float]], tmp_path: Path
+) -> None:
+    found = check_results(results, made_table(ours), SAME_LOGS)
+    assert (len(found.cells), found.misses) == (54, ())
+    assert {(cell.tolerance, cell.basis) for cell in found.cells} == {(0.5, "none"), (0.0005, "none")}
+    path = tmp_path / "ours.toml"
+    for metric in ("energy_gen", "power_line"):
+        rows = [dict(row) for row in ours]
+        rows[2][metric] *= 1.05
+        path.write_text(table_text(rows, PLAIN))
+        called = call("check", CAMPAIGN, "--against", path, "--same-logs", "--json", "-")
+        record = json.loads(called.out)
+        (miss,) = [cell for cell in record["cells"] if cell["outcome"] == "miss"]
+        assert (called.code, miss["load_ohm"], miss["metric"]) == (1, rows[2]["load_ohm"], metric)
+        assert path.read_text().splitlines()[miss["line"] - 1].startswith(f"{metric} = ")
+        assert record["factors"] == {"rounding": 1.0, "deviation": 0.0, "uncertainty": 0.0, "means": 0.0}
+    called = call("check", CAMPAIGN, "--against", path, "--same-logs", "--tolerance", "uncertainty=2")
+    assert (called.code, "--same-logs" in called.err) == (2, True)
 
 
-def test_the_shipped_36_ohm_log_agrees_with_the_paper(record: dict[str, Any]) -> None:
-    found: Check = check([read(record)], load_table("hsu2026-table2"), whole_campaign=False)
-    assert found.ok
-    assert len(found.cells) == 9
+def test_a_check_beside_its_logs_can_be_repeated_and_replaces_no_log(
+    ours: list[dict[str, float]], tmp_path: Path
+) -> None:
+    shutil.copytree(CAMPAIGN, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "ours.toml").write_text(table_text(ours))
+    command = ("check", tmp_path, "--against", tmp_path / "ours.toml", "--same-logs")
+    for option in ("--junit", "--json"):
+        assert [call(*command, option, tmp_path / f"check{option}").code for _ in range(2)] == [0, 0]
+    log = tmp_path / "r36ohm.csv"
+    before = log.read_bytes()
+    assert call(*command, "--json", log, "--force").code == 2
+    assert log.read_bytes() == before
 
 
-def test_a_reduction_without_uncertainty_says_so(record: dict[str, Any]) -> None:
-    parts = record["uncertainty"]
-    unknown = record | {"uncertainty": parts | {"sensors": dict.fromkeys(parts["sensors"])}}
-    found = check([read(unknown)], load_table("hsu2026-table2"), whole_campaign=False)
-    assert f"{record['log']['path']}: the standard uncertainty is not known; it counts as 0." in found.notes
+# --------------------------------------------------------------------------------------------------------- operating points
+BENCH = """name = "dyno"
+[cascade]
+stages = ["mech", "gen"]
+[phases]
+from = "steps"
+[sensors.torque]
+unit = "N.m"
+high = 200
+accuracy_full_scale = 0.001
+[sensors.speed]
+unit = "rpm"
+accuracy = 0.1
+[sensors.vdc]
+unit = "V"
+accuracy_reading = 0.001
+[sensors.idc]
+unit = "A"
+accuracy_reading = 0.001
+"""
+COLUMNS = """[columns]
+n = { unit = "rpm", measured = "speed" }
+torque = { unit = "N.m" }
+power_mech = { unit = "kW" }
+delivered = { unit = "W", measured = "power_gen" }
+eta_gen = { unit = "%" }
+bearing = { unit = "degC" }
+"""
+LOGS = """[columns]
+test = { measured = "file" }
+energy_mech = { unit = "kJ" }
+eta_gen = { unit = "%" }
+"""
+STEPS = {"test_1": (200, 400), "test_2": (600, 800)}
+TORQUES = (10, 40, 80)
+ALL = [(n, torque) for speeds in STEPS.values() for n in speeds for torque in TORQUES]
+
+
+def powers(rpm: float, torque: float) -> tuple[float, float]:
+    """Power of the shaft and at the DC link of the invented generator. [W]"""
+    omega = rpm * math.pi / 30.0
+    return torque * omega, torque * omega - 2.0 * omega - 0.012 * torque**2
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign of two logs with six steps each."""
+    folder = tmp_path_factory.mktemp("bench")
+    rng = np.random.default_rng(3)
+    (folder / "bench.toml").write_text(BENCH)
+    for name, speeds in STEPS.items():
+        lines = ["Time (s),Speed (rpm),Torque (N.m),Vdc (V),Idc (A)"]
+        points = [(n, torque) for n in speeds for torque in TORQUES]
+        for k in range(100 * len(points)):
+            n, torque = points[k // 100]
+            row = (0.1 * k, n, torque + rng.normal(0.0, 0.2), 0.5 * n, powers(n, torque)[1] / (0.5 * n))
+            lines.append(",".join(f"{x:.5f}" for x in row))
+        (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    runs = "".join(f'[[run]]\nfile = "{name}.csv"\n' for name in STEPS)
+    (folder / "campaign.toml").write_text(f'title = "dyno"\nrig = "bench.toml"\n{runs}')
+    return folder
+
+
+def printed(n: float, torque: float, *, wrong: float = 1.0) -> str:
+    """A row of the table of a step."""
+    mech, gen = powers(n, torque)
+    return f"{n};{torque};{wrong * mech / 1e3:.2f};{gen:.0f};{100.0 * gen / mech:.1f};31".replace(".", ",")
+
+
+def written(folder: Path, rows: list[str], key: str = '["n", "torque"]', columns: str = COLUMNS) -> Path:
+    """A table of operating points with a CSV."""
+    heads = [line.split(" ")[0] for line in columns.splitlines()[1:]]
+    (folder / "table.csv").write_text("\n".join([";".join(heads), *rows]) + "\n")
+    path = folder / "table.toml"
+    path.write_text(f'title = "T"\nsource = "S"\ncsv = "table.csv"\nkey = {key}\n{columns}')
+    return path
+
+
+def checked(*arguments: str | Path) -> tuple[int, dict[str, Any]]:
+    """Exit code and record of a check."""
+    called = call("check", *arguments, "--json", "-")
+    return called.code, json.loads(called.out)
+
+
+def test_every_operating_point_is_compared_with_the_row_of_its_speed_and_torque(bench: Path, tmp_path: Path) -> None:
+    rows = [printed(*point, wrong=1.05 if point == (600, 40) else 1.0) for point in reversed(ALL)]
+    called = call(
+        "check", bench, "--against", written(tmp_path, rows), "--json", "-", "--junit", tmp_path / "c.xml", "--github"
+    )
+    record = json.loads(called.out)
+    assert (called.code, len(record["cells"]), record["misses"]) == (1, 36, 1)
+    assert any(cell["log"].endswith("test_2.csv cycle 2") for cell in record["cells"])
+    assert "columns bearing: the results have no quantity" in record["notes"][0]
+    (miss,) = [cell for cell in record["cells"] if cell["outcome"] == "miss"]
+    assert (miss["row"], miss["key"], miss["metric"]) == (5, {"n": "600", "torque": "40"}, "power_mech")
+    assert miss["missed_by"] > 0.09
+    assert "title=n 600 rpm%2C torque 40 N.m power_mech" in called.err
+    assert 'failure message="n 600 rpm, torque 40 N.m, power_mech: 2,64 kW' in (tmp_path / "c.xml").read_text()
+
+
+def test_a_row_without_a_result_and_a_result_without_a_row_are_named(bench: Path, tmp_path: Path) -> None:
+    path = written(tmp_path, [printed(*point) for point in [*ALL[:-1], (1000, 40)]])
+    code, record = checked(bench, "--against", path)
+    assert (code, {cell["outcome"] for cell in record["cells"] if cell["row"] == 12}) == (1, {"no_run"})
+    assert "test_2.csv cycle 6 (n 800 rpm, torque 80" in record["notes"][1]
+    assert call("reduce", bench / "test_1.csv", "--json", tmp_path / "one.json").code == 0
+    code, record = checked(tmp_path / "one.json", "--against", path)
+    assert (code, len(record["cells"])) == (0, 18)
+    assert any("n 1000 rpm, torque 40 N.m: no result belongs to this row" in note for note in record["notes"])
+
+
+@pytest.mark.parametrize("names", [("1", "2"), ("test_1.csv", "TEST_2")])
+def test_names_and_numbers_of_logs_are_compared_with_sums_of_their_steps(
+    bench: Path, tmp_path: Path, names: tuple[str, ...]
+) -> None:
+    rows = []
+    for name, speeds in zip(names, STEPS.values(), strict=True):
+        mech, gen = np.sum([powers(n, torque) for n in speeds for torque in TORQUES], axis=0)
+        rows.append(f"{name};{9.4 * mech / 1e3:.0f};{100.0 * gen / mech:.0f}")  # 9.4 s of each step without settling
+    _, record = checked(bench, "--against", written(tmp_path, rows, '"test"', LOGS))
+    found = {(cell["key"]["test"], cell["metric"]): cell for cell in record["cells"]}
+    for name in names:
+        assert found[name, "eta_gen"]["outcome"] == "ok"
+        assert found[name, "energy_mech"]["measured"] == pytest.approx(found[name, "energy_mech"]["printed"], rel=0.02)
+
+
+def test_logs_that_repeat_a_motion_are_compared_by_their_means(tmp_path: Path, results: Results) -> None:
+    columns = '[columns]\nload_ohm = { unit = "ohm" }\nenergy_line = { unit = "kJ" }\neta_pto = { unit = "1" }\n'
+    path = written(tmp_path, ["36,0;7,11;0,697", "inf;1,2;"], '"load_ohm"', columns)
+    code, record = checked(CAMPAIGN, "--against", path)
+    cells = {(cell["key"]["load_ohm"], cell["metric"]): cell for cell in record["cells"]}
+    assert (code, set(cells)) == (0, {("36,0", "energy_line"), ("36,0", "eta_pto"), ("inf", "energy_line")})
+    reduced = dict(results.records)["r36ohm.csv"]
+    assert cells["36,0", "eta_pto"]["measured"] == pytest.approx(reduced.mean["eta_pto"])
+    assert cells["36,0", "energy_line"]["tolerance"]["deviation"] == pytest.approx(
+        1e-5 * (reduced.max_deviation_percent["energy_line_j"] or 0.0) * (reduced.mean["energy_line_j"] or 0.0)
+    )
+    assert "r9ohm.csv (load_ohm 9 ohm)" in record["notes"][0]
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    ("columns", "key", "words"),
     [
-        ({"schema": "winchcascade/check/1"}, "Invalid enum value 'winchcascade/check/1'"),
-        ({"log": None}, "Expected `object`, got `null` - at `$.log`"),
-        ({"log": {"load_ohm": "36"}}, "Expected `float | null`, got `str` - at `$.log.load_ohm`"),
-        ({"log": {"load_ohm": True}}, "Expected `float | null`, got `bool` - at `$.log.load_ohm`"),
-        ({"log": {"load_ohm": -36}}, "Expected `float` > 0.0 - at `$.log.load_ohm`"),
-        ({"mean": []}, "Expected `object`, got `array` - at `$.mean`"),
-        ({"quality": [1]}, "Expected `object`, got `int` - at `$.quality[0]`"),
-        ({"uncertainty": {}}, "Object missing required field"),
-        ({"mean": {"energy_line_j": "7"}}, "Expected `float | null`, got `str` - at `$.mean[...]`"),
-        ({"mean": {"energy_line_j": math.nan}}, "is no JSON of a reduction (JSON is malformed"),
-        ({"standard_uncertainty": {"eta_pto": -0.1}}, "Expected `float` >= 0.0 - at `$.standard_uncertainty[...]`"),
+        (COLUMNS.replace('"rpm"', '"kW"'), '["n", "torque"]', "'kW' is none of speed; expected one of rotation, such as rad/s"),
+        (COLUMNS, '"bearing"', "the key bearing is none of the results"),
+        (COLUMNS, "[]", "has no key"),
+        ('[columns]\nn = { unit = "rpm", measured = "speed" }\nbearing = { unit = "degC" }\n', '"n"', "add measured"),
+        (COLUMNS.replace('"rpm"', '"Hz"'), '["n", "torque"]', "no result belongs to a row of table"),
     ],
-)
-def test_a_record_that_is_no_reduction_is_one_sentence(
-    record: dict[str, Any], change: dict[str, Any], sentence: str
+)  # fmt: skip
+def test_a_table_that_cannot_be_assigned_is_rejected(
+    bench: Path, tmp_path: Path, columns: str, key: str, words: str
 ) -> None:
-    if isinstance(log := change.get("log"), dict):
-        change = {"log": record["log"] | log}
-    with pytest.raises(OptionError) as fault:
-        read({**record, **change})
-    assert str(fault.value).startswith("x.json: ")
-    assert sentence in str(fault.value)
+    path = written(tmp_path, ["200;10;0,21;166;79,4;31"], key, columns)
+    called = call("check", bench, "--against", path)
+    assert (called.code, called.out, words in called.err) == (2, "", True)
 
 
-def test_a_record_that_is_no_object_is_reported() -> None:
-    with pytest.raises(OptionError, match=r"x.json: is no JSON of a reduction"):
-        read([1])
+def test_a_row_that_numbers_two_logs_is_rejected() -> None:
+    table = made_table([{"load_ohm": 1.0, "eta_pto": 0.5}])
+    column = replace(table.columns["load_ohm"], measured="file", dimension="text")
+    row = replace(
+        table.rows[0], cells={**table.rows[0].cells, "load_ohm": replace(table.rows[0].cells["load_ohm"], text="1")}
+    )
+    of_logs = replace(table, columns={**table.columns, "load_ohm": column}, rows=(row,), by_load=False)
+    logs = [Measured(f"{folder}/run_1.csv", f"{folder}/run_1.csv", {"eta_pto": 0.5}) for folder in "ab"]
+    with pytest.raises(CheckError, match="expected one log"):
+        check_measured(logs, of_logs)
 
 
-def test_an_open_circuit_is_read_from_its_mark(record: dict[str, Any]) -> None:
-    log = {**record["log"], "load_ohm": None}
-    assert read({**record, "log": {**log, "open_circuit": True}}).load == math.inf
-    assert read({**record, "log": {**log, "open_circuit": False}}).load is None
+def test_a_sensor_that_is_calibrated_in_place_counts_by_its_limits_for_the_table(bench: Path, tmp_path: Path) -> None:
+    """The zero of the torque, +-0.2 N m by its maker, moves the power of a step by as much times the speed of the shaft."""
+    shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
+    calibrated = "accuracy_full_scale = 0.001\nu_zero = 0.01\nu_gain = 0.0\n"
+    (tmp_path / "bench.toml").write_text(BENCH.replace("accuracy_full_scale = 0.001\n", calibrated))
+    code, record = checked(tmp_path, "--against", written(tmp_path, [printed(*point) for point in ALL]))
+    cells = [cell for cell in record["cells"] if cell["metric"] == "power_mech"]
+    assert (code, len(cells)) == (0, len(ALL))
+    for cell, (rpm, _) in zip(cells, ALL, strict=True):
+        assert cell["tolerance"]["basis"] == "budget_and_limits"
+        assert cell["tolerance"]["limits"] == pytest.approx(
+            2.0 * 0.2 / math.sqrt(3.0) * rpm * math.pi / 30.0 / 1e3, rel=1e-6
+        )
+
+
+def test_a_thousand_points_are_assigned_to_their_rows_whatever_their_order() -> None:
+    rng = np.random.default_rng(0)
+    points = [(float(n), float(torque)) for n in range(100, 4100, 100) for torque in range(5, 130, 5)]
+    text = (
+        'title = "T"\nsource = "S"\nkey = ["speed", "torque"]\nkey_percent = 0\n[columns]\nspeed = { unit = "rad/s" }\n'
+    )
+    text += 'torque = { unit = "N.m" }\neta_gen = { }\n'
+    text += "".join(
+        f"[[point]]\nspeed = {n}\ntorque = {t}\neta_gen = {0.5 + k * 1e-4:.4f}\n" for k, (n, t) in enumerate(points)
+    )
+    from winchcascade.tables.table_file import parse_table
+
+    order = rng.permutation(len(points)).tolist()
+    logs = [
+        Measured(f"{k}", "log", {"speed": points[k][0], "torque": points[k][1] + 0.04, "eta_gen": 0.5 + k * 1e-4})
+        for k in order
+    ]
+    found = check_measured(logs, parse_table(text, "t.toml"))
+    assert (len(found.cells), found.ok) == (1000, True)
+    assert [cell.log for cell in found.cells] == [f"{k}" for k in range(1000)]

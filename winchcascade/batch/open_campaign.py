@@ -19,16 +19,15 @@ from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduce import window_rule
 
 if TYPE_CHECKING:
-    from winchcascade.core import published_table
     from winchcascade.diagnosis import diagnose
     from winchcascade.diagnosis.line import line_diagnose
-    from winchcascade.tables import check, point_table
+    from winchcascade.tables import check, published_table, table_file
 else:
-    published_table = LateModule("winchcascade.core.published_table")
     diagnose = LateModule("winchcascade.diagnosis.diagnose")
     line_diagnose = LateModule("winchcascade.diagnosis.line.line_diagnose")
     check = LateModule("winchcascade.tables.check")
-    point_table = LateModule("winchcascade.tables.point_table")
+    published_table = LateModule("winchcascade.tables.published_table")
+    table_file = LateModule("winchcascade.tables.table_file")
 
 
 def open_campaign(
@@ -121,7 +120,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
 
     def check(
         self,
-        table: published_table.PublishedTable | point_table.PointTable | str | Path,
+        table: published_table.PublishedTable | str | Path,
         *,
         factors: check.Factors | None = None,
         jobs: int = 1,
@@ -136,14 +135,14 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         Raises
         ------
         LogError : a log of the campaign cannot be used
-        CheckError : a load has no row in the table, or two runs have the same load
+        CheckError : no log belongs to a row of the table
         """
         from winchcascade.batch.results import campaign_results, check_results
 
         check_arguments("check", ("jobs", jobs, PROCESSES))
         if factors is not None:
             check_type("check, factors", factors, check.Factors, "winchcascade.tables.check")
-        opened = point_table.open_table(table)
+        opened = table_file.load_table(table)
         return check_results(campaign_results(self.plan, jobs), opened, factors)
 
     def report(self, path: str | Path, *, jobs: int = 1, force: bool = False) -> list[Path]:

@@ -13,13 +13,12 @@ from winchcascade.batch.reductions import reduce_campaign, with_findings_between
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import Workers
-from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.store import CAMPAIGN_RECORD, Kept, State, altered, digest_in, inside
 from winchcascade.reduction.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.reduction.run_record import RunRecord, run_record
-from winchcascade.tables.check import Check, Factors, check, measured_from_record
-from winchcascade.tables.point_check import check_points
-from winchcascade.tables.point_table import PointTable, open_table
+from winchcascade.tables.check import Check, Factors, check
+from winchcascade.tables.published_table import PublishedTable
+from winchcascade.tables.table_file import load_table
 
 _EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
@@ -139,15 +138,6 @@ def campaign_results(plan: Plan, jobs: int) -> Results:
     return Results(tuple(found.records.items()), whole=True)
 
 
-def check_results(
-    results: Results, table: PublishedTable | PointTable | str | Path, factors: Factors | None = None
-) -> Check:
-    """Compare results with a published table: a table by load or of operating points, its file, or a built-in table.
-
-    Raises as `tables.check.check` and `tables.point_check.check_points`.
-    """
-    table = open_table(table)
-    if isinstance(table, PointTable):
-        return check_points(results.records, table, factors, whole_campaign=results.whole)
-    measured = [measured_from_record(record, name) for name, record in results.records]
-    return check(measured, table, factors, whole_campaign=results.whole)
+def check_results(results: Results, table: PublishedTable | str | Path, factors: Factors | None = None) -> Check:
+    """Compare results with a published table, its file, or a built-in table; raises as `tables.check.check`."""
+    return check(results.records, load_table(table), factors, whole_campaign=results.whole)

@@ -34,14 +34,8 @@ NOMINAL = Numbers()
 
 
 class WrongEntry(msgspec.Struct, frozen=True):
-    """A wrong entry of the rig file or, for `load_entry`, of one run.
-
-    Parameters
-    ----------
-    effect : suspect that describes it
-    factor : stated value over the true one [1]
-    log : run whose load is wrong
-    shared : the logger computes the motion of the line with the wrong radius, too
+    """A wrong entry of the rig file or of one run: the suspect that describes it, the stated value over the true one [1], the
+    log whose load is wrong, and whether the logger computes the motion of the line with the wrong radius, too.
     """
 
     effect: str
@@ -58,8 +52,9 @@ class WrongEntry(msgspec.Struct, frozen=True):
         """True value of the number that a diagnosis reports of it."""
         if self.log is not None:
             return {"load_ohm": twin.loads[self.log]}
-        if self.key in ("r_drum", "gear_ratio"):
-            return {self.key: FIXED.r_drum if self.key == "r_drum" else FIXED.gear}
+        exact = {"r_drum": FIXED.r_drum, "gear_ratio": FIXED.gear}
+        if self.key in exact:
+            return {self.key: exact[self.key]}
         return {f"{self.key}_ratio": getattr(twin.numbers, self.key) / (getattr(NOMINAL, self.key) * self.factor)}
 
 
@@ -109,27 +104,11 @@ class Case(msgspec.Struct, frozen=True):
         return f"case-{self.number:04d}" if self.family == BLIND else f"{self.number:04d}"
 
     @property
-    def hidden(self) -> str:
-        """What is injected, in words."""
-        if self.entry is None:
-            words = " + ".join(f"{name} x {size:g}" if size != 1.0 else name for name, size in self.effects.items())
-            numbers = [f"{name} {value:.3g}" for name, value in self.physics.items()]
-            return ", ".join([words or self.kind or "nothing", *numbers])
-        place = f" of {self.entry.log}" if self.entry.log else ", shared by the logger" if self.entry.shared else ""
-        return f"{self.entry.effect}{place} x {self.entry.factor:.3f}"
-
-    @property
-    def settings(self) -> str:
-        """Settings of the campaign, in words."""
-        further = {
-            f"{self.simulator} simulator": self.simulator,
-            "rig file calibrated": self.calibrated,
-            "rig file biased": self.bias,
-            f"scatter x {self.scatter:g}": self.scatter != 1.0,
-            "shuffled": self.order,
-        }
-        words = [f"{1 / self.logger.interval:g} Hz", f"noise x {self.logger.noise:g}", f"{self.repeats} of each load"]
-        return ", ".join(words + [name for name, there in further.items() if there])
+    def text(self) -> str:
+        """What is injected and the settings of the campaign: the fields that are not their defaults, as JSON."""
+        plain, own = (msgspec.to_builtins(case) for case in (Case(self.family, self.number, self.seed), self))
+        parts = {name: value for name, value in own.items() if value != plain[name] and name not in ("kind", "truth")}
+        return ", ".join(f"{name} {msgspec.json.encode(value).decode()}" for name, value in parts.items()) or "nothing"
 
 
 def plan_cases(count: int, seed: int) -> tuple[Case, ...]:
@@ -312,6 +291,6 @@ def truth_of(case: Case) -> Truth:
     return msgspec.structs.replace(
         found,
         kind=case.kind or found.kind,
-        what=f"{case.hidden} ({case.settings})",
+        what=case.text,
         run=None if entry is None or entry.log is None else f"{entry.log}.csv",
     )

@@ -47,7 +47,7 @@ _TURN = 1.0
 """Friction of the fast shaft changes its sign within this speed. [rad/s]"""
 
 _LEAK_VOLT, _LEAK_POWER = 300.0, 4.0
-"""Leakage across the DC link: `leak` (v / 300 V)^4. [V, 1]"""
+"""Leakage across the DC link: `leaking_link` (v / 300 V)^4. [V, 1]"""
 
 _COOLING = 60.0
 """Time in which a load gives its heat away. [s]"""
@@ -65,36 +65,36 @@ class Drive(NamedTuple):
     Parameters
     ----------
     load : resistance at the DC link [ohm]
-    windage, friction : drag on the fast shaft beside the damper [N m s2/rad2, N m]
+    rotor_windage, rotor_friction : drag on the fast shaft beside the damper [N m s2/rad2, N m]
     law, knee, width, power : of the roll-off [one of `KNEE`, `LINE`, `BELL`; A, A or 1/A, 1]
     warming : rise of the load with the heat in it [1/J]
-    leak : current across the DC link before the sensor at 300 V [A]
+    leaking_link : current across the DC link before the sensor at 300 V [A]
     gear_slope, gear_curve : fall of the mesh efficiency with the torque of the slow shaft and with its square [1/N m, 1/(N m)2]
     dead_phase : number of the phase whose upper diode never conducts, -1 where all conduct
-    r_diode : slope of a diode [ohm]
+    diode_slope : slope of a diode [ohm]
     diode_scale : rise of the voltage of a diode per factor e of its current, `Fixed.v_diode` at 1 A [V]
-    r_cable : resistance between the DC link and the sensor of Vdc [ohm]
-    overrun : torque of the clutch at the slow shaft while the rotor is faster than the drum [N m]
+    cable : resistance between the DC link and the sensor of Vdc [ohm]
+    overrunning_drag : torque of the clutch at the slow shaft while the rotor is faster than the drum [N m]
     """
 
     fixed: Fixed
     numbers: Numbers
     load: float
-    windage: float = 0.0
-    friction: float = 0.0
+    rotor_windage: float = 0.0
+    rotor_friction: float = 0.0
     law: float = KNEE
     knee: float = 1e3
     width: float = 1.0
     power: float = 1.0
     warming: float = 0.0
-    leak: float = 0.0
+    leaking_link: float = 0.0
     gear_slope: float = 0.0
     gear_curve: float = 0.0
     dead_phase: int = -1
-    r_diode: float = 0.0
+    diode_slope: float = 0.0
     diode_scale: float = 0.0
-    r_cable: float = 0.0
-    overrun: float = 0.0
+    cable: float = 0.0
+    overrunning_drag: float = 0.0
 
 
 COLUMNS = ("torque", "vdc", "idc", "omega")
@@ -297,16 +297,10 @@ def _clutch(twist: float, slip: float, f: Fixed) -> tuple[float, float]:
 @njit(cache=True)
 def _link(v_dc: float, charge: float, load: float, dt: float, d: Drive) -> tuple[float, float]:
     """Voltage of the DC link after a step that brings it a charge [V], and the current that leaks past the load [A]."""
-    leaking = d.leak * (v_dc / _LEAK_VOLT) ** _LEAK_POWER if d.leak > 0.0 and v_dc > 0.0 else 0.0
+    leaking = d.leaking_link * (v_dc / _LEAK_VOLT) ** _LEAK_POWER if d.leaking_link > 0.0 and v_dc > 0.0 else 0.0
     fade = 0.5 * dt / (load * d.numbers.c_dc)
     then = (v_dc * (1.0 - fade) + (charge - leaking * dt) / d.numbers.c_dc) / (1.0 + fade)
     return (then if then > _EMPTY else 0.0), leaking
-
-
-@njit(cache=True)
-def _mesh_share(torque: float, share: float, d: Drive) -> float:
-    """Torque at the rotor over the torque at the slow shaft; a gear whose efficiency falls under load loses some of it. [1]"""
-    return share - (d.gear_slope + d.gear_curve * torque) * torque / d.fixed.gear
 
 
 @njit(cache=True)
@@ -340,7 +334,9 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
             drum = omega_drum[n] + (omega_drum[n + 1] - omega_drum[n]) * (m + 0.5) / steps
             slip = drum - omega / f.gear
             torque, rate = _clutch(twist, slip, f)
-            dragging = d.overrun * slip / math.sqrt(slip * slip + _SLIP**2) if torque == 0.0 and slip < 0.0 else 0.0
+            dragging = (
+                d.overrunning_drag * slip / math.sqrt(slip * slip + _SLIP**2) if torque == 0.0 and slip < 0.0 else 0.0
+            )
             # generator and bridge
             turn = f.pole_pairs * omega
             charge = energy = square = 0.0
@@ -348,7 +344,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
             if awake and omega > 0.0:
                 amplitude = PEAK * emf * omega * weakened(math.sqrt(mean_square), d.law, d.knee, d.width, d.power)
                 source = BridgeSource(
-                    angle, turn, amplitude, v_dc + 2.0 * v_diode, c.r_s + d.r_diode, c.l_s, d.dead_phase
+                    angle, turn, amplitude, v_dc + 2.0 * v_diode, c.r_s + d.diode_slope, c.l_s, d.dead_phase
                 )
                 charge, energy, square = bridge_step(i, on, source, dt, work)
             mean_square += (square / 3.0 - dt * mean_square) / _FADE
@@ -356,11 +352,14 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
             angle = (angle + turn * dt) % (2.0 * math.pi)
             brake = energy / (omega * dt) if omega > 1e-6 else 0.0
             # fast shaft
-            drag = omega * (c.b_rotor + d.windage * abs(omega)) + d.friction * omega / math.sqrt(omega**2 + _TURN**2)
-            driving = torque * _mesh_share(torque, share, d) / mesh[n]
+            drag = omega * (c.b_rotor + d.rotor_windage * abs(omega)) + d.rotor_friction * omega / math.sqrt(
+                omega**2 + _TURN**2
+            )
+            loaded = share - (d.gear_slope + d.gear_curve * torque) * torque / f.gear  # efficiency falls under load
+            driving = torque * loaded / mesh[n]
             then = max(omega + dt * (driving + dragging / f.gear - brake - drag) / f.j_rotor, 0.0)
             load = d.load * (1.0 + d.warming * heat)
-            path = load + d.r_cable
+            path = load + d.cable
             v_then, leaking = _link(v_dc, charge, path, dt, d)
             middle = 0.5 * (v_dc + v_then)
             seen_v = middle * (load / path)
@@ -369,7 +368,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
             booked = (
                 dt * (torque + dragging) * drum, dt * (torque * omega / f.gear - driving * omega),
                 dt * f.c_shaft * rate * rate, dt * drag * mean_omega, c.r_s * square,
-                2.0 * v_diode * charge + d.r_diode * square, dt * leaking * middle, dt * seen_v * seen_v / load,
+                2.0 * v_diode * charge + d.diode_slope * square, dt * leaking * middle, dt * seen_v * seen_v / load,
                 dt * seen_v * (middle - seen_v) / load, dt * dragging * (drum - mean_omega / f.gear),
             )  # fmt: skip
             for k in range(10):

@@ -10,9 +10,8 @@ from winchcascade.blind.twin_numbers import BELL, KNEE, LINE
 
 
 class InjectedEffect(msgspec.Struct, frozen=True):
-    """An effect that may be injected: the parameter that a diagnosis reports of it, its unit, and its size at full strength.
-
-    A size of either sign is drawn where `either` is true. `stage` is where in the cascade it acts.
+    """An effect that may be injected: where in the cascade it acts, the parameter that a diagnosis reports of it, its unit, its
+    size at full strength, and whether a size of either sign is drawn.
     """
 
     stage: str
@@ -64,35 +63,20 @@ INJECTED = PARTS | LATER
 """Every effect that may be injected."""
 
 OUTSIDERS: dict[str, float] = {
-    "elastic_encoder": 0.15,
-    "brake_drag": 9.0,
-    "warming_load": 0.05,
-    "eccentric_drum": 0.025,
-    "pressure_play": 0.08,
-    "late_force": 0.12,
-    "curved_torque": 0.06,
-    "leaking_link": 0.2,
-    "leaking_gas": 0.015,
-    "worn_gear": 0.03,
+    "elastic_encoder": 0.15, "brake_drag": 9.0, "warming_load": 0.05, "eccentric_drum": 0.025, "pressure_play": 0.08,
+    "late_force": 0.12, "curved_torque": 0.06, "leaking_link": 0.2, "leaking_gas": 0.015, "worn_gear": 0.03,
     "saturated_current": 0.05,
-}
+}  # fmt: skip
 """Causes outside the catalogue, each with its size: time constant of the drive of the encoder [s], torque of a brake that
 drags now and then [N m], rise of a load that warms through a log [1], of the drum radius once a turn [1], play of the pressure
 sensor [kg/cm2], delay of the force cell [s], deficit of the torque sensor at 500 N m [1], leakage across the DC link at 300 V
 [A], gas lost in 100 s [1], ripple of the gear three times a turn [1], deficit of the current sensor at 15 A [1]."""
 
-
 PHYSICS: dict[str, tuple[float, float]] = {
-    "rope_loss": (0.01, 0.06),
-    "gear_slope": (0.02, 0.06),
-    "gear_curve": (0.02, 0.06),
-    "dead_diode": (1.0, 3.0),
-    "diode_extra": (0.0, 0.3),
-    "diode_slope": (0.02, 0.12),
-    "diode_scale": (0.04, 0.06),
-    "cable": (0.05, 0.4),
+    "rope_loss": (0.01, 0.06), "gear_slope": (0.02, 0.06), "gear_curve": (0.02, 0.06), "dead_diode": (1.0, 3.0),
+    "diode_extra": (0.0, 0.3), "diode_slope": (0.02, 0.12), "diode_scale": (0.04, 0.06), "cable": (0.05, 0.4),
     "overrunning_drag": (0.8, 5.0),
-}
+}  # fmt: skip
 """Further physics that a seed does not deal, each with its range: share of the tension that the rope loses [1], fall of the
 mesh efficiency at full torque, linear or quadratic [1], number of the phase without an upper diode, further threshold of a
 diode [V], its slope [ohm], rise of its voltage per factor e of the current [V], cable before the sensor of Vdc [ohm], drag of
@@ -102,10 +86,10 @@ the overrunning clutch [N m]."""
 class Hidden(msgspec.Struct, frozen=True):
     """Causes injected in one case: value of each effect, numbers of their laws, size of an outsider, and further physics."""
 
-    effects: dict[str, float] = msgspec.field(default_factory=dict)
-    laws: dict[str, float] = msgspec.field(default_factory=dict)
-    outsiders: dict[str, float] = msgspec.field(default_factory=dict)
-    physics: dict[str, float] = msgspec.field(default_factory=dict)
+    effects: dict[str, float] = {}
+    laws: dict[str, float] = {}
+    outsiders: dict[str, float] = {}
+    physics: dict[str, float] = {}
 
     def get(self, name: str) -> float:
         """Value of an effect, size of an outsider or of further physics, 0 where it is absent."""

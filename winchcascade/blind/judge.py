@@ -180,6 +180,15 @@ class CaseScore(msgspec.Struct, frozen=True):
         return self.outsider or " + ".join(self.hidden) or (NOTHING if self.kind == "none" else self.what)
 
     @property
+    def taken_as(self) -> str:
+        """What the diagnosis named: the injected effects where they were named, else what it reports instead."""
+        if self.outcome == "named":
+            return self.hidden_name
+        if self.verdict == "no_gap":
+            return "no gap"
+        return "unexplained" if self.verdict == "unexplained" or not self.causes else " + ".join(self.causes)
+
+    @property
     def text(self) -> str:
         """Verdict and causes in one line; `!` marks a cause that is certain."""
         pairs = zip(self.causes, self.rivals, strict=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
+from scipy.stats import binomtest
 
 from winchcascade.blind.judge import CaseScore, Diagnosis, judge
 from winchcascade.blind.trial import DIAGNOSES, TRIAL, case_names, decoded, open_seal
@@ -22,39 +22,25 @@ HIDDEN = ("single", "pair", "several")
 """Kinds of cases that hide effects of the catalogue."""
 
 
-def taken_as(case: CaseScore) -> str:
-    """What the diagnosis named: the injected effects where they were named, else what it reports instead."""
-    if case.outcome == "named":
-        return case.hidden_name
-    if case.verdict == "no_gap":
-        return "no gap"
-    return "unexplained" if case.verdict == "unexplained" or not case.causes else " + ".join(case.causes)
-
-
-class Count(msgspec.Struct, frozen=True):
-    """Number of cases of a number, with the 95 % interval of the share (Wilson 1927)."""
+class Count(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Number of cases of a number, with the 95 % interval of the share (Wilson 1927), and of cases of one strength that."""
 
     part: int
     of: int
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Ends of the interval, 0 to 1 without any case.
-
-        >>> [round(end, 3) for end in Count(9, 10).interval]
-        [0.596, 0.982]
-        """
-        if self.of == 0:
-            return 0.0, 1.0
-        z, share, n = 1.959964, self.part / self.of, self.of
-        middle = (share + z * z / (2 * n)) / (1 + z * z / n)
-        half = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-        return max(0.0, middle - half), min(1.0, middle + half)
+    interval_95: tuple[float, float]
+    strength: float | None = None
 
 
-def count(flags: Sequence[bool]) -> Count:
-    """Count what is so."""
-    return Count(sum(flags), len(flags))
+def count(flags: Sequence[bool], strength: float | None = None) -> Count:
+    """Count what is so; without any case the share may be 0 to 1.
+
+    >>> [round(end, 3) for end in count([True] * 9 + [False]).interval_95]
+    [0.596, 0.982]
+    """
+    if not flags:
+        return Count(0, 0, (0.0, 1.0), strength)
+    ends = binomtest(sum(flags), len(flags)).proportion_ci(method="wilson")
+    return Count(sum(flags), len(flags), (float(ends.low), float(ends.high)), strength)
 
 
 OUTCOMES: dict[str, tuple[str, str, tuple[str, ...]]] = {
@@ -82,49 +68,52 @@ FURTHER = {
 
 
 class Score(msgspec.Struct, frozen=True):
-    """A whole trial, scored; without a seal, its answers are those of a truth.json for each case."""
+    """A whole trial, scored, as its JSON; without a seal, its answers are those of a truth.json for each case.
+
+    Parameters
+    ----------
+    totals : counts by the names of `OUTCOMES` and `FURTHER`
+    strengths : single effects that were named, by strength
+    taken_for : by what was injected, how often the diagnosis named what: one effect or several, no gap, or no cause
+    """
 
     cases: tuple[CaseScore, ...]
+    totals: dict[str, Count]
+    strengths: tuple[Count, ...]
+    taken_for: dict[str, dict[str, int]]
     sealed_sha256: str | None = None
     seed: int | None = None
+    version: str = __version__
+    schema: str = SCORE_SCHEMA
 
     @property
     def diagnosed(self) -> tuple[CaseScore, ...]:
         """Cases with a diagnosis."""
         return tuple(case for case in self.cases if case.outcome != "missing")
 
-    @property
-    def totals(self) -> dict[str, Count]:
-        """Counts by their names in JSON."""
-        judged = [case for case in self.diagnosed if case.honest is not None]
-        found = {
-            name: count([case.outcome == outcome for case in self.diagnosed if case.kind in kinds])
-            for name, (_, outcome, kinds) in OUTCOMES.items()
-        }
-        return found | {
-            "strict": count([case.strict for case in self.diagnosed if case.kind in HIDDEN]),
-            "honest": count([bool(case.honest) for case in judged]),
-            "certain_and_false": count([bool(case.false) for case in judged]),
-            "covered": count([p.covered for case in self.cases for p in case.parameters]),
-            "missing": count([case.outcome == "missing" for case in self.cases]),
-        }
 
-    @property
-    def strengths(self) -> dict[float, Count]:
-        """Single effects that were named, by strength."""
-        named: dict[float, list[bool]] = {}
-        for case in self.diagnosed:
-            for strength in case.hidden.values() if case.kind == "single" else ():
-                named.setdefault(strength, []).append(case.outcome == "named")
-        return {strength: count(named[strength]) for strength in sorted(named)}
-
-    @property
-    def taken_for(self) -> dict[str, dict[str, int]]:
-        """By what was injected, how often the diagnosis named what: one effect or several, no gap, or no cause."""
-        found: dict[str, Counter[str]] = {}
-        for case in self.diagnosed:
-            found.setdefault(case.hidden_name, Counter())[taken_as(case)] += 1
-        return {name: dict(row) for name, row in found.items()}
+def score_of(cases: tuple[CaseScore, ...], sealed_sha256: str | None = None, seed: int | None = None) -> Score:
+    """Count judged cases; those without a diagnosis count as missing alone."""
+    diagnosed = [case for case in cases if case.outcome != "missing"]
+    judged = [case for case in diagnosed if case.honest is not None]
+    totals = {
+        name: count([case.outcome == outcome for case in diagnosed if case.kind in kinds])
+        for name, (_, outcome, kinds) in OUTCOMES.items()
+    } | {
+        "strict": count([case.strict for case in diagnosed if case.kind in HIDDEN]),
+        "honest": count([bool(case.honest) for case in judged]),
+        "certain_and_false": count([bool(case.false) for case in judged]),
+        "covered": count([p.covered for case in cases for p in case.parameters]),
+        "missing": count([case.outcome == "missing" for case in cases]),
+    }
+    named: dict[float, list[bool]] = {}
+    taken: dict[str, Counter[str]] = {}
+    for case in diagnosed:
+        taken.setdefault(case.hidden_name, Counter())[case.taken_as] += 1
+        for strength in case.hidden.values() if case.kind == "single" else ():
+            named.setdefault(strength, []).append(case.outcome == "named")
+    strengths = tuple(count(flags, strength) for strength, flags in sorted(named.items()))
+    return Score(cases, totals, strengths, {name: dict(row) for name, row in taken.items()}, sealed_sha256, seed)
 
 
 def score(folder: Path, diagnoses: Path | None = None) -> Score:
@@ -152,7 +141,7 @@ def score(folder: Path, diagnoses: Path | None = None) -> Score:
     )
     if all(case.outcome == "missing" for case in cases):
         raise OptionError(f"{folder}: no case is diagnosed; run blind diagnose {folder} first.")
-    return Score(cases, *about)
+    return score_of(cases, *about)
 
 
 def read_diagnosis(path: Path) -> Diagnosis | None:
@@ -165,21 +154,3 @@ def read_diagnosis(path: Path) -> Diagnosis | None:
             f"{path}: was altered after it was made: its content does not match the digest. Run blind diagnose again."
         )
     return found
-
-
-def score_record(found: Score) -> dict[str, object]:
-    """A score as nested records, schema `winchcascade/score/1`."""
-
-    def record(counted: Count) -> dict[str, object]:
-        return {"part": counted.part, "of": counted.of, "interval_95": list(counted.interval)}
-
-    return {
-        "schema": SCORE_SCHEMA,
-        "version": __version__,
-        "sealed_sha256": found.sealed_sha256,
-        "seed": found.seed,
-        "totals": {name: record(counted) for name, counted in found.totals.items()},
-        "strengths": [{"strength": s, **record(counted)} for s, counted in found.strengths.items()],
-        "taken_for": found.taken_for,
-        "cases": [msgspec.to_builtins(case) for case in found.cases],
-    }

@@ -153,12 +153,7 @@ def read_trial(folder: Path) -> Trial:
 
 
 def open_seal(folder: Path) -> tuple[Trial, SealedAnswers]:
-    """Open the answers of a trial.
-
-    Raises
-    ------
-    OptionError : the folder is no trial, the answers are missing, or they were changed
-    """
+    """Open the answers of a trial; OptionError if the folder is none, the answers are missing, or they were changed."""
     trial, path = read_trial(folder), inside(folder, SEALED)
     sealed = decoded(path, SealedAnswers, "the answers of a trial, without which none is scored")
     found = digest_of(path.read_bytes())
@@ -172,16 +167,11 @@ def open_seal(folder: Path) -> tuple[Trial, SealedAnswers]:
 
 def case_names(folder: Path) -> tuple[str, ...]:
     """Names of the cases of a trial: those of its record or, without one, of the folders with a campaign and its truth.
-
-    Raises
-    ------
-    OptionError : the folder is no trial, or a case of it is missing
+    OptionError if the folder is no trial, or a case of it is missing.
     """
-    if not (folder / TRIAL).exists():
-        beside = sorted(path.parent.name for path in folder.glob(f"*/{TRUTH_FILE}"))
-        names = tuple(name for name in beside if (folder / name / CAMPAIGN_FILE).is_file())
-        if names:
-            return names
+    own = sorted(path.parent for path in folder.glob(f"*/{TRUTH_FILE}") if (path.parent / CAMPAIGN_FILE).is_file())
+    if own and not (folder / TRIAL).exists():
+        return tuple(case.name for case in own)
     names = read_trial(folder).cases
     missing = [name for name in names if not inside(folder, f"{name}/{CAMPAIGN_FILE}").is_file()]
     if missing:
@@ -241,11 +231,9 @@ def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
             raise OptionError(
                 f"{out}: holds another trial (other cases, seed or version); give --out a new folder or add --force."
             )
-        folders = [inside(out, name) for name in (*earlier.cases, DIAGNOSES)]
-        for folder in folders:
-            files_within(folder)  # rejects a link before the first is removed
+        folders = [folder for name in (*earlier.cases, DIAGNOSES) if files_within(folder := inside(out, name))]
         (out / TRIAL).unlink()  # first, so that no half of a trial passes for one
-        for folder in filter(Path.is_dir, folders):
+        for folder in folders:
             shutil.rmtree(folder)
     elif not force and set(foreign(out)) - {SEALED}:  # answers without a record are of a call that was cut short
         raise not_empty(out, "a trial")

@@ -158,16 +158,14 @@ def stamps_of(solved: Solved, logger: Logger = CRANE_LOGGER) -> Signal:
     return np.arange(0.0, solved.t[-1] - 0.01, logger.interval)
 
 
-_GAINS = {
-    "torque": "torque_gain",
-    "force": "force_gain",
-    "vdc": "voltage_gain",
-    "idc": "current_gain",
-    "pressure": "pressure_gain",
+_SENSOR_EFFECTS = {
+    "pressure": ("pressure_gain", "", ""),
+    "force": ("force_gain", "late_force", "force_zero"),
+    "torque": ("torque_gain", "", ""),
+    "vdc": ("voltage_gain", "electrical_lag", ""),
+    "idc": ("current_gain", "electrical_lag", ""),
 }
-_DELAYS = {"vdc": "electrical_lag", "idc": "electrical_lag", "force": "late_force"}
-_ZEROS = {"force": "force_zero"}
-"""Effects and outsiders that give the sensor of a channel a gain, a delay or a zero."""
+"""Effects and outsiders that give the sensor of a channel a gain, a delay and a zero."""
 
 
 def noiseless(twin: Twin, solved: Solved, stamps: Signal) -> dict[str, Signal]:
@@ -177,7 +175,7 @@ def noiseless(twin: Twin, solved: Solved, stamps: Signal) -> dict[str, Signal]:
         true = solved.channels[name]
         if name == "force":
             true = true - TETHER_MASS * ring(np.diff(solved.v) / GRID)
-        gain, delay, zero = (twin.hidden.get(names.get(name, "")) for names in (_GAINS, _DELAYS, _ZEROS))
+        gain, delay, zero = map(twin.hidden.get, _SENSOR_EFFECTS[name])
         value = np.interp(stamps - delay, solved.t, _averaged(true)) / sensor.unit
         reading = value * twin.gains[name] * (1.0 + gain) + _distortion(twin.hidden, name, value)
         found[name] = reading + zero + twin.zeros.get(name, 0.0)
@@ -270,22 +268,26 @@ def drive_of(twin: Twin, log: str) -> Drive:
     )
     rotor = FIXED.j_rotor * (1.0 + hidden.get("rotor_inertia"))
     diodes = FIXED.v_diode + hidden.get("diode_drop") + hidden.get("diode_extra")
+    same = (
+        "rotor_windage",
+        "rotor_friction",
+        "leaking_link",
+        "diode_slope",
+        "diode_scale",
+        "cable",
+        "overrunning_drag",
+    )
+    rolloff = {name: hidden.laws[name] for name in ("law", "knee", "width", "power") if name in hidden.laws}
     return Drive(
         fixed=FIXED._replace(j_rotor=rotor, v_diode=diodes),
         numbers=numbers,
         load=twin.loads[log] * (1.0 + hidden.get("load_drift") * (log != "open_circuit")),
-        windage=hidden.get("rotor_windage"),
-        friction=hidden.get("rotor_friction"),
         warming=hidden.get("warming_load") / 40e3,
-        leak=hidden.get("leaking_link"),
         gear_slope=hidden.get("gear_slope") / FULL_TORQUE,
         gear_curve=hidden.get("gear_curve") / FULL_TORQUE**2,
         dead_phase=round(hidden.get("dead_diode")) - 1,
-        r_diode=hidden.get("diode_slope"),
-        diode_scale=hidden.get("diode_scale"),
-        r_cable=hidden.get("cable"),
-        overrun=hidden.get("overrunning_drag"),
-        **{name: hidden.laws[name] for name in ("law", "knee", "width", "power") if name in hidden.laws},
+        **{name: hidden.get(name) for name in same},
+        **rolloff,
     )
 
 
@@ -327,28 +329,26 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
     x, v : (n + 1,) payout and its rate at the ends of the grid's intervals [m, m/s]
     resting : where friction holds at rest, -1 as in haul-in, 1 as in payout
     """
-    hidden, r = twin.hidden, FIXED.r_drum
+    hidden, r, phase = twin.hidden, FIXED.r_drum, twin.hidden.laws.get("phase", 0.0)
     t: Signal = (np.arange(x.size - 1, dtype=np.float64) + 0.5) * GRID
     middle: Signal = 0.5 * (x[1:] + x[:-1])
     speed, pull = 0.5 * (v[1:] + v[:-1]), np.diff(v) / GRID
     turned = speed / np.sqrt(speed**2 + REST**2)
     way = turned + resting * (1.0 - turned**2)
-    gauge = _gauge(twin, middle, t)
     out, ledger = np.zeros((t.size, len(COLUMNS))), np.zeros(len(LEDGER))
-    run_drive(v / r, _mesh(twin, middle), drive_of(twin, log), fine, out, ledger)
+    mesh = 1.0 + hidden.get("worn_gear") * np.cos(3.0 * middle / r + phase)  # three times a turn of the drum
+    run_drive(v / r, mesh, drive_of(twin, log), fine, out, ledger)
     torque = out[:, 0] - hidden.get("clutch_drag") * np.where(speed < 0.0, np.abs(turned), 0.0)
-    line_slow, seal_slow = _stuck(twin, speed, way)
-    screw = _screw(twin, gauge, way, seal_slow)
+    gauge, slow, seals = _gauge(twin, middle, t), _slow_friction(hidden, speed), hidden.laws.get("slow_seals", 0.0)
+    screw = _screw(twin, gauge, way, slow * way * seals * 2.0 * math.pi / FIXED.lead)
     inertia = (FIXED.j_drum + hidden.get("drum_inertia")) * pull / r
-    lost = (
-        hidden.get("line_friction") * way + hidden.get("line_drag") * speed / r + _braking(twin, t, turned) + line_slow
-    )
-    eccentric = hidden.get("eccentric_drum") * np.cos(middle / r + hidden.laws.get("phase", 0.0))
+    friction = hidden.get("line_friction") * way + hidden.get("line_drag") * speed / r + _braking(twin, t, turned)
+    lost = friction + slow * way * (1.0 - seals)
+    eccentric = hidden.get("eccentric_drum") * np.cos(middle / r + phase)
     radius = r * (1.0 + hidden.get("drum_layering") * middle / 10.0) * (1.0 + eccentric)
     force = (screw + torque + inertia + lost) / radius * np.exp(-math.log1p(-hidden.get("rope_loss")) * way)
     channels = {"pressure": gauge, "force": force, "torque": torque, "vdc": out[:, 1], "idc": out[:, 2]}
-    channels |= {"omega": out[:, 3], "screw": screw}
-    return Solved(t, x, v, channels, dict(zip(LEDGER, ledger.tolist(), strict=True)))
+    return Solved(t, x, v, channels | {"omega": out[:, 3]}, dict(zip(LEDGER, ledger.tolist(), strict=True)))
 
 
 def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
@@ -365,15 +365,14 @@ def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
     return absolute * np.exp(-hidden.get("leaking_gas") * t / 100.0) - AIR
 
 
-def _stuck(twin: Twin, speed: Signal, way: Signal) -> tuple[Signal, Signal]:
-    """Friction that is larger near standstill, (n,) each: torque at the line [N m], and force at the seals [N].
+def _slow_friction(hidden: Hidden, speed: Signal) -> Signal:
+    """Friction torque at the line that is larger near standstill, by its amount. [N m]
 
     It falls as exp(-(v / v_s)^d) with the speed, d about 2 (Bo and Pavelescu 1982); its size is that at 0.05 m/s.
     """
-    laws = twin.hidden.laws
-    slow, power, seals = laws.get("slow_speed", 1.0), laws.get("slow_power", 2.0), laws.get("slow_seals", 0.0)
-    torque = twin.hidden.get("stribeck") * np.exp((0.05 / slow) ** power - (np.abs(speed) / slow) ** power) * way
-    return torque * (1.0 - seals), torque * seals * 2.0 * math.pi / FIXED.lead
+    slow, power = hidden.laws.get("slow_speed", 1.0), hidden.laws.get("slow_power", 2.0)
+    share: Signal = np.exp((0.05 / slow) ** power - (np.abs(speed) / slow) ** power)
+    return hidden.get("stribeck") * share
 
 
 def _screw(twin: Twin, gauge: Signal, way: Signal, seal_slow: Signal) -> Signal:
@@ -387,12 +386,6 @@ def _screw(twin: Twin, gauge: Signal, way: Signal, seal_slow: Signal) -> Signal:
     forward, reverse = efficiencies(n.mu + hidden.get("screw_friction"))
     thrust = gauge * n.area * (1.0 + hidden.get("piston_area")) + hidden.get("seal_friction") * way + seal_slow
     return thrust * FIXED.lead / (2.0 * math.pi) * (0.5 * (1.0 + way) / forward + 0.5 * (1.0 - way) * reverse)
-
-
-def _mesh(twin: Twin, x: Signal) -> Signal:
-    """Factor on the torque that the gear needs; that of a worn gear rises and falls three times a turn of the drum. [1]"""
-    hidden = twin.hidden
-    return 1.0 + hidden.get("worn_gear") * np.cos(3.0 * x / FIXED.r_drum + hidden.laws.get("phase", 0.0))
 
 
 def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
@@ -409,9 +402,3 @@ def draw_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal, flo
     """Draw the motion of one log, and where friction holds at rest; see `solve_twin`."""
     x, v = line_motion(log, rng)
     return x, v, float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))
-
-
-def make_log(twin: Twin, log: str, rng: np.random.Generator) -> dict[str, Signal]:
-    """Move the crane, follow it, and read the sensors: one log of a campaign."""
-    solved = solve_twin(twin, log, *draw_motion(log, rng))
-    return read_log(twin, solved, rng, CRANE_LOGGER)

@@ -84,25 +84,15 @@ class Fixed(NamedTuple):
 
 
 class Logger(msgspec.Struct, frozen=True):
-    """The logger of a campaign.
-
-    Sensors that scatter less than usual are logged with a finer step, so that the step does not hide it.
-
-    Parameters
-    ----------
-    interval : time between two rows [s]
-    noise : factor on the noise of all sensors and on that of the tether; zero errors keep their size [1]
+    """The logger of a campaign: time between two rows [s], and a factor on the noise of all sensors and on that of the tether;
+    zero errors keep their size [1]. Sensors that scatter less than usual have a finer step, which does not hide it.
     """
 
     interval: float = 0.04
     noise: float = 1.0
 
     def step(self, usual: float) -> float:
-        """Step of a column.
-
-        >>> Logger().step(0.002), Logger(noise=0.5).step(0.002), Logger(noise=5.0).step(0.002)
-        (0.002, 0.001, 0.002)
-        """
+        """Step of a column."""
         return usual * min(self.noise, 1.0)
 
     def decimals(self, usual: int) -> int:

@@ -93,7 +93,7 @@ def blind_score_command(
     A folder of your own campaigns is judged as well, if each has a truth.json beside its campaign.toml; those without a
     diagnosis are diagnosed first.
     """
-    from winchcascade.blind.score import score, score_record
+    from winchcascade.blind.score import score
     from winchcascade.blind.trial import DIAGNOSES, TRIAL, case_names
     from winchcascade.report.results.trials import progress_report, trial_report
 
@@ -105,4 +105,4 @@ def blind_score_command(
         if done is not None and done.faults:
             present(lambda: progress_report(done, "diagnosed"), NO_OUTPUTS)
     found = score(trial, diagnoses)
-    present(lambda: trial_report(found), outputs, record=lambda: score_record(found))
+    present(lambda: trial_report(found), outputs, record=lambda: found)

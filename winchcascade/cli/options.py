@@ -28,7 +28,7 @@ def names_in(place: str) -> Callable[[str], list[str]]:
     return starting
 
 
-RIGS, TABLES = names_in("core.rig_toml:BUILT_IN"), names_in("core.published_table:BUILT_IN")
+RIGS, TABLES = names_in("core.rig_toml:BUILT_IN"), names_in("tables.table_file:BUILT_IN")
 """What completes the names of the built-in rigs and tables."""
 
 

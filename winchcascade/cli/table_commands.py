@@ -34,15 +34,15 @@ def check_command(
     from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
     from winchcascade.report.results.checks import check_report, failed_check
     from winchcascade.tables.check import SAME_LOGS, Factors
-    from winchcascade.tables.point_table import PointTable, open_table
+    from winchcascade.tables.table_file import load_table
 
     if same_logs and tolerance:
         raise OptionError(
             f"--tolerance {tolerance[0]}: changes a tolerance, and with --same-logs rounding alone is allowed; expected one of "
             "the two options."
         )
-    factors, table = SAME_LOGS if same_logs else Factors(**_factors(tolerance or [])), open_table(against)
-    outputs.check([against, table.csv if isinstance(table, PointTable) else None, *input_files(results)])
+    factors, table = SAME_LOGS if same_logs else Factors(**_factors(tolerance or [])), load_table(against)
+    outputs.check([against, table.csv or None, *input_files(results)])
     found = load_results(results, jobs=jobs or processes())
     if not found.verified:
         show(
@@ -85,18 +85,17 @@ def audit_command(table: str, rig: str | None = None, physics: bool = False, out
     With --physics, the result lists the efficiencies that the model of the rig can reach, and the effects that could explain a
     difference.
     """
-    from winchcascade.core.published_table import PublishedTable
     from winchcascade.report.results.audit_record import audit_record
     from winchcascade.report.results.audits import audit_report, failed_audit
     from winchcascade.report.screen import Progress
     from winchcascade.tables.audit import audit
-    from winchcascade.tables.point_table import open_table
+    from winchcascade.tables.table_file import load_table
 
     if rig is not None and not physics:
         raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
     outputs.check([table, rig])
-    opened = open_table(table)
-    if physics and isinstance(opened, PublishedTable):
+    opened = load_table(table)
+    if physics and opened.by_load:
         with Progress(f"physics of {opened.name}") as watch:
             found = audit(opened, physics=True, rig=rig, watch=watch)
     else:

@@ -11,7 +11,7 @@ from winchcascade.comparison.compared_run import ComparedRun, CompareError
 from winchcascade.comparison.comparison_result import ComparedSide, Comparison, MatchedBy, MatchedRuns
 from winchcascade.comparison.differences import difference, shared_gains
 from winchcascade.core.plain_text import first_of
-from winchcascade.core.published_table import load_text, same_load
+from winchcascade.core.quantity import load_text, same_load
 
 LISTED = 8
 """Loads or names that a sentence lists."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Collection, Mapping
 from functools import cache, reduce
@@ -16,6 +15,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.channels import Channel
 from winchcascade.core.errors import RigError
+from winchcascade.core.formula import Product, read_formula
 from winchcascade.core.toml_file import Table, check_keys, convert
 
 if TYPE_CHECKING:
@@ -250,11 +250,6 @@ _RESERVED = ("payout", "returned", "net", "trans", "pto")
 _PRODUCTS = ({"force", "velocity"}, {"torque", "rotation"}, {"voltage", "current"}, {"pressure", "flow"})
 """Dimensions of two channels whose product is a power; a constant may stand for one of them."""
 
-_FACTOR = r"\s*([A-Za-z]\w*|\d+(\.\d*)?([eE][+-]?\d+)?)\s*"
-
-_TERM = re.compile(rf"\s*(?P<sign>[+-]?)(?P<factors>{_FACTOR}(\*{_FACTOR})*)")
-"""One term of a power: its sign, and its factors, which are names of channels and numbers."""
-
 
 class _Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Table [cascade]: stages in the direction in which power flows."""
@@ -296,44 +291,30 @@ def _read_stage(name: str, raw: Table, known: Mapping[str, Channel], place: str)
 
 
 def read_power(text: str, known: Mapping[str, Channel], place: str) -> Power:
-    """Read a power: terms joined by + and -, each a product of channels and constants.
+    """Read a power: a formula whose terms are products of channels and constants.
 
     RigError, with the place of the text, for another text, an unknown channel, or a term that is no power.
 
     >>> from winchcascade.core.channels import CHANNELS
-    >>> read_power("vdc * idc - 60 * idc", CHANNELS, "rig.toml").terms[1]
+    >>> read_power("vdc * idc - 60 V * idc", CHANNELS, "rig.toml").terms[1]
     Term(channels=('idc',), constant=-60.0, by_radius=False)
     """
-    terms: list[Term] = []
-    end = 0
-    while end < len(text) or not terms:
-        found = _TERM.match(text, end)
-        if found is None or (terms and not found["sign"]):
-            raise RigError(
-                f"{place}: {text[end:].strip()[:40]!r} is no term of a power; expected products of channels and constants, "
-                'joined by + and -, such as "vdc * idc + 60 * charge".'
-            )
-        terms.append(_term(found["sign"] == "-", found["factors"], known, place))
-        end = found.end()
-    if not any(term.channels for term in terms):
+    power = Power(tuple(_term(term, known, place) for term in read_formula(text, known, place, RigError).terms))
+    if not power.channels:
         raise RigError(f"{place} is no power; expected at least one channel.")
-    return Power(tuple(terms))
+    return power
 
 
-def _term(negative: bool, text: str, known: Mapping[str, Channel], place: str) -> Term:
-    """One term of a power; RigError for an unknown channel and for a product that is no power."""
-    factors = [factor.strip() for factor in text.split("*")]
-    channels = tuple(factor for factor in factors if not factor[0].isdigit())
-    constant = math.prod(float(factor) for factor in factors if factor[0].isdigit())
-    check_keys(channels, known, f"{place}: channel", RigError)
-    by_radius = set(channels) == {"torque", "velocity"} and len(channels) == 2
-    dimensions = [known[channel].dimension for channel in channels]
-    is_power = by_radius or dimensions == ["power"] or (len(channels) == 2 and set(dimensions) in _PRODUCTS)
-    if len(factors) > len(channels) and len(channels) < 2:
-        is_power = not channels or dimensions[0] in {"power"}.union(*_PRODUCTS)
-    if not is_power or not 0.0 < constant < math.inf:
+def _term(term: Product, known: Mapping[str, Channel], place: str) -> Term:
+    """One term of a power; RigError for a term that is no power."""
+    by_radius = set(term.times) == {"torque", "velocity"} and len(term.times) == 2
+    dimensions = [known[channel].dimension for channel in term.times]
+    is_power = by_radius or dimensions == ["power"] or (len(dimensions) == 2 and set(dimensions) in _PRODUCTS)
+    if term.scaled and len(dimensions) < 2:
+        is_power = not dimensions or dimensions[0] in {"power"}.union(*_PRODUCTS)
+    if not is_power or term.over:
         raise RigError(
-            f"{place}: {text.strip()!r} is no power; expected a channel in W, force * velocity, torque * speed, a voltage "
-            "times a current, or a pressure times a flow, one of which may be a constant in SI units."
+            f"{place}: {' * '.join(term.times) or term.constant} is no power; expected a channel in W, force * velocity, "
+            "torque * speed, a voltage times a current, or a pressure times a flow, one of which may be a constant."
         )
-    return Term(channels, -constant if negative else constant, by_radius)
+    return Term(term.times, term.constant, by_radius)

@@ -5,6 +5,7 @@ Inside the program every number is in SI units; other units appear only where fi
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 import unicodedata
@@ -94,6 +95,21 @@ def read_as(unit: Unit | None, dimension: str) -> Unit | None:
 def is_load(ohm: float) -> bool:
     """Whether a number is a load: above 0, of a size that exists, or inf for an open circuit. [ohm]"""
     return 0.0 < ohm < 1e12 or ohm == float("inf")
+
+
+def same_load(one: float, other: float) -> bool:
+    """Whether two loads are the same number of ohms."""
+    return math.isclose(one, other, rel_tol=1e-9)
+
+
+def load_text(load: float) -> str:
+    """A load as people write it."""
+    return "open circuit" if math.isinf(load) else f"{load:.12g} ohm"
+
+
+def unit_suffix(unit: str) -> str:
+    """A unit as it follows a number; nothing for a pure number."""
+    return "" if unit in ("1", "-") else f" {unit}"
 
 
 def si_unit(dimension: str) -> str:

@@ -366,13 +366,12 @@ class OwnSimulation(msgspec.Struct, frozen=True):
     """The owner's own simulation beside the rig's model.
 
     `runs` are the simulations on the stamps of the logs, `forms` what they have in another form, the largest first, with the
-    declaration of each that is `likely` and its numbers. `shared` are the causes of the logs that the simulation contains with
+    `numbers` of each that is likely. `shared` are the causes of the logs that the simulation contains with
     the same numbers, where it differs from the logs by no more than noise: they are no causes of that difference.
     """
 
     runs: tuple[Run, ...]
     forms: tuple[ModelForm, ...]
-    likely: Suspects
     numbers: dict[str, dict[str, Reported]]
     shared: Names = ()
 

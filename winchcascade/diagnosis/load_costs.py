@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
 
 import msgspec
+import numpy as np
 
 from winchcascade.diagnosis.contributions import leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, DiagnosisResult, NamedCause
-
-T = TypeVar("T", Contribution, ContributionPart)
-
-PERCENT = 100.0
+from winchcascade.diagnosis.diagnosis_result import Contribution, DiagnosisResult, NamedCause
 
 
 def load_costs(found: ModelDiagnosis, metric: str | None) -> list[Contribution]:
@@ -27,14 +23,18 @@ def load_costs(found: ModelDiagnosis, metric: str | None) -> list[Contribution]:
 
 
 def _mean_costs(runs: Sequence[Contribution]) -> Contribution:
-    parts = tuple(_mean(alike, "value", "low", "high") for alike in zip(*(run.parts for run in runs), strict=True))
-    return msgspec.structs.replace(_mean(runs, "as_given", "measured"), parts=parts)
+    """The first of some splits with the means of all, in percent."""
 
+    def mean(alike: Sequence[object], name: str) -> float:
+        return 100.0 * float(np.mean([getattr(one, name) for one in alike]))
 
-def _mean(alike: Sequence[T], *fields: str) -> T:
-    """The first of some contributions or parts with the means of some fields, in percent."""
-    means = {name: PERCENT * sum(getattr(one, name) for one in alike) / len(alike) for name in fields}
-    return msgspec.structs.replace(alike[0], **means)
+    parts = tuple(
+        msgspec.structs.replace(part[0], value=mean(part, "value"), low=mean(part, "low"), high=mean(part, "high"))
+        for part in zip(*(run.parts for run in runs), strict=True)
+    )
+    return msgspec.structs.replace(
+        runs[0], as_given=mean(runs, "as_given"), measured=mean(runs, "measured"), parts=parts
+    )
 
 
 def worst_costs(found: DiagnosisResult) -> Contribution | None:
@@ -49,9 +49,3 @@ def cost_of(costs: Contribution | None, cause: NamedCause) -> float | None:
     """What a cause changes of an efficiency [points]; None where nothing can be said."""
     parts = () if costs is None else costs.parts
     return next((part.value for part in parts if part.effect == cause.effect), None)
-
-
-def ranked_causes(found: DiagnosisResult) -> list[NamedCause]:
-    """The causes, those that cost most of the leading efficiency first; without a model as they are."""
-    costs = worst_costs(found)
-    return sorted(found.causes, key=lambda cause: -abs(cost_of(costs, cause) or 0.0))

@@ -28,7 +28,6 @@ from winchcascade.report import frames
 from winchcascade.rig.simulate import Simulation
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.check import Check
-from winchcascade.tables.point_audit import PointAudit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -365,7 +364,6 @@ for _kind, _name in {
     Check: "checks:check_report",
     Comparison: "comparison:comparison_report",
     DiagnosisResult: "diagnosis:diagnosis_report",
-    PointAudit: "audits:audit_report",
     Reduction: "drawn_reduction:drawn_report",
     Simulation: "simulation:simulation_report",
 }.items():

@@ -1,32 +1,64 @@
-"""Compare a published table with the attainable ranges of a rig, and search the suspects that could explain a difference."""
+"""Compare a published table with the attainable ranges of a rig, and search the effects that could explain a difference.
+
+The rows of the table are simulated with effects in the model. Over one field, a monotone cubic through a few simulations gives
+the efficiencies; over several fields their logarithms add up, near enough to rank sets, which are then fitted by simulations.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Literal
+from itertools import combinations
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.jobs import Nobody, Watch
-from winchcascade.core.published_table import PublishedTable, load_text
+from winchcascade.core.jobs import Nobody, Watch, all_at_once
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.suspects import Suspects
+from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.effects.effect import Effect, Parameter
-from winchcascade.tables.attainable_row import AttainableRow, Cell, NotJudged, Reduce, bounds_of_row, row_windows
-from winchcascade.tables.effect_search import ETAS, Curves, EffectCurve, Search, TableSimulator, Values, field_curves
+from winchcascade.rig.effects.effect import ActiveEffect, Effect, Parameter
+from winchcascade.tables.payouts import AttainableRow, Cell, NotJudged, attainable_row, meet, row_windows
+from winchcascade.tables.published_table import PublishedTable
 
-Verdict = Literal["explains", "beyond_plausible", "no"]
-"""Whether one value of the effect brings all rows within the attainable range: a plausible one, an implausible one, none."""
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
-MAX_SETS = 8
-"""Sets of effects that are named."""
+ETAS = tuple(RATIOS)
+"""Efficiencies in the order of the columns of every array here."""
+
+DUST = 2e-4
+"""What may be left outside the attainable range in all rows together: simulations of a table are no better. [1]"""
+
+NODES = (1.0, 0.5, 2.0, 4.0)
+"""Where a field is simulated, as shares of the way from absent to the end of what is plausible, within what is possible; the
+end itself first. A field of several is simulated at the first and the third alone. [1]"""
+
+HELPS = 0.9
+"""A field is simulated beyond what is plausible if that end leaves less than this share of the excess, but not nothing. [1]"""
+
+SILENT = 2e-4
+"""An effect that moves no efficiency by more than this at the end of what is plausible does nothing here. [1]"""
+
+SOFT = 1e-3
+"""Weight of the distance from the printed values in a search for what brings all rows within the attainable range. [1]"""
+
+DIFFERENCE = 0.02
+"""Share of a field's range by which its derivative is taken. [1]"""
+
+HOPELESS = 0.02
+"""A set that leaves more outside the attainable range in all than this is not fitted by simulations. [1]"""
 
 MAX_EFFECTS = 3
 """Effects of a set at most: more would explain anything."""
+
+SIMULATED, MAX_SETS = 12, 8
+"""Sets of a size that are simulated, and of these those that are named and that the next size is grown from."""
+
+Verdict = Literal["explains", "beyond_plausible", "no"]
+"""Whether one value of the effect brings all rows within the attainable range: a plausible one, an implausible one, none."""
 
 
 class Ability(msgspec.Struct, frozen=True):
@@ -41,6 +73,28 @@ class Ability(msgspec.Struct, frozen=True):
     verdict: Verdict
     closed: float
     needed: tuple[float | None, ...]
+
+
+class Values(msgspec.Struct, frozen=True):
+    """Effects with values, and what they leave of a table.
+
+    `fields` and `reported` by effect. `left_rms` is the rms of printed minus simulated by metric, `out_of_reach` the sum of
+    what no value attains [1], `misfit` the sum of squares of printed minus simulated in standard uncertainties. `plausible`
+    states whether all fields lie within their bounds, `at_bound` names those that stop at the end of what was looked at.
+    """
+
+    fields: Mapping[str, Mapping[str, float]]
+    reported: Mapping[str, Mapping[str, float]]
+    left_rms: Mapping[str, float]
+    out_of_reach: float
+    misfit: float
+    plausible: bool
+    at_bound: tuple[str, ...]
+
+    @property
+    def enough(self) -> bool:
+        """Whether all printed values are within their attainable range then."""
+        return self.out_of_reach <= 0.0
 
 
 class SuspectResult(msgspec.Struct, frozen=True):
@@ -60,127 +114,12 @@ class SuspectResult(msgspec.Struct, frozen=True):
         return next((one for one in self.abilities if one.metric == metric), Ability(metric, "no", 0.0, ()))
 
 
-class Explanation(msgspec.Struct, frozen=True):
-    """Suspects one by one, and the smallest sets that bring a whole table within the attainable range at plausible values.
-
-    `sets` are of `size` effects, best fit first; where no set of up to `MAX_EFFECTS` will do, there is none, and `closest` is
-    what comes nearest.
-    """
-
-    suspects: tuple[SuspectResult, ...]
-    sets: tuple[Values, ...] = ()
-    size: int = 0
-    closest: Values | None = None
-
-
-def explain(simulator: TableSimulator, suspects: Suspects, on_progress: Callable[[str], None]) -> Explanation:
-    """Look at every suspect alone, then at sets of those that move something.
-
-    Parameters
-    ----------
-    on_progress : called with the name of each suspect when it is done
-    """
-    curves: dict[str, Sequence[EffectCurve | None]] = {}
-    results = []
-    for name, kind in suspects.items():
-        curves[name] = field_curves(simulator, kind)
-        results.append(_suspect_result(simulator, name, kind, curves))
-        on_progress(name)
-    active = {name: suspects[name] for name in suspects if any(curve is not None for curve in curves[name])}
-    return msgspec.structs.replace(_smallest_sets(simulator, active, curves), suspects=tuple(results))
-
-
-def _suspect_result(simulator: TableSimulator, name: str, kind: Effect, curves: Curves) -> SuspectResult:
-    if all(curve is None for curve in curves[name]):
-        return SuspectResult(name, kind.stage, kind.fields)
-    before = simulator.excess_by_metric(simulator.nominal)
-    search = Search(simulator, {name: kind}, curves)
-    outside = [k for k in range(len(ETAS)) if before[k] > 0.0]
-    stages = [k for k in outside if ETAS[k] != "eta_pto"]  # the whole is their product
-    abilities = tuple(_ability(search, k, float(before[k])) for k in stages or outside)
-    best = search.simulated_values(search.polished(search.fit(wide=True), wide=True)) if before.any() else None
-    return SuspectResult(name, kind.stage, kind.fields, abilities, best)
-
-
-def _ability(search: Search, k: int, before: float) -> Ability:
-    """Effect of a suspect on one efficiency, the k-th of `ETAS`; `before` is its excess over all rows. [1]"""
-    left = search.best_excess(k)
-    verdict: Verdict = "explains"
-    if left > 0.0:
-        verdict = "no" if search.best_excess(k, wide=True) > 0.0 else "beyond_plausible"
-    curve, simulator = search.single, search.simulator
-    needed = () if curve is None else tuple(_needed(simulator, curve, row, k) for row in range(len(simulator.rows)))
-    return Ability(ETAS[k], verdict, max(1.0 - left / before, 0.0), needed)
-
-
-def _needed(simulator: TableSimulator, curve: EffectCurve, row: int, k: int) -> float | None:
-    """Value of a field nearest to absent that brings one cell within the attainable range."""
-    if not simulator.excess(simulator.nominal)[row, k] > 0.0:
-        return None
-    inside = simulator.excess(simulator.nominal * np.exp(curve.ratio))[:, row, k] == 0.0
-    return min(curve.x[inside].tolist(), key=lambda value: abs(value - curve.absent), default=None)
-
-
-CANDIDATES = 12
-"""Sets of a size that are simulated."""
-
-SEEDS = 8
-"""Sets of a size that the next size is grown from; singles all."""
-
-
-def _smallest_sets(simulator: TableSimulator, suspects: Suspects, curves: Curves) -> Explanation:
-    """The smallest sets that bring all cells within the attainable range: ranked on the curves, the first ones simulated."""
-    if not simulator.excess_by_metric(simulator.nominal).any():
-        return Explanation(())
-    grown: list[tuple[str, ...]] = [(name,) for name in suspects]
-    closest: Values | None = None
-    for size in range(1, MAX_EFFECTS + 1):
-        ranked = _ranked(simulator, suspects, curves, grown)
-        simulated = [values for search, x in ranked[:CANDIDATES] if (values := _simulated(search, x)) is not None]
-        closest = min((*simulated, *([closest] if closest else [])), key=lambda one: one.out_of_reach, default=None)
-        enough = sorted((one for one in simulated if one.enough), key=lambda one: one.misfit)
-        if enough:
-            return Explanation((), tuple(enough[:MAX_SETS]), size)
-        seeds = [tuple(search.kinds) for search, _ in ranked[: None if size == 1 else SEEDS]]
-        grown = sorted({tuple(sorted((*names, other))) for names in seeds for other in suspects if other not in names})
-    return Explanation((), (), MAX_EFFECTS, closest)
-
-
-LOOKED_AT = 40
-"""Sets of a size that are fitted on the curves, after a first look at all."""
-
-
-def _ranked(
-    simulator: TableSimulator, suspects: Suspects, curves: Curves, sets: Sequence[tuple[str, ...]]
-) -> list[tuple[Search, Signal]]:
-    """Sets with their values: first those with the smallest excess on the curves, then those that fit best."""
-    searches = (Search(simulator, {name: suspects[name] for name in names}, curves) for names in sets)
-    found: list[tuple[tuple[float, float], Search, Signal]] = []
-    for search in sorted(searches, key=Search.first_look)[:LOOKED_AT]:
-        x = search.fit()
-        if simulator.sums(search.on_curves(x))[0] > 0.0:
-            x = search.fit(hinge=True)
-        found.append((simulator.sums(search.on_curves(x)), search, x))
-    return [(search, x) for _, search, x in sorted(found, key=lambda one: one[0])]
-
-
-MENDED = 0.01
-"""A set that leaves more outside the attainable range in all than this is not tried again with better values. [1]"""
-
-
-def _simulated(search: Search, x: Signal) -> Values | None:
-    """Simulate a set; improve its values by simulations if the curves were too optimistic."""
-    values = search.simulated_values(x)
-    if values is None or values.enough or values.out_of_reach > MENDED:
-        return values
-    return search.simulated_values(search.polished(x, hinge=True))
-
-
 class AttainableRanges(msgspec.Struct, frozen=True):
-    """Attainable ranges of a rig for the rows of a table, and suspects that could explain the printed values.
+    """Attainable ranges of a rig for the rows of a table, and effects that could explain the printed values.
 
     `not_judged` holds rows that cannot be held against the rig, `notes` say what was assumed. `scatter` is the largest
-    deviation of a cycle's efficiency that counts [1].
+    deviation of a cycle's efficiency that counts [1]. `sets` are the smallest that bring the whole table within the attainable
+    range at plausible values, best fit first; where no set of up to `MAX_EFFECTS` will do, `closest` comes nearest.
     """
 
     rig: Rig
@@ -188,7 +127,9 @@ class AttainableRanges(msgspec.Struct, frozen=True):
     rows: tuple[AttainableRow, ...]
     not_judged: tuple[NotJudged, ...]
     notes: tuple[str, ...]
-    explanation: Explanation
+    suspects: tuple[SuspectResult, ...] = ()
+    sets: tuple[Values, ...] = ()
+    closest: Values | None = None
 
     @property
     def outside(self) -> tuple[tuple[AttainableRow, Cell], ...]:
@@ -202,37 +143,305 @@ class AttainableRanges(msgspec.Struct, frozen=True):
 
 
 def attainable_ranges(
-    table: PublishedTable,
-    rig: Rig,
-    suspects: Suspects,
-    reduce: Reduce,
-    *,
-    scatter: float,
-    watch: Watch | None = None,
+    table: PublishedTable, rig: Rig, suspects: Mapping[str, Effect], *, scatter: float, watch: Watch | None = None
 ) -> AttainableRanges:
-    """Hold a published table against what the constants of a rig allow, and name the suspects that could explain a difference.
+    """Hold a published table against what the constants of a rig allow, and name the effects that could explain a difference.
 
     Parameters
     ----------
     suspects : effects by name, as a catalogue lists them
-    reduce : turns a simulated log into metrics, by the rules of any log
     scatter : largest deviation of a cycle's efficiency from the mean that the table prints or is taken to have [1]
 
     Raises
     ------
     RigError : the rig file lacks numbers that a model needs
     """
-    model = baseline(rig)
+    baseline(rig)
     windows, notes = row_windows(table)
     watch = watch or Nobody()
     watch.begin(0, len(table.rows) + len(suspects))
     found: list[AttainableRow | NotJudged] = []
-    for row in table.rows:
-        found.append(bounds_of_row(table, row, windows[row.load], rig, reduce, scatter))
-        watch.done(load_text(row.load), None)
+    for row, window in zip(table.rows, windows, strict=True):
+        found.append(attainable_row(table, row, window, rig, scatter))
+        watch.done(row.name, None)
     rows = tuple(row for row in found if isinstance(row, AttainableRow))
     not_judged = tuple(row for row in found if isinstance(row, NotJudged))
-    explanation = Explanation(())
-    if any(cell.outside for row in rows for cell in row.cells):
-        explanation = explain(TableSimulator(rows, model, reduce), suspects, partial(watch.done, fault=None))
-    return AttainableRanges(rig, scatter, rows, not_judged, notes, explanation)
+    ranges = AttainableRanges(rig, scatter, rows, not_judged, notes)
+    return ranges if ranges.ok else _explained(ranges, suspects, partial(watch.done, fault=None))
+
+
+class TableProblem:
+    """Efficiencies of the rows of a table with suspects in the model.
+
+    Arrays are (rows, 3), columns as `ETAS`, NaN where the row has no such efficiency: `printed`; `allowed` by rounding and
+    repeatability; `below` and `above`, how far the ends of the attainable range lie from the middle payout; `sigma`, the
+    standard uncertainty of printed minus nominal. [1] A value of a suspect is an array of its fields, (k,); values of several
+    follow each other in the order of their names.
+    """
+
+    def __init__(self, rows: Sequence[AttainableRow], rig: Rig, suspects: Mapping[str, Effect]) -> None:
+        self.rows, self.rig, self.suspects = rows, rig, suspects
+        cells = [{cell.metric: cell for cell in row.cells} for row in rows]
+        self.printed, self.allowed, self.nominal, low, high, u = (
+            np.array(
+                [[getattr(of[eta], name) if eta in of else np.nan for eta in ETAS] for of in cells], dtype=np.float64
+            )
+            for name in ("printed", "allowed", "nominal", "low", "high", "u")
+        )
+        self.below, self.above = self.nominal - low, high - self.nominal
+        self.sigma: Signal = np.sqrt((0.5 * self.allowed) ** 2 + u**2 + (0.5 * (high - low) - u) ** 2 / 3.0)
+        self.speeds = [row.speed for row in rows]
+        self.curves: dict[str, list[PchipInterpolator | None]] = {}
+
+    def fields(self, names: Sequence[str]) -> list[Parameter]:
+        """Fields of some suspects in a row."""
+        return [field for name in names for field in self.suspects[name].fields]
+
+    def active(self, names: Sequence[str], x: Signal) -> list[ActiveEffect]:
+        """Suspects with values."""
+        ends = np.cumsum([len(self.suspects[name].fields) for name in names])[:-1]
+        return [
+            ActiveEffect(self.suspects[name], tuple(part.tolist()))
+            for name, part in zip(names, np.split(x, ends), strict=True)
+        ]
+
+    def efficiencies(self, names: Sequence[str], x: Signal) -> Signal:
+        """Efficiencies along each row's middle payout at its printed power, simulated; all NaN where the model has none."""
+        model = baseline(self.rig)
+        for effect in self.active(names, x):
+            model = effect.apply(model)
+        jobs = [
+            partial(meet, self.rig, model, row.payout, row.load, row.target, guess)
+            for row, guess in zip(self.rows, self.speeds, strict=True)
+        ]
+        points = all_at_once(jobs)
+        eta = np.array([[p.metrics[m] if p else None for m in ETAS] for p in points], dtype=np.float64)  # None is NaN
+        lost = bool(np.any(np.isnan(eta) & ~np.isnan(self.printed)))
+        return np.where(np.isnan(self.printed) | lost, np.nan, eta)
+
+    def on_curves(self, names: Sequence[str], x: Signal) -> Signal:
+        """The same without a simulation: on the curves of the fields, whose logarithms add up."""
+        curves = [curve for name in names for curve in self.curves[name]]
+        ratio = sum(curve(value) for curve, value in zip(curves, x.tolist(), strict=True) if curve is not None)
+        return self.nominal * np.exp(ratio)
+
+    def excess(self, eta: Signal) -> Signal:
+        """Excess of printed values over the attainable range about such efficiencies and what is allowed, (..., rows, 3)."""
+        over = np.maximum(eta - self.below - self.printed, self.printed - eta - self.above)
+        return np.maximum(over - self.allowed, 0.0)
+
+    def by_metric(self, eta: Signal) -> Signal:
+        """The same, summed over the rows, (..., 3)."""
+        total = np.nansum(self.excess(eta), axis=-2)
+        return np.where(total < DUST, 0.0, total)
+
+    def residual(self, names: Sequence[str], x: Signal) -> Signal:
+        """Printed minus simulated efficiencies in standard uncertainties, (n,), nothing where the table prints nothing."""
+        return self.misfit(self.efficiencies(names, x))
+
+    def misfit(self, eta: Signal) -> Signal:
+        """Printed minus such efficiencies in standard uncertainties, (n,)."""
+        z = ((self.printed - eta) / self.sigma).ravel()
+        return np.where(np.isnan(z), 0.0, z)
+
+    def out_of_range(self, eta: Signal, metric: int | None = None) -> Signal:
+        """What a search for values within the attainable range minimizes, (2 n,): excess, and softly the misfit.
+
+        Parameters
+        ----------
+        metric : one efficiency alone, by its place in `ETAS`
+        """
+        weight = np.ones(len(ETAS)) if metric is None else np.eye(len(ETAS))[metric]
+        excess = np.nan_to_num(self.excess(eta) / self.sigma * weight).ravel()
+        soft = (SOFT * self.misfit(eta).reshape(-1, len(ETAS)) * weight).ravel()
+        return np.concatenate([excess, soft])
+
+    def bounds(self, names: Sequence[str], *, wide: bool) -> tuple[Signal, Signal]:
+        """Lowest and highest values of fields: the plausible ones, or the ends of the curves."""
+        curves = [curve for name in names for curve in self.curves[name]]
+        ends = [
+            (curve.x[0], curve.x[-1]) if wide and curve is not None else (field.low, field.high)
+            for field, curve in zip(self.fields(names), curves, strict=True)
+        ]
+        low, high = np.array(ends, dtype=np.float64).reshape(-1, 2).T
+        return low, high
+
+
+def make_curves(problem: TableProblem, name: str) -> None:
+    """Lay a monotone cubic through the logarithms of the efficiencies over each field of a suspect; none if it does nothing."""
+    from scipy.interpolate import PchipInterpolator
+
+    effect = problem.suspects[name]
+    absent = np.array([field.absent for field in effect.fields])
+    before = problem.by_metric(problem.nominal)
+    curves: list[PchipInterpolator | None] = []
+    for k, field in enumerate(effect.fields):
+        nodes, moved = {field.absent: np.zeros(problem.printed.shape)}, 0.0
+        for end in {field.low, field.high} - {field.absent}:
+            helps = True
+            for share in NODES if absent.size == 1 else NODES[::2]:
+                value = float(np.clip(field.absent + share * (end - field.absent), *field.possible))
+                if value in nodes or not (helps or share < 1.0):
+                    continue
+                eta = problem.efficiencies([name], np.where(np.arange(absent.size) == k, value, absent))
+                if np.isnan(eta).all():
+                    continue
+                nodes[value] = np.nan_to_num(np.log(eta / problem.nominal))
+                moved = max(moved, float(np.abs(nodes[value]).max()))
+                after = problem.by_metric(eta)
+                helps = helps if share < 1.0 else bool(np.any((after < HELPS * before) & (after > 0.0)))
+        at = sorted(nodes)
+        curves.append(PchipInterpolator(at, np.array([nodes[x] for x in at])) if moved > SILENT else None)
+    problem.curves[name] = curves
+
+
+def fit(residual: Callable[[Signal], Signal], start: Signal, bounds: tuple[Signal, Signal], steps: int) -> Signal:
+    """Values within bounds that make a residual smallest, by bounded least squares from a start, in shares of the bounds.
+
+    The start is moved off the bounds, where the method would stall, and differences are taken towards the inside.
+    """
+    from scipy.optimize import least_squares
+
+    low, high = bounds
+    width = np.maximum(high - low, 1e-12)
+
+    def of_share(share: Signal) -> Signal:
+        return residual(low + width * share)
+
+    def slopes(share: Signal) -> Signal:
+        by = np.where(share < 0.5, DIFFERENCE, -DIFFERENCE)
+        here = of_share(share)
+        return np.stack(
+            [(of_share(share + d) - here) / b for d, b in zip(np.diag(by), by.tolist(), strict=True)], axis=1
+        )
+
+    inside = np.clip((start - low) / width, DIFFERENCE, 1.0 - DIFFERENCE)
+    found = least_squares(of_share, inside, jac=slopes, bounds=(0.0, 1.0), method="dogbox", max_nfev=steps)
+    return low + width * found.x
+
+
+def _explained(
+    ranges: AttainableRanges, suspects: Mapping[str, Effect], on_progress: Callable[[str], None]
+) -> AttainableRanges:
+    """Look at every suspect alone, then at the smallest sets of those that move something."""
+    problem, results = TableProblem(ranges.rows, ranges.rig, suspects), []
+    for name in suspects:
+        make_curves(problem, name)
+        results.append(_alone(problem, name))
+        on_progress(name)
+    active = [name for name, curves in problem.curves.items() if any(curve is not None for curve in curves)]
+    closest: Values | None = None
+    sets: tuple[Values, ...] = ()
+    grown: list[tuple[str, ...]] = [(name,) for name in active]
+    for size in range(1, MAX_EFFECTS + 1):
+        ranked = _ranked(problem, grown)
+        found = [_improved(problem, names, x) for names, x in ranked[:SIMULATED]]
+        closest = min((*found, *([closest] if closest else [])), key=lambda one: one.out_of_reach, default=None)
+        enough = sorted((one for one in found if one.enough), key=lambda one: one.misfit)
+        if enough:
+            sets = tuple(enough[:MAX_SETS])
+            break
+        if size == 1:
+            grown = list(combinations(active, 2))
+        else:
+            seeds = [names for names, _ in ranked[:MAX_SETS]]
+            grown = sorted({tuple(sorted({*seed, name})) for seed in seeds for name in active if name not in seed})
+    return msgspec.structs.replace(ranges, suspects=tuple(results), sets=sets, closest=None if sets else closest)
+
+
+def _ranked(problem: TableProblem, sets: Sequence[tuple[str, ...]]) -> list[tuple[tuple[str, ...], Signal]]:
+    """Sets with plausible values on the curves: the smallest excess first, then the best fit."""
+    found = []
+    for names in sets:
+        start = np.array([field.absent for field in problem.fields(names)])
+        x = fit(
+            lambda x, names=names: problem.out_of_range(problem.on_curves(names, x)),  # type: ignore[misc]
+            start, problem.bounds(names, wide=False), 12,
+        )  # fmt: skip
+        eta = problem.on_curves(names, x)
+        rank = float(problem.by_metric(eta).sum()), float(np.sum(problem.misfit(eta) ** 2))
+        found.append((rank, names, x))
+    return [(names, x) for _, names, x in sorted(found, key=lambda one: one[0])]
+
+
+def _improved(problem: TableProblem, names: Sequence[str], x: Signal) -> Values:
+    """A set with its values, which simulations improve where it is near enough."""
+
+    def residual(values: Signal) -> Signal:
+        return problem.out_of_range(problem.efficiencies(names, values))
+
+    values = _values(problem, names, x)
+    if values.enough or values.out_of_reach > HOPELESS:
+        return values
+    return _values(problem, names, fit(residual, x, problem.bounds(names, wide=False), 3))
+
+
+def _alone(problem: TableProblem, name: str) -> SuspectResult:
+    """What one suspect can do alone."""
+    effect = problem.suspects[name]
+    curves, before = problem.curves[name], problem.by_metric(problem.nominal)
+    if all(curve is None for curve in curves):
+        return SuspectResult(name, effect.stage, effect.fields)
+    outside = [k for k in range(len(ETAS)) if before[k] > 0.0]
+    stages = [k for k in outside if ETAS[k] != "eta_pto"]  # the whole is their product
+    start = np.array([field.absent for field in effect.fields])
+    abilities = tuple(_ability(problem, name, k, float(before[k])) for k in stages or outside)
+    low, high = problem.bounds([name], wide=True)
+    best = fit(lambda x: problem.misfit(problem.on_curves([name], x)), start, (low, high), 30)
+    return SuspectResult(name, effect.stage, effect.fields, abilities, _values(problem, [name], best))
+
+
+def _ability(problem: TableProblem, name: str, k: int, before: float) -> Ability:
+    """Effect of a suspect on one efficiency, the k-th of `ETAS`; `before` is its excess over all rows. [1]"""
+    (curve, *more), needed = problem.curves[name], tuple[float | None, ...]()
+    field = problem.suspects[name].fields[0]
+    if curve is not None and not more:
+        x = np.unique(
+            np.concatenate([np.linspace(curve.x[0], curve.x[-1], 401), [field.low, field.high, field.absent]])
+        )
+        eta = problem.nominal * np.exp(curve(x))
+        excess, plausible = problem.by_metric(eta)[:, k], (x >= field.low) & (x <= field.high)
+        left, wide = float(excess[plausible].min()), float(excess.min())
+        inside = problem.excess(eta)[:, :, k] == 0.0
+        needed = tuple(
+            min(x[inside[:, row]].tolist(), key=lambda value: abs(value - field.absent), default=None)
+            if problem.excess(problem.nominal)[row, k] > 0.0 else None
+            for row in range(len(problem.rows))
+        )  # fmt: skip
+    else:
+        left, wide = (_best_excess(problem, name, k, wide=end) for end in (False, True))
+    verdict: Verdict = "explains" if not left else "no" if wide > 0.0 else "beyond_plausible"
+    return Ability(ETAS[k], verdict, max(1.0 - left / before, 0.0), needed)
+
+
+def _best_excess(problem: TableProblem, name: str, k: int, *, wide: bool) -> float:
+    """What the best values of a suspect of several fields leave of one efficiency: fitted on the curves, then simulated. [1]"""
+    bounds = problem.bounds([name], wide=wide)
+    start = np.array([field.absent for field in problem.suspects[name].fields])
+    x = fit(lambda x: problem.out_of_range(problem.on_curves([name], x), k), start, bounds, 30)
+    found = [problem.by_metric(problem.efficiencies([name], values))[k] for values in (x, *bounds)]
+    return float(np.min(found))
+
+
+def _values(problem: TableProblem, names: Sequence[str], x: Signal) -> Values:
+    """What values of the fields leave, simulated."""
+    eta, made = problem.efficiencies(names, x), problem.active(names, x)
+    (low, high), (minimum, maximum) = problem.bounds(names, wide=False), problem.bounds(names, wide=True)
+    near = np.minimum(x - minimum, maximum - x) < 1e-3 * (maximum - minimum)
+    fields = [(name, field) for name in names for field in problem.suspects[name].fields]
+    away = [gap[~np.isnan(gap)] for gap in (problem.printed - eta).T]
+    return Values(
+        fields={
+            one.effect.name: dict(zip((f.name for f in one.effect.fields), one.values, strict=True)) for one in made
+        },
+        reported={one.effect.name: {one.effect.parameter: one.reported} for one in made},
+        left_rms={metric: float(np.sqrt(np.mean(gap**2))) for metric, gap in zip(ETAS, away, strict=True) if gap.size},
+        out_of_reach=float(problem.by_metric(eta).sum()),
+        misfit=float(np.sum(problem.misfit(eta) ** 2)),
+        plausible=bool(np.all((x >= low - 1e-9) & (x <= high + 1e-9))),
+        at_bound=tuple(
+            f"{name}.{field.name}"
+            for (name, field), value, close in zip(fields, x.tolist(), near.tolist(), strict=True)
+            if close and value != field.absent
+        ),
+    )

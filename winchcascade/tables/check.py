@@ -1,32 +1,61 @@
 """Comparison of measured results with a published table, cell by cell and two-sided.
 
-A cell allows ``|measured - printed| <= rounding + deviation + uncertainty``: half a unit of its last printed decimal, the
-largest deviation of the measured cycles from their mean, and twice the standard uncertainty that the sensors leave of the
-mean. Of sensors that are calibrated in place, a reader of the table knows only the limits of the makers: for the side of the
-table these count too, in squares. The scatter of the cycles counts once, in the deviation. Where the table prints the largest
-deviation of its cycles, the measured one counts up to that: a damaged log must not widen its own tolerance.
+A row is found by its key columns: load, speed, torque, number of the cycle, name or number of the log, or any metric. Cycles
+that are operating points of a dynamometer are compared one by one, logs that repeat one motion by the mean of their cycles.
+
+A cell allows ``|measured - printed| <= rounding + deviation + uncertainty + means``: half a unit of its last printed decimal,
+the largest deviation of the measured cycles from their mean, twice the standard uncertainty that the sensors leave of the mean,
+and what the table allows a mean of products to differ from the product of means. Of sensors that are calibrated in place, a
+reader of the table knows only the limits of the makers: for the side of the table these count too, in squares. The scatter of
+the cycles counts once, in the deviation. Where the table prints the largest deviation of its cycles, the measured one counts up
+to that: a damaged log must not widen its own tolerance.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import PurePath
 from typing import Literal
 
 import msgspec
+import numpy as np
+from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import Origin, origin_from
+from winchcascade.core.cascade import field_of
 from winchcascade.core.errors import OptionError, WinchcascadeError
-from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow, load_text, same_load
-from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.reduction.run_record import RunRecord
-from winchcascade.tables.point_table import PointTable
+from winchcascade.core.plain_text import first_of
+from winchcascade.core.quantity import unit_suffix
+from winchcascade.core.run import Signal
+from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
+from winchcascade.tables.published_table import (
+    DIMENSIONS,
+    RESULTS_AT,
+    Printed,
+    PrintedColumn,
+    PublishedTable,
+    TableError,
+    TableRow,
+)
+from winchcascade.tables.table_file import check_unit
 
 COVERAGE = 2.0
 """Standard uncertainties of the measured mean that a cell allows: about 95 % (JCGM 100:2008, 6.3.3)."""
 
+MAX_NAMED = 8
+"""Results without a row that a note names."""
+
 _DUST = 1e-12
 """Share of the printed value that the arithmetic itself may miss."""
+
+_SAME_LOAD = 1e-9
+"""Two loads that differ by less than this share are the same number of ohms. [1]"""
+
+_OPERATING_POINTS = ("steps", "rows", "whole", "ranges")
+"""Sources of cycles that are operating points; all others repeat one motion."""
 
 Counted = Literal["none", "budget", "budget_and_limits"]
 """What a tolerance counts of the sensors: nothing, the budget of the log, or with it the limits of the makers."""
@@ -39,32 +68,25 @@ class CheckError(WinchcascadeError):
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """What a log, or a cycle of it, gives in SI units by metric, None for what it cannot give.
+    """What a log, or a cycle of it, gives in SI units: `values` of metrics and of what it is at, None for what it cannot give.
 
-    `at` and `log` are of a check of operating points: what the result is at besides its metrics, and the file. `load` is
-    in ohms, inf for an open circuit, None where it is not known; `deviation` is the largest one of a cycle from the mean
-    [%], `uncertainty` the standard uncertainty that the sensors leave of the mean, without the scatter of the cycles;
-    `limits` is what the limits of the sensors that are calibrated in place would leave of it, empty where results do not
-    state it. `findings` are the sentences on what is wrong with the log.
+    `deviation` is the largest one of a cycle from the mean [%], `uncertainty` the standard uncertainty that the sensors leave
+    of the mean, without the scatter of the cycles; `limits` is what the limits of the sensors that are calibrated in place
+    would leave of it, empty where results do not state it. `findings` are the sentences on what is wrong with the log.
     """
 
     name: str
-    load: float | None
-    mean: Mapping[str, float | None]
-    deviation: Mapping[str, float | None]
-    uncertainty: Mapping[str, float | None]
-    limits: Mapping[str, float | None] = msgspec.field(default_factory=dict)
+    log: str
+    values: Numbers
+    deviation: Numbers = {}
+    uncertainty: Numbers = {}
+    limits: Numbers = {}
     findings: tuple[str, ...] = ()
     origin: Origin = Origin()
-    at: Mapping[str, float | None] = msgspec.field(default_factory=dict)
-    log: str = ""
 
 
 class Factors(msgspec.Struct, frozen=True):
-    """What each part of a tolerance is multiplied by: above 1 widens, below 1 narrows, 0 leaves it out. [1]
-
-    `means` is on what a table of operating points allows a mean of products to differ from the product of means.
-    """
+    """What each part of a tolerance is multiplied by: above 1 widens, below 1 narrows, 0 leaves it out. [1]"""
 
     rounding: float = 1.0
     deviation: float = 1.0
@@ -85,31 +107,16 @@ SAME_LOGS = Factors(deviation=0.0, uncertainty=0.0, means=0.0)
 allowed."""
 
 
-class RowKey(msgspec.Struct, frozen=True):
-    """What names a row in messages and files: its load [ohm], or its number from 1 on and its key cells as printed.
-
-    `line` is that of the row in the table's file.
-    """
-
-    text: str
-    load: float | None = None
-    number: int | None = None
-    cells: tuple[tuple[str, str], ...] = ()
-    line: int | None = None
-
-
 class CellCheck(msgspec.Struct, frozen=True):
     """One cell of the table beside its measured value, all in the unit of its column.
 
-    `log` names the run, None where there is none; `line` is that of the cell in the table's file. `means` is what the table
-    allows a mean of products to differ from the product of means. `limits` is the part of `uncertainty`, in squares, that
-    the limits of the sensors make.
+    `log` names the run, None where there is none. `limits` is the part of `uncertainty`, in squares, that the limits of the
+    sensors make.
     """
 
-    row: RowKey
+    row: TableRow
     metric: str
-    column: PrintedColumn
-    printed: float
+    cell: Printed
     log: str | None = None
     measured: float | None = None
     rounding: float = 0.0
@@ -117,12 +124,6 @@ class CellCheck(msgspec.Struct, frozen=True):
     uncertainty: float = 0.0
     limits: float = 0.0
     means: float = 0.0
-    line: int | None = None
-
-    @property
-    def load(self) -> float | None:
-        """Load of the row, None in a table of operating points. [ohm]"""
-        return self.row.load
 
     @property
     def tolerance(self) -> float:
@@ -137,7 +138,7 @@ class CellCheck(msgspec.Struct, frozen=True):
     @property
     def difference(self) -> float | None:
         """Measured less printed."""
-        return None if self.measured is None else self.measured - self.printed
+        return None if self.measured is None else self.measured - self.cell.value
 
     @property
     def missed_by(self) -> float | None:
@@ -149,7 +150,7 @@ class CellCheck(msgspec.Struct, frozen=True):
         """Whether the measured value agrees with the printed one, or why there is none."""
         if self.missed_by is None:
             return "no_run" if self.log is None else "not_measured"
-        return "ok" if self.missed_by <= _DUST * abs(self.printed) else "miss"
+        return "ok" if self.missed_by <= _DUST * abs(self.cell.value) else "miss"
 
     @property
     def ok(self) -> bool:
@@ -160,15 +161,15 @@ class CellCheck(msgspec.Struct, frozen=True):
 class Check(msgspec.Struct, frozen=True):
     """All cells of a table against measured results.
 
-    `notes` describes in sentences what was left out, capped or not known; `findings` holds, by row, those of its log;
+    `notes` describes in sentences what was left out, capped or not known; `findings` holds, by row, those of its logs;
     `origins` where the data of each log come from.
     """
 
-    table: PublishedTable | PointTable
+    table: PublishedTable
     factors: Factors
     cells: tuple[CellCheck, ...]
     notes: tuple[str, ...]
-    findings: Mapping[RowKey, tuple[str, ...]] = msgspec.field(default_factory=dict)
+    findings: tuple[tuple[TableRow, tuple[str, ...]], ...] = ()
     origins: tuple[Origin, ...] = ()
 
     def __repr__(self) -> str:
@@ -186,145 +187,290 @@ class Check(msgspec.Struct, frozen=True):
         return not self.misses
 
 
-def measured_from_record(record: RunRecord, where: str) -> Measured:
-    """Take from the record of a reduction what a table is compared with.
+def check(
+    records: Sequence[tuple[str, RunRecord]],
+    table: PublishedTable,
+    factors: Factors | None = None,
+    *,
+    whole_campaign: bool = True,
+) -> Check:
+    """Hold the results of logs against every row of a published table.
+
+    Parameters
+    ----------
+    records : names of the logs, and the records of their reductions
+    factors : on the parts of every tolerance, 1 if not given
+    whole_campaign : a row of the table without a result is a miss; else it is left out with a note
+
+    Raises
+    ------
+    CheckError : no result belongs to a row, or none has what a key column names
+    TableError : the table has no key, or a unit does not fit what is measured
+    """
+    by_cycle = not {table.columns[name].measured for name in table.keys} <= {"file", "load"}
+    results = [
+        result for name, record in records for result in measured(record, name, by_cycle=by_cycle, means=table.by_load)
+    ]
+    return check_measured(results, table, factors, whole_campaign=whole_campaign)
+
+
+def check_measured(
+    results: Sequence[Measured], table: PublishedTable, factors: Factors | None = None, *, whole_campaign: bool = True
+) -> Check:
+    """Hold measured results against every row of a published table, as `check` does."""
+    if not table.keys:
+        raise TableError(
+            f'{table.path}: has no key, so that no result can be assigned to a row; expected one such as key = "speed", or '
+            f'key = ["torque", "speed"].'
+        )
+    factors, notes = factors or Factors(), list[str]()
+    for name, column in table.columns.items():
+        check_unit(column, f"{table.path}: [columns] {name}")
+    compared = _compared(table, results, notes)
+    found = _assigned(results, table, notes)
+    cells: list[CellCheck] = []
+    findings = []
+    for k, row in enumerate(table.rows):
+        of_row = tuple(found.get(k, ()))
+        if not of_row and not whole_campaign:
+            notes.append(f"{row.name}: no result belongs to this row; it is left out.")
+            continue
+        names = [name for name in compared if name in row.cells]
+        cells += [_cell(table, row, name, result, factors) for result in (of_row or (None,)) for name in names]
+        if told := tuple(dict.fromkeys(text for result in of_row for text in result.findings)):
+            findings.append((row, told))
+    if not cells:
+        raise CheckError(
+            f"{table.name}: no row has a cell that can be compared; the columns {', '.join(compared)} are empty."
+        )
+    used = [result for k in sorted(found) for result in found[k]]
+    notes += _counted_otherwise(table, used, compared, factors)
+    return Check(table, factors, tuple(cells), tuple(notes), tuple(findings), tuple(r.origin for r in used))
+
+
+# -------------------------------------------------------------------------------------------------------------- the results
+def measured(record: RunRecord, where: str, *, by_cycle: bool = False, means: bool = True) -> list[Measured]:
+    """Take from the record of a reduction what a table is compared with: its log as a whole, or each complete cycle.
 
     Parameters
     ----------
     where : the file, named where the record does not name its log
+    by_cycle : each cycle that is an operating point is a result
+    means : the mean of the cycles also of a log whose cycles are operating points; else sums, of unknown uncertainty
     """
-    log = record.log
-
-    def metrics(part: Mapping[str, float | None]) -> dict[str, float | None]:
-        return {metric: part.get(FIELDS[metric]) for metric in METRICS}
-
-    return Measured(
+    log, cycles = record.log, [cycle for cycle in record.cycles if cycle.complete]
+    load = math.inf if log.load_ohm is None and log.open_circuit else log.load_ohm
+    repeats = record.cycles_from not in _OPERATING_POINTS
+    whole = Measured(
         name=log.path or where,
-        load=math.inf if log.load_ohm is None and log.open_circuit else log.load_ohm,
-        mean=metrics(record.mean),
-        deviation=metrics(record.max_deviation_percent),
-        uncertainty=metrics(record.uncertainty.sensors),
-        limits=metrics(record.uncertainty.sensors_by_limits),
+        log=where,
+        values=_metrics(record.mean) | _at(cycles) | {"load": load, "cycle": 1.0 if len(cycles) == 1 else None},
+        deviation=_metrics(record.max_deviation_percent),
+        uncertainty=_metrics(record.uncertainty.sensors),
+        limits=_metrics(record.uncertainty.sensors_by_limits),
         findings=tuple(f"{finding.kind}: {finding.message}" for finding in record.quality),
         origin=origin_from(record.data),
     )
+    if means:
+        return [whole]
+    if by_cycle and not repeats:
+        return [
+            replace(
+                whole,
+                name=f"{whole.name} cycle {cycle.cycle}",
+                values=_metrics(cycle.numbers) | _at([cycle]) | {"load": load, "cycle": float(cycle.cycle)},
+                deviation={},
+                uncertainty=_metrics(cycle.standard_uncertainty),
+                limits=_metrics(cycle.sensors_by_limits),
+            )
+            for cycle in cycles
+        ]
+    if repeats or len(cycles) < 2:
+        return [whole] if cycles else []
+    return [replace(whole, values=whole.values | _metrics(record.total), deviation={}, uncertainty={}, limits={})]
 
 
-def check(
-    results: Sequence[Measured], table: PublishedTable, factors: Factors | None = None, *, whole_campaign: bool = True
-) -> Check:
-    """Hold measured results against every cell of a published table.
+def _metrics(numbers: Numbers) -> Numbers:
+    """Metrics by their names from numbers of a record, where they have their unit at the end."""
+    kinds = {field: field.partition("_")[0] for field in numbers}
+    units = {kind: field_of(f"{kind}_").removeprefix(f"{kind}_") for kind in DIMENSIONS}
+    return {field.removesuffix(units[kind]): numbers[field] for field, kind in kinds.items() if kind in units}
 
-    Parameters
-    ----------
-    results : one for each log, no two of the same load
-    factors : on the parts of every tolerance, 1 if not given
-    whole_campaign : a row of the table without a run is a miss; else it is left out with a note
 
-    Raises
-    ------
-    CheckError : a log's load is not known, has no row in the table, or is that of another log
+def _at(cycles: Sequence[CycleRecord]) -> Numbers:
+    """Speed and torque of the shaft, plateau speed and travel of the payouts: means over the cycles, by their lengths."""
+    lengths = [cycle.window["duration_s"] for cycle in cycles]
+    columns: dict[str, list[float | None]] = {"speed": [], "torque": [], "velocity": [], "travel": []}
+    for summary in (cycle.phase_summary for cycle in cycles):
+        plateau, point = summary.payout.plateau, summary.point or None
+        rpm = None if point is None else point.rpm_shaft
+        columns["speed"].append(None if rpm is None else rpm * math.pi / 30.0)
+        columns["torque"].append(point.torque if point is not None else None if plateau is None else plateau.torque)
+        columns["velocity"].append(None if plateau is None else plateau.speed)
+        columns["travel"].append(summary.payout.travel)
+    whole = sum(lengths)
+    return {
+        name: None
+        if None in column or not whole > 0.0
+        else sum(x * s for x, s in zip(column, lengths, strict=True) if x is not None) / whole
+        for name, column in columns.items()
+    }
+
+
+# ------------------------------------------------------------------------------------------------------ rows of the results
+def _compared(table: PublishedTable, results: Sequence[Measured], notes: list[str]) -> list[str]:
+    """Columns that results have something of; a note is added on those of which they have nothing."""
+    others = [name for name in table.columns if name not in table.keys]
+    given = {m for result in results for m, value in result.values.items() if value is not None or m not in RESULTS_AT}
+    compared = [name for name in others if table.by_load or table.columns[name].measured in given]
+    if results and not compared:
+        metrics = sorted(given - set(RESULTS_AT))
+        raise TableError(
+            f"{table.path}: no column is a quantity of the results, which have {', '.join(metrics) or 'no cycle'}; give a "
+            f'column such a name, or add measured = "{(metrics or ["power_gen"])[0]}" to its entry.'
+        )
+    left = [name for name in others if name not in compared]
+    notes += [f"columns {', '.join(left)}: the results have no quantity of these names; not compared."] if left else []
+    return compared
+
+
+def _assigned(results: Sequence[Measured], table: PublishedTable, notes: list[str]) -> dict[int, list[Measured]]:
+    """Results by the row that each belongs to, the nearest one; a note is added on results that belong to none."""
+    for name in table.keys:
+        key = table.columns[name].measured
+        if results and key not in ("file", "load") and all(result.values.get(key) is None for result in results):
+            raise CheckError(
+                f"{table.name}: the key {name} is none of the results: they have no {key}. Take another key column, or "
+                f'state measured = "..." for it; known are {", ".join(RESULTS_AT)} and the metrics.'
+            )
+    found: dict[int, list[Measured]] = {}
+    without = []
+    for result, nearest in zip(results, _nearest_rows(results, table), strict=True):
+        if nearest is None:
+            without.append(f"{result.name} ({_place(result, table)})")
+        else:
+            found.setdefault(nearest, []).append(result)
+    if not found:
+        raise CheckError(
+            f"no result belongs to a row of {table.name}: {'; '.join(without[:3]) or 'no log has a complete cycle'}. Its "
+            f"rows are {first_of([row.name for row in table.rows], MAX_NAMED)}; correct the key or its units, or state the "
+            "load of the log (load_ohm in campaign.toml, or --load-ohm)."
+        )
+    for k, of_row in found.items():
+        logs = sorted({result.log for result in of_row})
+        if len(logs) > 1 and any(table.columns[name].measured == "file" for name in table.keys):
+            raise CheckError(
+                f"{table.rows[k].name}: belongs to {' and '.join(logs[:3])}; expected one log, so write its file name there."
+            )
+    notes += [f"without a row, left out: {first_of(without, MAX_NAMED)}."] if without else []
+    return found
+
+
+def _nearest_rows(results: Sequence[Measured], table: PublishedTable) -> Iterator[int | None]:
+    """Number of the row that each result belongs to, the nearest one; None for another operating point.
+
+    A number may differ by the rounding of the cell and a share of the largest number of its column, the number of a cycle by
+    the rounding alone, the load of a table by load not at all; a name of a log has to be that of the log.
     """
-    factors = factors or Factors()
-    cells: list[CellCheck] = []
-    runs, notes = _by_row(results, table)
-    for k, row in enumerate(table.rows):
-        run = runs.get(k)
-        if run is None and not whole_campaign:
-            notes.append(f"{load_text(row.load)}: no run of this load was given; its row is left out.")
-            continue
-        cells += [_cell(table, row, metric, run, factors) for metric in row.cells]
-        notes += [] if run is None else _not_known(run, row, factors) + _capped(table, run, row)
-    found = {_row_key(table.rows[k]): run.findings for k, run in sorted(runs.items()) if run.findings}
-    return Check(table, factors, tuple(cells), tuple(notes), found, tuple(runs[k].origin for k in sorted(runs)))
-
-
-def _by_row(results: Sequence[Measured], table: PublishedTable) -> tuple[dict[int, Measured], list[str]]:
-    """The result that belongs to each row, and what was left out."""
-    runs: dict[int, Measured] = {}
-    notes = []
-    known = ", ".join(load_text(row.load) for row in table.rows)
+    keys = [(table.columns[name], [row.cells.get(name) for row in table.rows]) for name in table.keys]
+    numbers = [(column, *_printed(column, cells, table)) for column, cells in keys if column.measured != "file"]
+    named: dict[str, set[int]] = {}
+    for column, cells in keys:
+        for k, cell in enumerate(cells) if column.measured == "file" else ():
+            text = "" if cell is None else cell.text.casefold()
+            named.setdefault(f"{int(text)}" if text.isdecimal() else text, set()).add(k)
     for result in results:
-        if (load := result.load) is None:
-            raise CheckError(
-                f"{result.name}: its load is not known; expected load_ohm in a campaign.toml, or a reduction made "
-                "with --load-ohm."
-            )
-        row = next((k for k, row in enumerate(table.rows) if same_load(row.load, load)), None)
-        if row is None and math.isinf(load):
-            notes.append(f"{result.name}: open circuit; the table has no row for it, so it is left out.")
-        elif row is None:
-            raise CheckError(
-                f"{result.name}: {load_text(load)} has no row in {table.name}; expected one of {known}, so correct the load "
-                "or take another table."
-            )
-        elif runs.setdefault(row, result) is not result:
-            raise CheckError(
-                f"{result.name}: {load_text(load)} is the load of {runs[row].name} too; expected one log for each row, so "
-                "leave one out."
-            )
-    if not runs:
-        raise CheckError(f"no log has a row in {table.name}; expected at least one log at one of {known}.")
-    return runs, notes
+        square = np.zeros(len(table.rows))
+        for column, printed, near in numbers:
+            found = result.values.get(column.measured)
+            value = math.nan if found is None else found
+            with np.errstate(invalid="ignore"):
+                share = np.abs(value - printed) / near
+            if column.measured == "load":
+                share = np.where(np.isclose(value, printed, rtol=_SAME_LOAD, atol=0.0), 0.0, share)
+            square = np.where(share <= 1.0, square + share**2, math.inf)
+        if named:
+            rows = set().union(*(named.get(name, set()) for name in log_names(result.log)))
+            square[[k for k in range(square.size) if k not in rows]] = math.inf
+        nearest = int(np.argmin(square)) if square.size else 0
+        yield nearest if square.size and math.isfinite(square[nearest]) else None
 
 
-def _row_key(row: TableRow) -> RowKey:
-    return RowKey(load_text(row.load), load=row.load, line=row.lines.get(""))
+def _printed(column: PrintedColumn, cells: Sequence[Printed | None], table: PublishedTable) -> tuple[Signal, Signal]:
+    """Key cells of a column and what a measured key may differ by, (rows,) each, SI units, NaN for none."""
+    value, rounding = (
+        np.array([math.nan if c is None else getattr(c, name) * column.factor for c in cells], dtype=np.float64)
+        for name in ("value", "rounding")
+    )
+    if table.by_load:
+        return value, _SAME_LOAD * np.abs(value)
+    largest = max((abs(x) for x in value.tolist() if math.isfinite(x)), default=0.0)
+    return value, rounding + (0.0 if column.measured == "cycle" else table.key_share * largest)
 
 
-def _cell(table: PublishedTable, row: TableRow, metric: str, run: Measured | None, factors: Factors) -> CellCheck:
-    column, log = table.columns[metric], None if run is None else run.name
-    bare = CellCheck(_row_key(row), metric, column, row.cells[metric], log, line=row.lines.get(metric))
-    mean = None if run is None else run.mean.get(metric)
-    if run is None or mean is None:
+def log_names(log: str) -> list[str]:
+    """What a cell may name a log by: its file with or without the ending, or the last number of its name.
+
+    >>> log_names("logs/run_07.csv")
+    ['run_07.csv', 'run_07', '7']
+    """
+    name = PurePath(log).name.casefold()
+    stem = name.partition(".")[0]
+    return [name, stem, *(f"{int(digits)}" for digits in re.findall(r"\d+", stem)[-1:])]
+
+
+def _place(result: Measured, table: PublishedTable) -> str:
+    """What a result has in the columns of the key, in their units."""
+    texts = []
+    for name in table.keys:
+        column = table.columns[name]
+        value = result.values.get(column.measured)
+        text = "unknown" if value is None else f"{value / column.factor:.4g}{unit_suffix(column.unit)}"
+        texts.append(f"{name} {result.log if column.measured == 'file' else text}")
+    return ", ".join(texts)
+
+
+# ---------------------------------------------------------------------------------------------------------------- the cells
+def _cell(table: PublishedTable, row: TableRow, name: str, result: Measured | None, factors: Factors) -> CellCheck:
+    cell, metric = row.cells[name], table.columns[name].measured
+    bare = CellCheck(row, name, cell, None if result is None else result.name)
+    value = None if result is None else result.values.get(metric)
+    if result is None or value is None:
         return bare
-    claimed, deviation = _claimed(table, metric), run.deviation.get(metric) or 0.0
-    share = 1.0 if claimed is None or deviation <= claimed[0] else claimed[0] / deviation  # up to what the table prints
-    return msgspec.structs.replace(
+    claimed, deviation = _claimed(table, metric), result.deviation.get(metric) or 0.0
+    deviation = deviation if claimed is None else min(deviation, 100.0 * claimed.span.high)
+    own, limits = (COVERAGE * (part.get(metric) or 0.0) / cell.factor for part in (result.uncertainty, result.limits))
+    return replace(
         bare,
-        measured=mean / column.factor,
-        rounding=factors.rounding * column.rounding,
-        deviation=factors.deviation * share * deviation / 100.0 * abs(mean) / column.factor,
-        **by_sensors(run, metric, factors.uncertainty / column.factor),
+        measured=value / cell.factor,
+        rounding=factors.rounding * cell.rounding,
+        deviation=factors.deviation * deviation / 100.0 * abs(value) / cell.factor,
+        uncertainty=factors.uncertainty * math.hypot(own, limits),
+        limits=factors.uncertainty * limits,
+        means=factors.means * table.tolerance * abs(cell.value),
     )
 
 
-def by_sensors(run: Measured, metric: str, factor: float) -> dict[str, float]:
-    """The part of a tolerance that the sensors make, of both sides, and the part of this by their limits, times a factor."""
-    own, limits = (factor * COVERAGE * (part.get(metric) or 0.0) for part in (run.uncertainty, run.limits))
-    return {"uncertainty": math.hypot(own, limits), "limits": limits}
+def _claimed(table: PublishedTable, metric: str) -> Printed | None:
+    """Largest deviation of a cycle that the table prints for a metric. [%]"""
+    return table.deviations.get("deviation_eta" if metric.startswith("eta") else "deviation_energy")
 
 
-def _claimed(table: PublishedTable, metric: str) -> tuple[float, str] | None:
-    """Largest deviation of a cycle that the table prints for a metric [%], rounding included, and as it is printed."""
-    printed = table.deviations.get("deviation_eta" if metric.startswith("eta") else "deviation_energy")
-    return None if printed is None else (100.0 * printed[1].span(printed[0]).high, printed[1].text(printed[0]))
-
-
-def _capped(table: PublishedTable, run: Measured, row: TableRow) -> list[str]:
-    """Metrics whose cycles deviate by more than the table prints, in one sentence for each printed deviation."""
-    beyond: dict[str, list[str]] = {}
-    for metric in row.cells:
-        claimed, deviation = _claimed(table, metric), run.deviation.get(metric)
-        if claimed and deviation and deviation > claimed[0] and run.mean.get(metric) is not None:
-            beyond.setdefault(claimed[1], []).append(f"{metric} {deviation:.3g} %")
-    return [
-        f"{run.name}: its cycles deviate by more than the {said} of the table ({', '.join(metrics)}); the deviation counts "
-        f"as {said}. Look for a damaged cycle."
-        for said, metrics in beyond.items()
-    ]
-
-
-def _not_known(run: Measured, row: TableRow, factors: Factors) -> list[str]:
-    """Parts of a tolerance that count as 0 because the log does not give them."""
-    taken = [m for m in row.cells if run.mean.get(m) is not None]
-    notes = []
-    for factor, part, why in (
-        (factors.deviation, run.deviation, "the largest deviation is not known, as of a single cycle"),
-        (factors.uncertainty, run.uncertainty, "the standard uncertainty is not known"),
-    ):
-        unknown = [m for m in taken if factor and part.get(m) is None]
-        if unknown:
-            which = "" if len(unknown) == len(taken) else f" of {', '.join(unknown)}"
-            notes.append(f"{run.name}: {why}{which}; it counts as 0.")
-    return notes
+def _counted_otherwise(
+    table: PublishedTable, results: Sequence[Measured], compared: Sequence[str], factors: Factors
+) -> list[str]:
+    """Parts of tolerances that do not count as measured: capped by the table, or unknown and 0; the results by sentence."""
+    found: dict[str, dict[str, str]] = {}
+    for result, name in itertools.product(results, compared):
+        metric = table.columns[name].measured
+        if result.values.get(metric) is None:
+            continue
+        claimed, deviation = _claimed(table, metric), result.deviation.get(metric)
+        if claimed is not None and (deviation or 0.0) > 100.0 * claimed.span.high:
+            beyond = f"its cycles deviate by more than the {claimed.words} of the table, which counts; look for a damaged cycle"
+            found.setdefault(f"{result.name}: {beyond}", {})[f"{name} {deviation:.3g} %"] = ""
+        if factors.deviation and deviation is None:
+            found.setdefault("the deviation of a single cycle is not known and counts as 0", {})[result.name] = ""
+        if factors.uncertainty and result.uncertainty.get(metric) is None:
+            found.setdefault(f"the standard uncertainty of {metric} is not known and counts as 0", {})[result.name] = ""
+    return [f"{text}: {first_of(list(names), MAX_NAMED)}." for text, names in found.items()]

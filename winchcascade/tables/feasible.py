@@ -1,9 +1,7 @@
-"""Whether one row of a table can be true: a linear programme in the logarithms of its unrounded values.
-
-What a table prints of its cycles bounds how far a mean of ratios can lie from a ratio of means (`Repeatability`).
+"""Whether one row of a table by load can be true: a linear programme in the logarithms of its unrounded values.
 
 For every stage ``E = P t`` with one window t; for every efficiency ``E_out / E_in = eta (1 + x)`` with ``|x| <= ratio``,
-and ``eta_pto = eta_trans eta_gen (1 + y)`` with ``|y| <= product`` (see `RatioBounds`); no stage gives out more than it takes
+and ``eta_pto = eta_trans eta_gen (1 + y)`` with ``|y| <= product`` (see `Repeatability`); no stage gives out more than it takes
 in. A printed cell confines its value to what rounds to it. In logarithms all of this is linear, so that the programme finds a
 set of values exactly if there is one.
 """
@@ -17,9 +15,9 @@ from functools import cache
 
 import msgspec
 
-from winchcascade.core.published_table import DEVIATIONS, PublishedTable, Span
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import METRICS, RATIOS
+from winchcascade.tables.published_table import DEVIATIONS, PublishedTable, Span
 
 STAGES = ("line", "mech", "gen")
 
@@ -33,17 +31,6 @@ _DUST = 1e-9
 """Share by which an interval is widened: a value on the edge of its rounding must not be lost to the arithmetic."""
 
 _VARIABLES = (*METRICS, "window")
-
-
-class RatioBounds(msgspec.Struct, frozen=True):
-    """How far means of ratios can lie from ratios of means. [1]
-
-    `ratio` holds between an efficiency and the ratio of its mean energies, `product` between eta_pto and
-    eta_trans eta_gen.
-    """
-
-    ratio: float
-    product: float
 
 
 def mean_of_products(one: float, other: float, cycles: int | None) -> float:
@@ -80,12 +67,14 @@ class Repeatability(msgspec.Struct, frozen=True):
     assumed: tuple[str, ...]
 
     @property
-    def bounds(self) -> RatioBounds:
-        """How far efficiencies can lie from the ratio of mean energies, and eta_pto from eta_trans eta_gen."""
-        return RatioBounds(
-            ratio=mean_of_products(self.energy, self.eta, self.cycles),
-            product=mean_of_products(self.eta, self.eta, self.cycles),
-        )
+    def ratio(self) -> float:
+        """How far an efficiency can lie from the ratio of its mean energies. [1]"""
+        return mean_of_products(self.energy, self.eta, self.cycles)
+
+    @property
+    def product(self) -> float:
+        """How far eta_pto can lie from eta_trans eta_gen. [1]"""
+        return mean_of_products(self.eta, self.eta, self.cycles)
 
 
 def repeatability(table: PublishedTable) -> Repeatability:
@@ -93,39 +82,34 @@ def repeatability(table: PublishedTable) -> Repeatability:
 
     A printed deviation counts with its rounding: 18 % is anything below 18.5 %.
 
-    >>> from winchcascade.core.published_table import load_table
-    >>> round(repeatability(load_table("hsu2026-table2")).bounds.ratio, 6)
+    >>> from winchcascade.tables.table_file import load_table
+    >>> round(repeatability(load_table("hsu2026-table2")).ratio, 6)
     0.003145
     """
     printed = {name: table.deviations.get(name) for name in DEVIATIONS}
-    words = [f"{100 * ASSUMED[name]:g} %" if of is None else of[1].text(of[0]) for name, of in printed.items()]
+    words = [f"{100 * ASSUMED[name]:g} %" if of is None else of.words for name, of in printed.items()]
     assumed = [f"{name}_percent" for name, of in printed.items() if of is None]
     assumed += ["cycles"] if table.cycles is None else []
-    energy, eta = (ASSUMED[name] if of is None else of[1].span(of[0]).high for name, of in printed.items())
+    energy, eta = (ASSUMED[name] if of is None else of.span.high for name, of in printed.items())
     cycles = "any number of cycles" if table.cycles is None else f"{table.cycles} cycle{'s'[: table.cycles != 1]}"
-    return Repeatability(
-        energy=energy,
-        eta=eta,
-        cycles=table.cycles,
-        basis=f"{cycles} with deviations of {words[0]} and {words[1]}" + (" (assumed)" if assumed else ""),
-        assumed=tuple(assumed),
-    )
+    basis = f"{cycles} with deviations of {words[0]} and {words[1]}" + (" (assumed)" if assumed else "")
+    return Repeatability(energy, eta, table.cycles, basis, tuple(assumed))
 
 
-def is_feasible(cells: Mapping[str, Span], bounds: RatioBounds) -> bool:
+def is_feasible(cells: Mapping[str, Span], known: Repeatability) -> bool:
     """Whether there are values in all the cells that agree with each other."""
-    return _solve(cells, bounds, {}) is not None
+    return _solve(cells, known, {}) is not None
 
 
 def allowed(
-    cells: Mapping[str, Span], bounds: RatioBounds, numerator: str, denominator: str | None = None
+    cells: Mapping[str, Span], known: Repeatability, numerator: str, denominator: str | None = None
 ) -> Span | None:
     """What the cells allow of one value, or of the quotient of two; None if the cells contradict each other.
 
     The value may be a metric or `window`, whether it has a cell or not; an end that nothing confines is 0 or inf.
     """
     aim = {numerator: 1.0} | ({denominator: -1.0} if denominator else {})
-    found = [_solve(cells, bounds, {name: side * sign for name, sign in aim.items()}) for side in (1.0, -1.0)]
+    found = [_solve(cells, known, {name: side * sign for name, sign in aim.items()}) for side in (1.0, -1.0)]
     low, high = (None if x is None else sum(s * float(x[_VARIABLES.index(n)]) for n, s in aim.items()) for x in found)
     if low is None or high is None:
         return None
@@ -133,18 +117,11 @@ def allowed(
     return Span(0.0 if low < -free else math.exp(low), math.inf if high > free else math.exp(high))
 
 
-def stage_window(spans: Mapping[str, Span], stage: str) -> Span | None:
-    """Window that a stage's energy and power leave (E = P t), None without both; an end that is open is inf. [s]"""
-    energy, power = spans.get(f"energy_{stage}"), spans.get(f"power_{stage}")
-    if energy is None or power is None:
-        return None
-    return Span(max(energy.low, 0.0) / power.high, math.inf if power.low <= 0 else energy.high / power.low)
-
-
-def window(spans: Mapping[str, Span]) -> Span | None:
-    """Window that the energies and powers of all stages of a row leave together; None if none does. [s]"""
-    found = [span for stage in STAGES if (span := stage_window(spans, stage)) is not None]
-    low, high = max((span.low for span in found), default=0.0), min((span.high for span in found), default=math.inf)
+def window(spans: Mapping[str, Span], stages: Collection[str] = STAGES) -> Span | None:
+    """Window that the energies and powers of stages leave together (E = P t); None if none does, or without both. [s]"""
+    pairs = [(spans[f"energy_{s}"], spans[f"power_{s}"]) for s in stages if {f"energy_{s}", f"power_{s}"} <= set(spans)]
+    low = max((max(energy.low, 0.0) / power.high for energy, power in pairs), default=0.0)
+    high = min((energy.high / power.low for energy, power in pairs if power.low > 0.0), default=math.inf)
     return Span(low, high) if low <= high * (1.0 + 1e-9) and math.isfinite(high) else None
 
 
@@ -163,47 +140,41 @@ def lacking(cells: Collection[str]) -> dict[str, tuple[str, ...]]:
         eta: min(([m for m in pair if m.removeprefix("energy_") not in stages] for stages in known), key=len)
         for eta, pair in RATIOS.items()
     }
-    found: dict[str, tuple[str, ...]] = {}
     lone = [f"{kind}_{s}" for s in STAGES if s not in whole for kind in ("energy", "power")]
-    found["energy = power * window"] = tuple(m for m in lone if m not in cells) if len(whole) < 2 else ()
-    for eta, (out, into) in RATIOS.items():
-        found[f"{eta} = {out} / {into}"] = (*(() if eta in cells else (eta,)), *without[eta])
     given = [eta for eta in RATIOS if eta in cells]
-    unknown = [eta for eta in RATIOS if eta not in given and without[eta]]
-    found["eta_pto = eta_trans * eta_gen"] = tuple(unknown if given else RATIOS)
-    bounded = bool(given) or not all(without.values())
-    found["no stage delivers more than its input"] = () if bounded else tuple(RATIOS)
-    return found
+    unknown = tuple(eta for eta in RATIOS if eta not in given and without[eta])
+    return {
+        "energy = power * window": tuple(m for m in lone if m not in cells) if len(whole) < 2 else (),
+        **{
+            f"{eta} = {out} / {into}": (*(() if eta in cells else (eta,)), *without[eta])
+            for eta, (out, into) in RATIOS.items()
+        },
+        "eta_pto = eta_trans * eta_gen": unknown if given else tuple(RATIOS),
+        "no stage delivers more than its input": () if given or not all(without.values()) else tuple(RATIOS),
+    }
 
 
-def contradictions(cells: Mapping[str, Span], bounds: RatioBounds) -> Iterator[tuple[str, ...]]:
+def contradictory_sets(cells: Mapping[str, Span], known: Repeatability) -> Iterator[tuple[str, ...]]:
     """Smallest sets of cells that cannot all be true, one after the other, no cell in two of them."""
     rest = dict(cells)
-    while not is_feasible(rest, bounds):
-        found = _smallest(rest, bounds)
+    while not is_feasible(rest, known):
+        thin = dict(rest)
+        for name in reversed(list(rest)):
+            less = {other: span for other, span in thin.items() if other != name}
+            thin = thin if is_feasible(less, known) else less
+        smaller = (names for size in range(1, len(thin)) for names in itertools.combinations(rest, size))
+        found = next((n for n in smaller if not is_feasible({name: rest[name] for name in n}, known)), tuple(thin))
         yield found
         rest = {name: span for name, span in rest.items() if name not in found}
 
 
-def repairs(cells: Mapping[str, Span], bounds: RatioBounds) -> dict[str, Span]:
+def repairs(cells: Mapping[str, Span], known: Repeatability) -> dict[str, Span]:
     """Cells of which a change of that one alone makes the row consistent, with the values that do."""
-    found = {
-        name: allowed({other: span for other, span in cells.items() if other != name}, bounds, name) for name in cells
-    }
+    found = {name: allowed({n: span for n, span in cells.items() if n != name}, known, name) for name in cells}
     return {name: span for name, span in found.items() if span is not None}
 
 
-def _smallest(cells: Mapping[str, Span], bounds: RatioBounds) -> tuple[str, ...]:
-    """A contradictory set of the fewest cells: one that cannot be thinned out, unless a smaller one exists."""
-    thin = dict(cells)
-    for name in reversed(list(cells)):
-        less = {other: span for other, span in thin.items() if other != name}
-        thin = thin if is_feasible(less, bounds) else less
-    smaller = (names for size in range(1, len(thin)) for names in itertools.combinations(cells, size))
-    return next((n for n in smaller if not is_feasible({name: cells[name] for name in n}, bounds)), tuple(thin))
-
-
-def _solve(cells: Mapping[str, Span], bounds: RatioBounds, aim: Mapping[str, float]) -> Signal | None:
+def _solve(cells: Mapping[str, Span], known: Repeatability, aim: Mapping[str, float]) -> Signal | None:
     """Logarithms of values in all cells that make the aim smallest; None if there are none."""
     from scipy.optimize import linprog
 
@@ -213,7 +184,7 @@ def _solve(cells: Mapping[str, Span], bounds: RatioBounds, aim: Mapping[str, flo
     if any(low > high for low, high in confined):
         return None
     a_ub, a_eq = _relations()
-    slack = [end for share in (*[bounds.ratio] * 3, bounds.product) for end in (math.log1p(share), -_log(1.0 - share))]
+    slack = [end for share in (*[known.ratio] * 3, known.product) for end in (math.log1p(share), -_log(1.0 - share))]
     found = linprog(
         [aim.get(name, 0.0) for name in _VARIABLES],
         A_ub=a_ub,

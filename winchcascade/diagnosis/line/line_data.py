@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnosis_result import Entries
     from winchcascade.diagnosis.suspects import Suspects
 
+TAIL = 0.25
+"""Beyond the plausible range of a field the probability falls by a factor e for each such share of the range. Assumed. [1]"""
+
 POWER = "power_mech"
 """Channel in which a winch without a model shows its gap."""
 

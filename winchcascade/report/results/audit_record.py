@@ -7,41 +7,34 @@ from typing import Any
 
 import msgspec
 
-from winchcascade.core.published_table import PublishedTable, Span
 from winchcascade.core.version import __version__
-from winchcascade.tables.attainable import Ability, AttainableRanges
-from winchcascade.tables.audit import Audit
-from winchcascade.tables.effect_search import Values
-from winchcascade.tables.point_audit import PointAudit
-from winchcascade.tables.point_table import PointTable
+from winchcascade.tables.attainable import Ability, AttainableRanges, Values
+from winchcascade.tables.audit import Audit, Contradiction
+from winchcascade.tables.published_table import PublishedTable, Span
 
 
-def audit_record(audit: Audit | PointAudit) -> dict[str, Any]:
+def audit_record(audit: Audit) -> dict[str, Any]:
     """The audit as nested records, schema `winchcascade/audit/1`, of operating points `winchcascade/point-audit/1`."""
-    if isinstance(audit, Audit):
-        return _head("audit", audit, evaluated=audit.evaluated) | _by_load(audit)
-    return _head("point-audit", audit, evaluated=audit.laws > 0) | _by_point(audit)
-
-
-def _head(kind: str, audit: Audit | PointAudit, *, evaluated: bool) -> dict[str, Any]:
+    by_load = audit.table.by_load
     return {
-        "schema": f"winchcascade/{kind}/1",
+        "schema": f"winchcascade/{'audit' if by_load else 'point-audit'}/1",
         "version": __version__,
         "table": table_record(audit.table),
         "ok": audit.ok,
-        "evaluated": evaluated,
-        "laws": [fields(use, rows="rows_evaluated") for use in audit.uses],
+        "evaluated": audit.evaluated,
+        "laws": [_fields(use, rows="rows_evaluated") for use in audit.uses],
+        **(_by_load(audit) if by_load else _by_point(audit)),
     }
 
 
-def table_record(table: PublishedTable | PointTable) -> dict[str, str]:
+def table_record(table: PublishedTable) -> dict[str, str]:
     """Which table it is."""
     return picked(table, "name", "title", "source", "path")
 
 
-def load_record(load: float) -> dict[str, float | bool]:
+def load_record(load: float | None) -> dict[str, Any]:
     """A load; JSON has null ohms for an open circuit."""
-    return {"load_ohm": load, "open_circuit": math.isinf(load)}
+    return {} if load is None else {"load_ohm": load, "open_circuit": math.isinf(load)}
 
 
 def picked(item: object, *names: str) -> dict[str, Any]:
@@ -49,15 +42,13 @@ def picked(item: object, *names: str) -> dict[str, Any]:
     return {name: getattr(item, name) for name in names}
 
 
-def fields(item: msgspec.Struct, *left_out: str, **names: str) -> dict[str, Any]:
-    """Fields of a result in order, some left out, some with another name; loads as JSON has them, intervals as pairs."""
+def _fields(item: msgspec.Struct, **names: str) -> dict[str, Any]:
+    """Fields of a result in order, some with another name; loads as JSON has them, intervals as pairs."""
     record: dict[str, Any] = {}
-    for field in item.__struct_fields__:
-        value = getattr(item, field)
-        if field == "load":
-            record |= {} if value is None else load_record(value)
-        elif field not in left_out:
-            record[names.get(field, field)] = msgspec.structs.astuple(value) if isinstance(value, Span) else value
+    for name in item.__struct_fields__:
+        value = getattr(item, name)
+        found = msgspec.structs.astuple(value) if isinstance(value, Span) else value
+        record |= load_record(value) if name == "load" else {names.get(name, name): found}
     return record
 
 
@@ -68,35 +59,76 @@ def _by_load(audit: Audit) -> dict[str, Any]:
             "cycles": known.cycles,
             "deviation_energy": known.energy,
             "deviation_eta": known.eta,
-            "ratio": known.bounds.ratio,
-            "product": known.bounds.product,
-            "assumed": known.assumed,
+            **picked(known, "ratio", "product", "assumed"),
         },
         "contradictions": [
-            fields(item) | {"repairs": [fields(repair, "text") for repair in item.repairs]}
-            for item in audit.contradictions
+            *(_contradiction("column", _example(audit, fault.columns)) | {"cells": fault.columns, "line": None,
+              "sentence": fault.sentence, "repairs": []} for fault in audit.faults),
+            *(_contradiction(item.kind, item) | load_record(item.load) for item in audit.contradictions),
         ],
         "claims": [
-            {
-                "verdict": one.verdict,
-                **picked(one.claim, "says", "where"),
-                "sentence": one.sentence,
-                "line": one.claim.line,
-            }
+            {"verdict": one.verdict, **picked(one.claim, "says", "where"), "sentence": one.sentence, "line": one.claim.line}
             for one in audit.claims
         ],
-        "windows": [fields(one, span="window_s") for one in audit.windows],
+        "windows": [_fields(one, span="window_s") for one in audit.windows],
         "shared_windows": [
-            fields(one, span="window_s", shortest="shortest_s") | {"loads": [*map(load_record, one.loads)]}
+            _fields(one, span="window_s", shortest="shortest_s") | {"loads": [*map(load_record, one.loads)]}
             for one in audit.shared
         ],
-        **({} if audit.physics is None else {"physics": attainable_record(audit.physics)}),
+        **({} if audit.physics is None else {"physics": _physics(audit.physics)}),
+    }  # fmt: skip
+
+
+def _example(audit: Audit, columns: tuple[str, ...]) -> Contradiction:
+    """The first contradiction of a column that a fault explains."""
+    return next((item for item in audit.explained if item.metric in columns), audit.explained[0])
+
+
+def _contradiction(kind: str, item: Contradiction) -> dict[str, Any]:
+    return {
+        "kind": kind,
+        **picked(item, "cells", "metric"),
+        "printed": item.printed.value,
+        "unit": item.printed.unit,
+        "allowed": (item.allowed.low, item.allowed.high),
+        **picked(item, "missed_by", "sentence"),
+        "repairs": [picked(repair, "metric", "low", "high") for repair in item.repairs],
+        "line": item.printed.line,
     }
 
 
-def attainable_record(ranges: AttainableRanges) -> dict[str, Any]:
-    """What the rig can attain: the entry `physics`."""
-    found = ranges.explanation
+def _by_point(audit: Audit) -> dict[str, Any]:
+    table = audit.table
+    return {
+        "rows": len(table.rows),
+        "cells_compared": audit.compared,
+        "cells_not_numbers": table.unread,
+        "column_faults": [
+            {
+                **picked(fault, "kind", "columns"),
+                "heads": [table.columns[name].head for name in fault.columns],
+                **picked(fault, "broken_before", "broken_after", "sentence"),
+            }
+            for fault in audit.faults
+        ],
+        "contradictions": [
+            {
+                "row": row.number,
+                "key": {name: row.cells[name].value for name in table.keys if name in row.cells},
+                "column": item.metric,
+                "printed": item.printed.value,
+                "unit": item.printed.unit,
+                "allowed": (item.allowed.low, item.allowed.high),
+                "sentence": item.sentence,
+            }
+            for item in audit.contradictions
+            if (row := item.row) is not None
+        ],
+    }
+
+
+def _physics(ranges: AttainableRanges) -> dict[str, Any]:
+    """What the rig can attain."""
     return {
         "rig": ranges.rig.name,
         "ok": ranges.ok,
@@ -109,19 +141,17 @@ def attainable_record(ranges: AttainableRanges) -> dict[str, Any]:
                 "speed_mps": (row.speeds.low, row.speeds.high),
                 "efficiencies": {
                     cell.metric: {
-                        **picked(cell, "printed", "derived", "allowed"),
+                        **picked(cell, "printed", "derived", "allowed", "nominal", "outside"),
                         "reach": (cell.low, cell.high),
-                        "nominal": cell.nominal,
                         "standard_uncertainty": cell.u,
                         "off": cell.gap,
-                        "outside": cell.outside,
                     }
                     for cell in row.cells
                 },
             }
             for row in ranges.rows
         ],
-        "not_judged": [fields(item) for item in ranges.not_judged],
+        "not_judged": [_fields(item) for item in ranges.not_judged],
         "effects": [
             {
                 **picked(suspect, "effect", "stage"),
@@ -132,10 +162,10 @@ def attainable_record(ranges: AttainableRanges) -> dict[str, Any]:
                 "can": {one.metric: _ability(ranges, one) for one in suspect.abilities},
                 "best": suspect.best and _values(suspect.best),
             }
-            for suspect in found.suspects
+            for suspect in ranges.suspects
         ],
-        "sets": [_values(values) for values in found.sets],
-        "closest": found.closest and _values(found.closest),
+        "sets": [_values(values) for values in ranges.sets],
+        "closest": ranges.closest and _values(ranges.closest),
     }
 
 
@@ -147,31 +177,3 @@ def _ability(ranges: AttainableRanges, one: Ability) -> dict[str, Any]:
 
 def _values(values: Values) -> dict[str, Any]:
     return picked(values, "fields", "reported", "left_rms", "out_of_reach", "enough", "plausible", "at_bound")
-
-
-def _by_point(audit: PointAudit) -> dict[str, Any]:
-    table = audit.table
-    return {
-        "rows": len(table.rows),
-        "cells_compared": audit.laws,
-        "cells_not_numbers": table.unread,
-        "column_faults": [
-            {
-                **picked(fault, "kind", "columns"),
-                "heads": [table.columns[name].head for name in fault.columns],
-                **picked(fault, "broken_before", "broken_after", "sentence"),
-            }
-            for fault in audit.faults
-        ],
-        "contradictions": [
-            {
-                "row": item.row + 1,
-                "key": {name: cell.value for name, cell in table.rows[item.row].items() if name in table.key},
-                **picked(item, "column", "printed"),
-                "unit": table.columns[item.column].unit,
-                "allowed": (item.allowed.low, item.allowed.high),
-                "sentence": item.sentence,
-            }
-            for item in audit.broken
-        ],
-    }

@@ -1,22 +1,20 @@
-"""What an audit of a published table states: contradictions, claims, windows, what a rig can attain, or broken laws."""
+"""What an audit of a published table states: contradictions, faults of columns, claims, windows, what a rig can attain."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from winchcascade.core.published_table import Span as Interval
-from winchcascade.core.published_table import load_text, unit_suffix
+from winchcascade.core.quantity import load_text, unit_suffix
 from winchcascade.report.content import Column, Measured, Note, Report, Section, Span, Tile, section, table
 from winchcascade.report.glossary import upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
 from winchcascade.rig.effects.effect import Parameter
-from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
-from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow, Cell
-from winchcascade.tables.audit import Audit, RecoveredWindow, percent
+from winchcascade.tables.attainable import MAX_EFFECTS, Ability, AttainableRanges, SuspectResult, Values
+from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow, percent
 from winchcascade.tables.claims import ClaimVerdict
-from winchcascade.tables.effect_search import Values
-from winchcascade.tables.point_audit import ColumnFault, LawUse, PointAudit
+from winchcascade.tables.column_laws import ColumnFault, LawUse
+from winchcascade.tables.payouts import RAMPS, STARTED, AttainableRow, Cell
 
 VERDICTS = {"contradicted": "contradicted", "not_checkable": "cannot be verified", "confirmed": "confirmed"}
 """Verdicts on a claim in words, those that need a reader first."""
@@ -30,89 +28,25 @@ MAX_UNREAD = 12
 CLOSED_MIN = 0.005
 """An effect that removes less than this share of the excess over the attainable range does nothing. [1]"""
 
-
-def audit_report(audit: Audit | PointAudit, *, command: str = "") -> Report:
-    """Report of an audit of a table by load, with the physics of a rig where requested, or of operating points."""
-    verdict = Note(audit_summary(audit), "Outcome", "good" if audit.ok else "warn", brief=False)
-    tiles, points, sections = _by_load(audit) if isinstance(audit, Audit) else _by_point(audit)
-    derived = ", ".join(use.law for use in audit.uses if use.status == "derived")
-    lost = ", ".join(_lost(use) for use in audit.uses if use.status == "not_evaluated")
-    return Report(
-        kind="Audit of a published table",
-        title=f"{audit.table.name}: {audit.table.title}",
-        subtitle=audit.table.source,
-        tiles=tiles,
-        points=[
-            verdict,
-            *points,
-            Note(f"{derived}, as the cells are empty.", "Derived") if derived else None,
-            Note(f"{lost}.", "Not evaluated") if lost else None,
-        ],
-        sections=[*sections, provenance(table_rows(audit.table), command)],
-        verdict=verdict,
-    )
-
-
-def _lost(use: LawUse) -> str:
-    """A law that no row could be compared with, and which columns it lacks."""
-    return f"{use.law} (no {' and no '.join(use.missing)})" if 0 < len(use.missing) <= MAX_MISSING else use.law
-
-
-def failed_audit(audit: Audit | PointAudit) -> Report:
-    """What contradicts itself or the rig alone."""
-    if isinstance(audit, PointAudit):
-        texts = [fault.sentence for fault in audit.faults] + [item.sentence for item in audit.broken]
-    else:
-        texts = [item.sentence for item in audit.contradictions]
-        texts += [f"Claim contradicted: {claim.sentence}" for claim in audit.contradicted]
-        if audit.physics is not None:
-            metrics = dict.fromkeys(cell.metric for _, cell in audit.physics.outside)
-            texts += [deviation_words(audit.physics, metric) for metric in metrics]
-    return Report("Audit", audit_summary(audit), points=[Note(text) for text in texts])
-
-
-def audit_summary(audit: Audit | PointAudit) -> str:
-    """How many contradictions there are."""
-    if isinstance(audit, PointAudit):
-        evaluated, physics = audit.laws > 0, None
-        counts = [(len(audit.faults), "column fault"), (len(audit.broken), "contradicted cell")]
-    else:
-        evaluated, physics = audit.evaluated, audit.physics
-        counts = [(len(audit.contradictions), "contradiction"), (len(audit.contradicted), "contradicted claim")]
-    found = [f"{count} {what}{'s' * (count > 1)}" for count, what in counts if count]
-    text = f"Found: {', '.join(found)}" if found else "Nothing contradicts itself"
-    if not evaluated:
-        text = "Nothing was evaluated: the table has no cells that a law or a claim connects"
-    return f"{text}." if physics is None else f"{text}; {attainable_summary(physics)}."
-
-
-class Contradicted(NamedTuple):
-    """A cell that others contradict: its place, what it may be, the sentence, and half a unit of its last decimal."""
-
-    row: str
-    column: str
-    printed: float
-    allowed: Interval
-    unit: str
-    sentence: str
-    rounding: float
-    line: int | None = None
-
-
-CONTRADICTED: tuple[Column[Contradicted], ...] = (
-    Column("row", lambda c: c.row, brief=False),
-    Column("cell", lambda c: c.column, brief=False),
-    Column("printed", lambda c: Measured(c.printed, PRINTED * c.rounding), brief=False, own_digits=True),
+CONTRADICTED: tuple[Column[Contradiction], ...] = (
+    Column("row", lambda c: "total" if c.row is None else c.row.name, brief=False),
+    Column("cell", lambda c: c.metric, brief=False),
+    Column("printed", lambda c: Measured(c.printed.value, PRINTED * c.printed.rounding), brief=False, own_digits=True),
     Column(
-        "allowed", lambda c: Span(c.allowed.low, c.allowed.high, 0.1 * PRINTED * c.rounding), brief=False, own_digits=True
+        "allowed", lambda c: Span(c.allowed.low, c.allowed.high, 0.1 * PRINTED * c.printed.rounding),
+        brief=False, own_digits=True,
     ),
-    Column("unit", lambda c: "" if c.unit == "1" else c.unit, brief=False),
-    Column("what contradicts what", lambda c: c.sentence),
-    Column("line", lambda c: c.line, brief=False),
+    Column("unit", lambda c: "" if c.printed.unit == "1" else c.printed.unit, brief=False),
+    Column("what contradicts what", lambda c: _contradiction_words(c)),
+    Column("line", lambda c: c.printed.line, brief=False),
 )  # fmt: skip
 
+FAULTS: tuple[Column[ColumnFault], ...] = (
+    Column("fault", lambda f: f.kind, brief=False),
+    Column("columns", lambda f: ", ".join(f.columns), brief=False),
+    Column("what was found", lambda f: f.sentence),
+)
 
-# ------------------------------------------------------------------------------------------------------ a table by load
 CLAIMS: tuple[Column[ClaimVerdict], ...] = (
     Column("verdict", lambda c: VERDICTS[c.verdict]),
     Column("what the rows give", lambda c: f"{c.sentence} [{c.claim.where}]"),
@@ -125,69 +59,125 @@ WINDOWS: tuple[Column[RecoveredWindow], ...] = (
 )
 
 
-def _by_load(audit: Audit) -> tuple[list[Tile], list[Note], list[Section]]:
-    known, physics, claims = audit.known, audit.physics, audit.claims
-    tiles = [
-        Tile("Contradictions", "between cells", f"{len(audit.contradictions)}", f"in {len(audit.table.rows)} rows"),
-        Tile("Claims", "contradicted", f"{len(audit.contradicted)}", f"of {len(claims)}"),
-    ]
-    found, advice = [], Note("`--physics` compares the table with the model of a rig.", "Next", brief=False)
+def audit_report(audit: Audit, *, command: str = "") -> Report:
+    """Report of an audit, with the physics of a rig where requested."""
+    verdict = Note(audit_summary(audit), "Outcome", "good" if audit.ok else "warn", brief=False)
+    claims, physics, count = audit.claims, audit.physics, len(audit.contradictions)
+    judged = 0 if physics is None else sum(len(row.cells) for row in physics.rows)
+    open_claims = [claim for verdict in list(VERDICTS)[:2] for claim in claims if claim.verdict == verdict]
+    confirmed = [claim for claim in claims if claim.verdict == "confirmed"]
+    none = Note("None.") if audit.evaluated and not count else None
+    return Report(
+        kind="Audit of a published table",
+        title=f"{audit.table.name}: {audit.table.title}",
+        subtitle=audit.table.source,
+        tiles=[
+            Tile("Contradictions", "between cells", f"{count}", f"in {len(audit.table.rows)} rows"),
+            Tile("Columns", "with another unit or exchanged heads", f"{len(audit.faults)}", f"of {len(audit.table.columns)}"),
+            *([Tile("Claims", "contradicted", f"{len(audit.contradicted)}", f"of {len(claims)}")] if claims else []),
+            *([] if physics is None else
+              [Tile("Efficiencies", "that the rig cannot reach", f"{len(physics.outside)}", f"of {judged}")]),
+        ],
+        points=[verdict, *_points(audit)],
+        sections=[
+            section("columns", "Faults of whole columns", table("column-faults", "Faults of columns.", FAULTS, audit.faults)),
+            section(
+                "contradictions", "Cells that contradict each other",
+                table("contradictions", "Cells that cannot all be true, whatever the rounding.", CONTRADICTED,
+                      audit.contradictions),
+                none,
+            ),
+            section(
+                "claims", "Claims of the text",
+                table("claims", "Claims that the rows do not confirm.", CLAIMS, open_claims),
+                Note(f"{len(confirmed)} of {len(claims)} claims are confirmed.") if claims else None,
+            ),
+            *([] if physics is None else _physics(physics)),
+            section(
+                "windows", "Windows recovered from energy over power",
+                *(
+                    Note(f"{', '.join(map(load_text, one.loads))} can share one of {one.shortest:g} s.", "Window")
+                    for one in audit.shared if len(one.loads) > 1
+                ),
+                table("windows", "Windows that energies and powers allow; none where stages contradict.", WINDOWS,
+                      audit.windows),
+                folded=True,
+            ),
+            section(
+                "confirmed", "Confirmed claims",
+                table("confirmed", "Claims that the rows confirm.", CLAIMS, confirmed, brief=False), folded=True,
+            ),
+            provenance(table_rows(audit.table), command),
+        ],
+        verdict=verdict,
+    )  # fmt: skip
+
+
+def _points(audit: Audit) -> list[Note]:
+    """What follows, what the rig can attain, what was assumed, compared and not evaluated."""
+    audited, physics, known = audit.table, audit.physics, audit.known
+    laws = ", ".join(f"{name} = {c.law.text}" for name, c in audited.columns.items() if c.law)
+    texts = {
+        "Laws": laws,
+        "At most 1": ", ".join(name for name, c in audited.columns.items() if c.at_most == 1.0),
+        "Tolerance": f"means may differ by {100.0 * audited.tolerance:g} %" if audited.tolerance else "",
+        "Compared": f"{audit.compared} cells in {len(audited.rows)} rows" if not audited.by_load else "",
+        "No numbers": "; ".join(
+            (*audited.unread[:MAX_UNREAD], *(["and more"] if len(audited.unread) > MAX_UNREAD else []))
+        ),
+        "Derived": ", ".join(f"{use.law} (cells are empty)" for use in audit.uses if use.status == "derived"),
+        "Not evaluated": ", ".join(_lost(use) for use in audit.uses if use.status == "not_evaluated"),
+    }
+    notes = [Note(f"{text}.", about) for about, text in texts.items() if text]
+    if not audited.by_load:
+        return notes
+    advice = Note("`--physics` compares the table with the model of a rig.", "Next", brief=False)
+    found = []
     if physics is not None:
-        judged = sum(len(row.cells) for row in physics.rows)
-        tiles.append(Tile("Efficiencies", "that the rig cannot reach", f"{len(physics.outside)}", f"of {judged}"))
         metrics = dict.fromkeys(cell.metric for row in physics.rows for cell in row.cells)
         found = [Note(deviation_words(physics, metric), "Physics") for metric in metrics]
         advice = Note("" if physics.ok else "Logs decide between the effects: `winchcascade diagnose`.", "Next")
     bounds = (
-        f"Means over {known.basis}: an efficiency can differ from the ratio of mean energies by {percent(known.bounds.ratio)}, "
-        f"eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}."
+        f"Means over {known.basis}: an efficiency can differ from the ratio of mean energies by {percent(known.ratio)}, "
+        f"eta_pto from eta_trans eta_gen by {percent(known.product)}."
     )
     assumed = f"{', '.join(known.assumed)}, as the table does not state them." if known.assumed else ""
-    open_claims = [claim for verdict in list(VERDICTS)[:2] for claim in claims if claim.verdict == verdict]
-    confirmed = [claim for claim in claims if claim.verdict == "confirmed"]
-    return tiles, [advice, *found, Note(bounds, "Bounds"), Note(assumed, "Assumed")], [
-        section(
-            "contradictions", "Cells that contradict each other",
-            table(
-                "contradictions", "Cells that cannot all be true, whatever the rounding and the scatter of the cycles.",
-                CONTRADICTED, _contradicted(audit),
-            ),
-            None if audit.contradictions or not audit.evaluated else Note("None."),
-        ),
-        section(
-            "claims", "Claims of the text",
-            table("claims", "Claims that the rows do not confirm.", CLAIMS, open_claims),
-            Note(f"{len(confirmed)} of {len(claims)} claims are confirmed.") if claims else None,
-        ),
-        *([] if physics is None else _physics(physics)),
-        section(
-            "windows", "Windows recovered from energy over power",
-            *(
-                Note(f"{', '.join(map(load_text, one.loads))} can share one of {one.shortest:g} s.", "Window")
-                for one in audit.shared if len(one.loads) > 1
-            ),
-            table("windows", "Windows that energies and powers allow; none where stages contradict.", WINDOWS, audit.windows),
-            folded=True,
-        ),
-        section(
-            "confirmed", "Confirmed claims",
-            table("confirmed", "Claims that the rows confirm.", CLAIMS, confirmed, brief=False), folded=True,
-        ),
-    ]  # fmt: skip
+    return [advice, *found, Note(bounds, "Bounds"), Note(assumed, "Assumed"), *notes]
 
 
-def _contradicted(audit: Audit) -> list[Contradicted]:
-    """Contradictions of a table by load, each with what would mend its row."""
-    found = []
-    for item in audit.contradictions:
-        sentence, changes = item.sentence, ", or ".join(f"{repair.metric} {repair.text}" for repair in item.repairs)
-        if item.kind == "row":
-            mended = f"A change of one cell makes the row consistent: {changes}."
-            sentence += f" {mended if changes else 'No change of a single cell makes this row consistent.'}"
-        row = item.kind if item.load is None else load_text(item.load)
-        half = audit.table.columns[item.metric].rounding
-        found.append(Contradicted(row, item.metric, item.printed, item.allowed, item.unit, sentence, half, item.line))
-    return found
+def _lost(use: LawUse) -> str:
+    """A law that no row could be compared with, and which columns it lacks."""
+    return f"{use.law} (no {' and no '.join(use.missing)})" if 0 < len(use.missing) <= MAX_MISSING else use.law
+
+
+def _contradiction_words(item: Contradiction) -> str:
+    """A contradiction with what would mend its row."""
+    changes = ", or ".join(f"{repair.metric} {repair.text}" for repair in item.repairs)
+    return f"{item.sentence} A change of one cell makes the row consistent: {changes}." if changes else item.sentence
+
+
+def failed_audit(audit: Audit) -> Report:
+    """What contradicts itself or the rig alone."""
+    texts = [fault.sentence for fault in audit.faults] + [item.sentence for item in audit.contradictions]
+    texts += [f"Claim contradicted: {claim.sentence}" for claim in audit.contradicted]
+    if audit.physics is not None:
+        metrics = dict.fromkeys(cell.metric for _, cell in audit.physics.outside)
+        texts += [deviation_words(audit.physics, metric) for metric in metrics]
+    return Report("Audit", audit_summary(audit), points=[Note(text) for text in texts])
+
+
+def audit_summary(audit: Audit) -> str:
+    """How many contradictions there are."""
+    counts = [
+        (len(audit.faults), "column fault"),
+        (len(audit.contradictions), "contradiction"),
+        (len(audit.contradicted), "contradicted claim"),
+    ]
+    found = [f"{count} {what}{'s' * (count > 1)}" for count, what in counts if count]
+    text = f"Found: {', '.join(found)}" if found else "Nothing contradicts itself"
+    if not audit.evaluated:
+        text = "Nothing was evaluated: the table has no cells that a law or a claim connects"
+    return f"{text}." if audit.physics is None else f"{text}; {attainable_summary(audit.physics)}."
 
 
 # ----------------------------------------------------------------------------------------------------- physics of a rig
@@ -221,12 +211,10 @@ def attainable_summary(ranges: AttainableRanges) -> str:
 def deviation_words(ranges: AttainableRanges, metric: str) -> str:
     """How far the table deviates from what the rig can reach in one efficiency."""
     judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
-    gaps = [100.0 * cell.gap for cell in judged if cell.outside]
-    sides = (("above", [gap for gap in gaps if gap > 0]), ("below", [-gap for gap in gaps if gap < 0]))
+    gaps = sorted((100.0 * cell.gap for cell in judged if cell.outside), key=abs)
     found = [
-        f"{len(one)} of {len(judged)} rows {side} what the rig can reach, by "
-        f"{_ends([f'{gap:.1f}' for gap in sorted(one)])} points"
-        for side, one in sides
+        f"{len(one)} of {len(judged)} rows {side} what the rig can reach, by {_ends([f'{abs(gap):.1f}' for gap in one])} points"
+        for side, one in (("above", [gap for gap in gaps if gap > 0]), ("below", [gap for gap in gaps if gap < 0]))
         if one
     ]
     return f"{metric}: {'; '.join(found) or f'all {len(judged)} rows can be reached'}."
@@ -288,16 +276,15 @@ def _effects(ranges: AttainableRanges) -> Section:
     """Effects one by one on each efficiency outside the range (the stages, else their product), those that help most first."""
     outside = {cell.metric for _, cell in ranges.outside}
     wanted = sorted(outside & {"eta_trans", "eta_gen"}, reverse=True) or sorted(outside)
-    suspects = ranges.explanation.suspects
     found = [
         Suspected(suspect, alone, _needed(ranges, alone))
         for metric in wanted
-        for suspect in suspects
+        for suspect in ranges.suspects
         if (alone := suspect.ability(metric)).closed >= CLOSED_MIN
     ]
     found.sort(key=lambda s: (wanted.index(s.alone.metric), s.alone.verdict != "explains", -s.alone.closed))
     helping = {one.effect.effect for one in found}
-    nothing = ", ".join(suspect.effect for suspect in suspects if suspect.effect not in helping)
+    nothing = ", ".join(suspect.effect for suspect in ranges.suspects if suspect.effect not in helping)
     legend = (
         "from the row that needs least to the one that needs most, * in some rows no value does; closes: share of the excess "
         "that a plausible value removes; alone: whether one value, plausible or not, brings all rows within the range."
@@ -322,18 +309,19 @@ def _needed(ranges: AttainableRanges, ability: Ability) -> str | None:
 
 def _sets(ranges: AttainableRanges) -> Section:
     """The smallest sets that bring the table within the attainable range, or the one that comes closest."""
-    found = ranges.explanation
-    listed = found.sets or ((found.closest,) if found.closest else ())
-    fields = {(s.effect, f.name): f for s in found.suspects for f in s.fields}
+    listed = ranges.sets or ((ranges.closest,) if ranges.closest else ())
+    fields = {(s.effect, f.name): f for s in ranges.suspects for f in s.fields}
     columns: list[Column[Values]] = [
         Column("effects and values", lambda values: " with ".join(_valued(values, fields))),
         Column("outside in all", lambda values: 100.0 * values.out_of_reach or None, "points", 1),
         *(_left(metric) for metric in dict.fromkeys(m for one in listed for m in one.left_rms)),
     ]
-    none = f"No set of up to {found.size} effects brings all within the range at plausible values; this one is closest."
+    none = (
+        f"No set of up to {MAX_EFFECTS} effects brings all within the range at plausible values; this one is closest."
+    )
     return section(
         "sets", "Smallest sets of effects within the attainable range",
-        None if found.sets or not listed else Note(none),
+        None if ranges.sets or not listed else Note(none),
         table("sets", "Sets of effects, best fit first, and the rms that they leave.", columns, listed),
     )  # fmt: skip
 
@@ -351,40 +339,3 @@ def _valued(values: Values, fields: dict[tuple[str, str], Parameter]) -> Iterabl
             stops = [f" (at its bound {end:g})" for end in (field.low, field.high) if value == end != field.absent]
             texts.append(f"{name} {value:.3g}{unit_suffix(field.unit)}{''.join(stops)}")
         yield f"{effect} {', '.join(texts)}"
-
-
-# ---------------------------------------------------------------------------------------------------- operating points
-def _by_point(audit: PointAudit) -> tuple[list[Tile], list[Note], list[Section]]:
-    audited, unread = audit.table, audit.table.unread
-    more = f"; and {len(unread) - MAX_UNREAD} more" if len(unread) > MAX_UNREAD else ""
-    heads = (
-        ("Laws", ", ".join(f"{name} = {c.law.text}" for name, c in audited.columns.items() if c.law)),
-        ("At most 1", ", ".join(name for name, c in audited.columns.items() if c.at_most == 1.0)),
-        ("Tolerance", f"means may differ by {100.0 * audited.tolerance:g} %" if audited.tolerance else ""),
-        ("Compared", f"{audit.laws} cells in {len(audited.rows)} rows"),
-        ("No numbers", "; ".join(unread[:MAX_UNREAD]) + more),
-    )
-    tiles = [
-        Tile("Cells", "that others of their row contradict", f"{len(audit.broken)}", f"of {audit.laws} compared"),
-        Tile("Columns", "with another unit or exchanged heads", f"{len(audit.faults)}", f"of {len(audited.columns)}"),
-    ]
-    faults: list[Column[ColumnFault]] = [
-        Column("fault", lambda f: f.kind.replace("_", " "), brief=False),
-        Column("columns", lambda f: ", ".join(audited.columns[name].head for name in f.columns), brief=False),
-        Column("what was found", lambda f: f.sentence),
-    ]
-    broken = [
-        Contradicted(
-            f"{item.row + 1}", column.head, item.printed, item.allowed, column.unit, item.sentence,
-            audited.rows[item.row][item.column].rounding,
-        )
-        for item in audit.broken for column in [audited.columns[item.column]]
-    ]  # fmt: skip
-    return tiles, [Note(f"{text}.", about) for about, text in heads if text], [
-        section("columns", "Faults of whole columns", table("column-faults", "Faults of columns.", faults, audit.faults)),
-        section(
-            "contradictions", "Cells that contradict others of their row",
-            table("contradictions", "Cells that the others of their row contradict.", CONTRADICTED, broken),
-            None if broken or not audit.laws else Note("None."),
-        ),
-    ]  # fmt: skip

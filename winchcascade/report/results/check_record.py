@@ -14,7 +14,8 @@ from winchcascade.core.version import GENERATOR, __version__
 from winchcascade.report.results.audit_record import load_record, picked, table_record
 from winchcascade.report.results.checks import allowance, miss_sentence
 from winchcascade.report.wording import origin_words
-from winchcascade.tables.check import Check, RowKey
+from winchcascade.tables.check import Check
+from winchcascade.tables.published_table import TableRow
 
 MAX_FINDINGS = 5
 """Findings of a log that are stated for each cell; of more the number."""
@@ -35,28 +36,29 @@ def check_record(check: Check) -> dict[str, Any]:
         "misses": len(check.misses),
         "cells": [
             {
-                **_row(cell.row),
+                **_row(cell.row, check),
                 "metric": cell.metric,
-                "unit": cell.column.unit,
-                "decimals": cell.column.decimals,
-                **picked(cell, "outcome", "log", "printed", "measured", "difference"),
+                **picked(cell.cell, "unit", "decimals", "line"),
+                "printed": cell.cell.value,
+                **picked(cell, "outcome", "log", "measured", "difference", "missed_by"),
                 "tolerance": {
                     "total": cell.tolerance,
                     **picked(cell, "rounding", "deviation", "uncertainty", "limits", "basis"),
-                    **({} if cell.row.number is None else {"means": cell.means}),
+                    **({} if check.table.by_load else {"means": cell.means}),
                 },
-                **picked(cell, "missed_by", "line"),
             }
             for cell in check.cells
         ],
-        "findings": [{**_row(row), "findings": list(found)} for row, found in check.findings.items()],
+        "findings": [{**_row(row, check), "findings": list(found)} for row, found in check.findings],
         "notes": check.notes,
     }
 
 
-def _row(row: RowKey) -> dict[str, Any]:
+def _row(row: TableRow, check: Check) -> dict[str, Any]:
     """A row by its load, or by its number and its key cells as printed."""
-    return {"row": row.number, "key": dict(row.cells)} if row.load is None else load_record(row.load)
+    if row.load is not None:
+        return load_record(row.load)
+    return {"row": row.number, "key": {name: row.cells[name].text for name in check.table.keys if name in row.cells}}
 
 
 def junit_xml(check: Check) -> str:
@@ -74,7 +76,7 @@ def junit_xml(check: Check) -> str:
     for key, value in (("generator", GENERATOR), ("data", one_line(origin_words(check.origins)))):
         ElementTree.SubElement(properties, "property", {"name": key, "value": value})
     for cell in check.cells:
-        place = f"{name}.{cell.row.text.replace(' ', '_').replace('.', 'p')}"
+        place = f"{name}.{cell.row.name.replace(' ', '_').replace('.', 'p')}"
         case = ElementTree.SubElement(suite, "testcase", {"classname": place, "name": cell.metric, "time": "0"})
         if not cell.ok:
             failure = ElementTree.SubElement(case, "failure", {"message": miss_sentence(cell), "type": cell.outcome})
@@ -93,8 +95,8 @@ def github_annotations(check: Check, table_path: str | Path) -> str:
     """One workflow command a line: an error at the cell in the table file for every miss, a warning at its row for each log
     with findings, a notice for every note.
     """
-    found = [("error", cell.line, f"{cell.row.text} {cell.metric}", miss_sentence(cell)) for cell in check.misses]
-    found += [("warning", row.line, f"{row.text} findings", _findings(check, row)) for row in check.findings]
+    found = [("error", cell.cell.line, f"{cell.row.name} {cell.metric}", miss_sentence(cell)) for cell in check.misses]
+    found += [("warning", row.line, f"{row.name} findings", _findings(check, row)) for row, _ in check.findings]
     file = f"file={_property(str(table_path))}"
     lines = [
         f"::{kind} {file}{'' if line is None else f',line={line}'},title={_property(title)}::{_message(text)}"
@@ -103,9 +105,9 @@ def github_annotations(check: Check, table_path: str | Path) -> str:
     return "".join(f"{line}\n" for line in (*lines, *(f"::notice::{_message(one_line(note))}" for note in check.notes)))
 
 
-def _findings(check: Check, row: RowKey) -> str:
+def _findings(check: Check, row: TableRow) -> str:
     """What is wrong with the log of a row in lines: how many findings there are, and the first of them."""
-    found = check.findings.get(row, ())
+    found = next((found for of, found in check.findings if of.number == row.number), ())
     more = [f"... {len(found) - MAX_FINDINGS} more, all in --json"] if len(found) > MAX_FINDINGS else []
     lines = [f"findings in this log: {len(found)}", *(f"! {one_line(text)}" for text in found[:MAX_FINDINGS]), *more]
     return "\n".join(lines) if found else ""

@@ -7,13 +7,12 @@ from functools import partial
 from pathlib import Path
 
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.published_table import PublishedTable
 from winchcascade.report.content import Column, Measured, Note, Report, Tile, places, section, shown, table
 from winchcascade.report.glossary import short, upper
 from winchcascade.report.results.common import PRINTED, data_note, provenance, table_rows
 from winchcascade.report.wording import banner
-from winchcascade.tables.check import CellCheck, Check, RowKey
-from winchcascade.tables.point_table import PointTable
+from winchcascade.tables.check import CellCheck, Check
+from winchcascade.tables.published_table import TableRow
 
 OUTCOMES = {"ok": "agrees", "miss": "differs", "not_measured": "not measured", "no_run": "no run"}
 """Outcomes of a cell in words."""
@@ -26,7 +25,7 @@ def check_report(check: Check, *, command: str = "") -> Report:
     """Report of a check."""
     counts, whole = Counter(cell.outcome for cell in check.cells), f"of {len(check.cells)} cells"
     lost = counts["not_measured"] + counts["no_run"]
-    findings = [(row, text) for row, found in check.findings.items() for text in found]
+    findings = [(row, text) for row, found in check.findings for text in found]
     verdict = Note(check_summary(check), "Outcome", "good" if check.ok else "warn", brief=False)
     advice = "" if not counts["miss"] else "`winchcascade audit` shows whether the table contradicts itself."
     if advice and findings:
@@ -65,8 +64,8 @@ def check_report(check: Check, *, command: str = "") -> Report:
     )  # fmt: skip
 
 
-FINDINGS: tuple[Column[tuple[RowKey, str]], ...] = (
-    Column("row", lambda found: found[0].text),
+FINDINGS: tuple[Column[tuple[TableRow, str]], ...] = (
+    Column("row", lambda found: found[0].name),
     Column("what was found in its log", lambda found: one_line(found[1])),
 )
 
@@ -78,10 +77,10 @@ def failed_check(check: Check) -> Report:
 
 def miss_sentence(cell: CellCheck) -> str:
     """Say of a cell that does not agree where it stands, what is printed, what was found and by how much it differs."""
-    place = f"{cell.row.text}, {cell.metric}: {cell.column.text(cell.printed)} is printed"
+    place = f"{cell.row.name}, {cell.metric}: {cell.cell.words} is printed"
     log = one_line(cell.log or "the log")
     if cell.outcome == "no_run":
-        return f"{place}, and no run of this {'row' if cell.load is None else 'load'} was given."
+        return f"{place}, and no run of this row was given."
     if cell.measured is None:
         return f"{place}, and {log} has no measured value."
     difference = shown(_finer(cell, cell.difference), signed=True)
@@ -101,12 +100,14 @@ def check_summary(check: Check) -> str:
 
 def _columns(check: Check) -> list[Column[CellCheck]]:
     """Columns of a cell: printed, found, difference, what is allowed with its parts, outcome."""
-    several = len({(cell.row, cell.log) for cell in check.cells}) > len({cell.row for cell in check.cells})
+    several = len({(cell.row.number, cell.log) for cell in check.cells}) > len(
+        {cell.row.number for cell in check.cells}
+    )
     return [
-        Column("row", lambda cell: cell.row.text),
+        Column("row", lambda cell: cell.row.name),
         Column("cell", lambda cell: short(cell.metric)),
-        Column("unit", lambda cell: "" if cell.column.unit == "1" else cell.column.unit),
-        Column("printed", lambda cell: Measured(cell.printed, PRINTED * cell.column.rounding), own_digits=True),
+        Column("unit", lambda cell: "" if cell.cell.unit == "1" else cell.cell.unit),
+        Column("printed", lambda cell: Measured(cell.cell.value, PRINTED * cell.cell.rounding), own_digits=True),
         Column("found", lambda cell: _finer(cell, cell.measured), own_digits=True),
         Column("differs", lambda cell: _finer(cell, cell.difference), own_digits=True, signed=True),
         Column("allowed", partial(_allowed, "tolerance"), own_digits=True),
@@ -119,7 +120,7 @@ def _columns(check: Check) -> list[Column[CellCheck]]:
 
 def allowance(check: Check, cell: CellCheck) -> str:
     """What a cell allows in numbers, part by part."""
-    decimals = max(cell.column.decimals + 2, 0)
+    decimals = max(cell.cell.decimals + 2, 0)
     return " + ".join(f"{PARTS[part]} {getattr(cell, part):.{decimals}f}" for part in _parts(check))
 
 
@@ -131,7 +132,7 @@ def _parts(check: Check) -> list[str]:
 
 def _finer(cell: CellCheck, value: float | None) -> Measured:
     """A value with one decimal more than is printed."""
-    return Measured(value, 0.1 * PRINTED * cell.column.rounding)
+    return Measured(value, 0.1 * PRINTED * cell.cell.rounding)
 
 
 def _allowed(part: str, cell: CellCheck) -> Measured | None:
@@ -144,19 +145,19 @@ def beyond(cell: CellCheck) -> Measured | None:
     missed = cell.missed_by
     if missed is None or cell.ok:
         return None
-    u = 0.1 * PRINTED * cell.column.rounding
+    u = 0.1 * PRINTED * cell.cell.rounding
     return Measured(missed, u if round(missed, places(u)) else missed)
 
 
 def recipe(check: Check) -> str:
     """What a cell allows, part by part."""
     factors, checked = check.factors, check.table
-    capped = " (at most that of the table)" if isinstance(checked, PublishedTable) and checked.deviations else ""
+    capped = " (at most that of the table)" if checked.deviations else ""
     named = (
         (factors.rounding, "half a unit of the last decimal"),
         (factors.deviation, f"largest deviation of the cycles{capped}"),
         (factors.uncertainty, "2 standard uncertainties of the mean by the sensors"),
     )
     texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in named if factor]
-    means = factors.means * checked.tolerance if isinstance(checked, PointTable) else 0.0
+    means = factors.means * checked.tolerance
     return " + ".join(texts + ([f"{100.0 * means:g} % that means may differ by"] if means else [])) or "nothing"

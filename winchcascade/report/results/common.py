@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy
 
 from winchcascade.core.campaign_file import Origin
-from winchcascade.core.published_table import table_place
 from winchcascade.core.store import fingerprint
 from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.reduction_result import Reduction
@@ -18,16 +17,17 @@ from winchcascade.report.glossary import upper
 from winchcascade.report.wording import origin_words
 
 if TYPE_CHECKING:
-    from winchcascade.core.published_table import PublishedTable
     from winchcascade.core.run import Run
-    from winchcascade.tables.point_table import PointTable
+    from winchcascade.tables.published_table import PublishedTable
 
 PRINTED = 20.0
 """Standard uncertainty with which a number has the decimals that are printed, per half a unit of the last one."""
 
 
-def table_rows(table: PublishedTable | PointTable) -> list[tuple[str, Cell]]:
+def table_rows(table: PublishedTable) -> list[tuple[str, Cell]]:
     """Which published table it is, for the provenance."""
+    from winchcascade.tables.table_file import table_place
+
     return [
         ("Published table", table_place(table.path) or table.name),
         ("SHA-256 of the table", fingerprint(table.path)),

@@ -12,7 +12,7 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, 
 from winchcascade.diagnosis.figure_data import block_table, largest_gap
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.load_costs import cost_of, load_costs, ranked_causes, worst_costs
+from winchcascade.diagnosis.load_costs import cost_of, load_costs, worst_costs
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report.content import (
@@ -117,7 +117,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
 def _tiles(found: ModelDiagnosis) -> list[Tile]:
     """Verdict, largest cost and next step; without causes the first sign, or the place that deviates most."""
     shown, costs = [verdict_tile(found)], worst_costs(found)
-    for cause in ranked_causes(found)[:1]:
+    for cause in found.causes[:1]:
         change = cost_of(costs, cause)
         if costs is not None and change is not None:
             name = "Largest cost" if change < 0.0 else "Largest change"
@@ -202,7 +202,7 @@ def _cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool) -> Ta
     costs = load_costs(found, metric)
     if not costs:
         return None
-    order = {cause.effect: k for k, cause in enumerate(ranked_causes(found))}
+    order = {cause.effect: k for k, cause in enumerate(found.causes)}
     parts = sorted(enumerate(costs[0].parts), key=lambda one: order.get(one[1].effect or "", len(order)))
 
     def at(k: int) -> Column[CostRow]:

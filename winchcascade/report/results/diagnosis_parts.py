@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, ModelForm, NamedCause, Place, Reported
-from winchcascade.diagnosis.load_costs import cost_of, ranked_causes, worst_costs
+from winchcascade.diagnosis.load_costs import cost_of, worst_costs
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -65,7 +65,7 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     costs, model = worst_costs(found), isinstance(found, ModelDiagnosis)
     rows = [
         CauseRow(cause, shown_as(found, cause, name), value, first=k == 0)
-        for cause in ranked_causes(found)
+        for cause in found.causes
         for k, (name, value) in enumerate(cause.parameters.items())
     ]
 
@@ -142,7 +142,7 @@ def verdict_tile(found: DiagnosisResult) -> Tile:
 
 def step_tile(found: DiagnosisResult) -> list[Tile]:
     """What to do about the first cause; none without one."""
-    for cause in ranked_causes(found)[:1]:
+    for cause in found.causes[:1]:
         action, alike = words.action_of(found, cause), ", ".join(one.effect for one in cause.look_alikes)
         beside = f"look-alike: {alike}" if alike else action.stated
         return [Tile("Next step", cause.effect, upper(action.what.replace("`", "")), beside)]
@@ -154,7 +154,7 @@ def first_points(found: DiagnosisResult) -> list[Note | None]:
     good = found.verdict in ("no_gap", "explained")
     return [
         Note(words.verdict_words(found), "Verdict", "good" if good else "warn"),
-        Note(words.where_words(found, ranked_causes(found)), "Where"),
+        Note(words.where_words(found), "Where"),
         *(Note(text, "Finding", "warn") for text in words.finding_words(found)),
         *(Note(text, "Trend", "warn") for text in words.trend_sentences(found)),
         Note(words.certainty_words(found), "Certainty"),

@@ -141,11 +141,11 @@ def _residual_words(found: DiagnosisResult) -> str:
 
 
 # ------------------------------------------------------------------------------------------------------------- the place
-def where_words(found: DiagnosisResult, ranked: Sequence[NamedCause]) -> str:
+def where_words(found: DiagnosisResult) -> str:
     """The stages of the causes, those that cost most first; without causes the place, or the strongest sign, of the gap."""
-    if ranked:
+    if found.causes:
         names = {"entry": "entry of rig file or campaign"}
-        stages = [names.get(stage, stage) for stage in dict.fromkeys(cause.stage for cause in ranked)]
+        stages = [names.get(stage, stage) for stage in dict.fromkeys(cause.stage for cause in found.causes)]
         others = f", then {', '.join(stages[1:])}" if len(stages) > 1 else ""
         return f"{upper(stages[0])}{others}."
     if found.where is None:

@@ -15,7 +15,7 @@ COUNTS: tuple[Column[tuple[str, Count]], ...] = (
     Column("counted", lambda row: row[0]),
     Column("cases", lambda row: f"{row[1].part} of {row[1].of}"),
     Column("share", lambda row: 100.0 * row[1].part / row[1].of, "%", 1),
-    Column("95 % interval", lambda row: Span(*(100.0 * end for end in row[1].interval)), "%", 0),
+    Column("95 % interval", lambda row: Span(*(100.0 * end for end in row[1].interval_95)), "%", 0),
 )
 
 TAKEN: tuple[Column[tuple[str, dict[str, int]]], ...] = (
@@ -56,7 +56,7 @@ def trial_report(score: Score) -> Report:
             section("totals", "Outcome", table("totals", "What came of the cases.", COUNTS, totals)),
             section(
                 "strengths", "Single effects named, by strength",
-                table("strengths", "Strength of full.", COUNTS, [(f"{s:g}", count) for s, count in score.strengths.items()]),
+                table("strengths", "Strength of full.", COUNTS, [(f"{count.strength:g}", count) for count in score.strengths]),
             ),
             section("taken", "What each was taken for", table("taken", "Cases by what they hide.", TAKEN, taken)),
             section("cases", "Cases that went wrong, or whose honest answer is in words alone",

@@ -1,0 +1,38 @@
+"""Formulas of rig files and tables: their terms, and texts that are none."""
+
+import pytest
+from loops import rejections
+
+from winchcascade.core.errors import RigError
+from winchcascade.core.formula import Product, read_formula
+
+KNOWN = ("a", "b", "p_in", "p_out")
+
+
+@pytest.mark.parametrize(
+    ("text", "terms"),
+    [
+        ("p_in - p_out", (Product(1.0, ("p_in",)), Product(-1.0, ("p_out",)))),
+        ("60 V * a", (Product(60.0, ("a",), scaled=True),)),
+        ("-a*b/p_in + 2 kW", (Product(-1.0, ("a", "b"), ("p_in",)), Product(2000.0, scaled=True))),
+        ("1 - a / b / 4", (Product(1.0, scaled=True), Product(-0.25, ("a",), ("b",), scaled=True))),
+    ],
+)
+def test_a_formula_is_a_sum_of_products_and_quotients(text: str, terms: tuple[Product, ...]) -> None:
+    assert read_formula(text, KNOWN, "here", RigError).terms == terms
+
+
+WRONG = """
+a b @ b
+* a @ a
+a ^ 2 @ ^ term
+a * c @ c a
+60 furlongs * a @ furlongs unit
+a + @ term
+a / 0 @ above
+1e999 * a @ above
+"""
+
+
+def test_another_text_is_rejected_with_its_place() -> None:
+    assert rejections(lambda text, where: read_formula(text, KNOWN, f"{where}: is", RigError), RigError, WRONG) == []
