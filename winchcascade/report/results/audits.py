@@ -29,7 +29,7 @@ CLOSED_MIN = 0.005
 """An effect that removes less than this share of the excess over the attainable range does nothing. [1]"""
 
 CONTRADICTED: tuple[Column[Contradiction], ...] = (
-    Column("row", lambda c: "total" if c.row is None else c.row.name, brief=False),
+    Column("row", lambda c: c.row.name, brief=False),
     Column("cell", lambda c: c.metric, brief=False),
     Column("printed", lambda c: Measured(c.printed.value, PRINTED * c.printed.rounding), brief=False, own_digits=True),
     Column(
