@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from enum import StrEnum
-from functools import partial
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -14,7 +13,7 @@ from winchcascade.blind.cases import Case, WrongEntry
 from winchcascade.blind.history import COPPER, History
 from winchcascade.blind.injected import INJECTED, PHYSICS
 from winchcascade.blind.simulators import SIMULATORS
-from winchcascade.blind.truth import Truth, truth_by_effects
+from winchcascade.blind.truth import Truth, Verdict, truth_by_effects
 from winchcascade.blind.twin_numbers import LOADS, Logger
 
 BLOCK = 60
@@ -30,10 +29,12 @@ REPEATS = (1,) * 44 + (2,) * 8 + (3,) * 4 + (5,) * 2 + (10, 20)
 """Repeats of the seven loads in the cases of a block: few campaigns with many, as these cost most."""
 
 Plans = list[Case]
-case = partial(Case, "", 0)
-"""A case whose family, number and seed are set by `plan_case`."""
-
 replace = msgspec.structs.replace
+
+
+def case(kind: str = "", **fields: Any) -> Case:
+    """A case with the answers that are expected of its kind; `plan_case` sets its family, number and seed."""
+    return Case("", 0, kind=kind, truth=EXPECTED.get(kind), **fields)
 
 
 def _in_turn(rng: np.random.Generator) -> list[str]:
@@ -140,17 +141,17 @@ def simulated(rng: np.random.Generator) -> Plans:
     ]
 
 
+BIASED = ("k_e", "b_rotor", "mu", "eta_mesh")
+"""Numbers that a calibration gives, and that are wrong in `biased`, by two to four of their uncertainties."""
+
+
 def wide(rng: np.random.Generator) -> Plans:
     """Plan single effects on rigs that scatter more than their file states."""
     return [replace(plan, scatter=(2.0, 5.0)[k % 2]) for k, plan in enumerate(usual_single(rng))]
 
 
-BIASED = ("k_e", "b_rotor", "mu", "eta_mesh")
-"""Numbers that a calibration gives, and that are wrong in `biased`."""
-
-
 def biased(rng: np.random.Generator) -> Plans:
-    """Plan single effects on rigs whose file was calibrated with a bias of two to four of its uncertainties."""
+    """Plan single effects on rigs whose file was calibrated with a bias."""
     return [replace(plan, bias={name: _signed(rng, 2.0, 4.0) for name in BIASED}) for plan in usual_single(rng)]
 
 
@@ -170,7 +171,7 @@ def warming(rng: np.random.Generator) -> Plans:
         order = _shuffled(rng) if k % 2 else ()
         what, where = HEATED[k // 2 % len(HEATED)], "shuffled" if order else "in load order"
         kind = f"warming {'magnets ' if what == 'magnets' else ''}{where}"
-        plans.append(case(kind=kind, truth=EXPECTED[kind], history=_warm(what, rng), order=order))
+        plans.append(case(kind, history=_warm(what, rng), order=order))
     return plans
 
 
@@ -190,13 +191,13 @@ def rolloff_order(rng: np.random.Generator) -> Plans:
     plans = []
     for order in [_shuffled(rng) if k % 2 else () for k in range(BLOCK)]:
         kind = f"rolloff {'shuffled' if order else 'in load order'}"
-        plans.append(case(effects={"ke_rolloff": 1.0}, kind=kind, truth=EXPECTED[kind], order=order))
+        plans.append(case(kind, effects={"ke_rolloff": 1.0}, order=order))
     return plans
 
 
 def rope(rng: np.random.Generator) -> Plans:
     """Plan ropes that lose a share of the tension."""
-    return [case(kind="rope", truth=EXPECTED["rope"], physics=_drawn(rng, "rope_loss")) for _ in range(BLOCK)]
+    return [case("rope", physics=_drawn(rng, "rope_loss")) for _ in range(BLOCK)]
 
 
 def leak(rng: np.random.Generator) -> Plans:
@@ -205,7 +206,7 @@ def leak(rng: np.random.Generator) -> Plans:
     for k in range(BLOCK):
         history = History(gas_leak=rng.uniform(0.003, 0.02))
         order = _shuffled(rng) if k % 2 else ()
-        plans.append(case(kind="leak", truth=EXPECTED["leak"], history=history, order=order))
+        plans.append(case("leak", history=history, order=order))
     return plans
 
 
@@ -233,57 +234,51 @@ def other_physics(rng: np.random.Generator) -> Plans:
         turn = k // len(PHYSICS_OF)
         names = PHYSICS_OF[kind][turn % len(PHYSICS_OF[kind])]
         if kind != "drift":
-            plans.append(case(kind=kind, truth=EXPECTED[kind], physics=_drawn(rng, *names)))
+            plans.append(case(kind, physics=_drawn(rng, *names)))
             continue
         channel, error = names[0].split("_")
         drift = {channel: _signed(rng, *DRIFTS[names[0]])}
         history = History(gain_drifts=drift) if error == "gain" else History(zero_drifts=drift)
         order = _shuffled(rng) if turn // 2 % 2 else ()
         kind = f"drift of {names[0]}"
-        plans.append(case(kind=kind, truth=EXPECTED[kind], history=history, order=order))
+        plans.append(case(kind, history=history, order=order))
     return plans
 
 
-def _expected(honest: str, *named: Sequence[str], sure: Sequence[str] | None = None, alone: bool = False) -> Truth:
-    """Expected answers of a kind: groups that are named, and what may be certain, by default the first of the names."""
-    groups = tuple(map(tuple, named))
-    certain = tuple(groups[0][:1] if sure is None and groups else sure or ())
-    return Truth(honest=honest, named=groups, may_be_certain=certain, alone=alone)
+def _expected(honest: str, group: Sequence[str], *, sure: Sequence[str] | None = None, alone: bool = False) -> Truth:
+    """Expected answers of a kind: a group that one cause must declare, and what may be certain, by default its first."""
+    certain = tuple(group[:1] if sure is None else sure)
+    return Truth(honest=honest, named=(tuple(group),), may_be_certain=certain, alone=alone)
 
 
 def _drift(honest: str, *excused_by: Literal["unexplained", "partly_explained"]) -> Truth:
-    return Truth(honest=honest, verdicts=("explained", "partly_explained", "unexplained"), excused_by=excused_by)
+    open_gap: tuple[Verdict, ...] = ("explained", "partly_explained", "unexplained")
+    return Truth(honest=honest, verdicts=open_gap, excused_by=excused_by)
 
 
 _ORDERED = "heating, or heating and ke_rolloff as declared alternatives; never ke_rolloff with certainty"
 _SHUFFLED = "heating alone: the order is not that of the loads"
-_HEAT = ("heating", "copper_heating", "ke_shift")
+_RESISTANCE = "a series resistance: copper_heating or diode_drop, each with the other as alternative"
+_ROPE = "load_proportional_loss or force_gain, each with the other as alternative"
+_HEAT, _MAGNETS = ("heating", "copper_heating", "ke_shift"), ("heating", "ke_shift")
 _OUTSIDE = Truth(honest="any verdict, but no cause with certainty: none of the catalogue acts")
 _OPEN = _drift("neither no_gap nor explained", "unexplained", "partly_explained")
 _NOT_QUIET = _drift("not no_gap, and no cause with certainty")
-
 EXPECTED: dict[str, Truth] = {
     "warming in load order": _expected(_ORDERED, ["heating"], sure=_HEAT),
     "warming shuffled": _expected(_SHUFFLED, ["heating"], sure=_HEAT, alone=True),
-    "warming magnets in load order": _expected(_ORDERED, ["heating"], sure=("heating", "ke_shift")),
-    "warming magnets shuffled": _expected(_SHUFFLED, ["heating"], sure=("heating", "ke_shift"), alone=True),
+    "warming magnets in load order": _expected(_ORDERED, ["heating"], sure=_MAGNETS),
+    "warming magnets shuffled": _expected(_SHUFFLED, ["heating"], sure=_MAGNETS, alone=True),
     "rolloff in load order": _expected(
-        "ke_rolloff, or with heating as its alternative; never heating with certainty", ["ke_rolloff"]
+        "ke_rolloff, or heating as its alternative; heating never certain", ["ke_rolloff"]
     ),
     "rolloff shuffled": _expected("ke_rolloff alone", ["ke_rolloff"], alone=True),
-    "rope": _expected(
-        "load_proportional_loss or force_gain, each with the other as alternative",
-        ["load_proportional_loss", "force_gain"],
-    ),
+    "rope": _expected(_ROPE, ["load_proportional_loss", "force_gain"]),
     "leak": _expected("gas_loss; never precharge with certainty", ["gas_loss"]),
     "gear under load": _OUTSIDE,
     "dead diode": _OUTSIDE,
     "diode": _expected("diode_drop; copper_heating only as its alternative", ["diode_drop"]),
-    "cable": _expected(
-        "a series resistance: copper_heating or diode_drop, each with the other as alternative",
-        ["copper_heating", "diode_drop"],
-        sure=(),
-    ),
+    "cable": _expected(_RESISTANCE, ["copper_heating", "diode_drop"], sure=()),
     "drift of torque_zero": _OPEN,
     "drift of torque_gain": _OPEN,
     "drift of force_zero": _NOT_QUIET,
@@ -330,43 +325,32 @@ class Family(NamedTuple):
     bars: tuple[tuple[Figure, Bar], ...] = ()
 
 
-WARM_SHUFFLED = ("warming shuffled", "warming magnets shuffled")
 ABOVE, BELOW = "1.2 times the threshold", "0.6 times the threshold"
 """Kinds of `thresholds`."""
 
+_SHUFFLED_HEAT = ("warming shuffled", "warming magnets shuffled")
 FAMILIES = {
     "nothing": Family(18_001, 60, nothing, ((Figure.HONEST, Bar(59 / 60, 60)),)),
     "single": Family(18_002, 60, single, ((Figure.NAMED, Bar(57 / 60, 60)),)),
     "coverage": Family(18_003, 180, several),
     "entries": Family(18_004, 60, wrong, ((Figure.NAMED, Bar(0.9, 60)),)),
     "contributions": Family(18_005, 60, usual_single, ((Figure.SHARES, Bar(0.9, 60)),)),
-    "own_simulation": Family(
-        18_006,
-        40,
-        simulated,
-        ((Figure.NAMED, Bar(0.9, 36)), (Figure.CERTAIN, Bar(1.0, 40)), (Figure.FORM, Bar(1.0, 40))),
-    ),
+    "own_simulation": Family(18_006, 40, simulated, (
+        (Figure.NAMED, Bar(0.9, 36)), (Figure.CERTAIN, Bar(1.0, 40)), (Figure.FORM, Bar(1.0, 40)))),
     "wide": Family(18_011, 40, wide, ((Figure.HONEST, Bar(38 / 40, 40)), (Figure.NAMED, Bar(0.9, 40)))),
     "biased": Family(18_012, 20, biased, ((Figure.HONEST, Bar(19 / 20, 20)), (Figure.NAMED, Bar(0.9, 20)))),
     "calibrated": Family(18_013, 15, calibrated, ((Figure.HONEST, Bar(14 / 15, 15)), (Figure.NAMED, Bar(0.9, 15)))),
-    "warming": Family(
-        18_014, 40, warming, ((Figure.HONEST, Bar(39 / 40, 40)), (Figure.NAMED, Bar(0.9, 20, kinds=WARM_SHUFFLED)))
-    ),
-    "rolloff_order": Family(
-        18_015,
-        20,
-        rolloff_order,
-        ((Figure.HONEST, Bar(1.0, 20)), (Figure.NAMED, Bar(0.9, 10, kinds=("rolloff shuffled",)))),
-    ),
+    "warming": Family(18_014, 40, warming, (
+        (Figure.HONEST, Bar(39 / 40, 40)), (Figure.NAMED, Bar(0.9, 20, kinds=_SHUFFLED_HEAT)))),
+    "rolloff_order": Family(18_015, 20, rolloff_order, (
+        (Figure.HONEST, Bar(1.0, 20)), (Figure.NAMED, Bar(0.9, 10, kinds=("rolloff shuffled",))))),
     "rope": Family(18_016, 20, rope, ((Figure.HONEST, Bar(1.0, 20)), (Figure.NAMED, Bar(0.9, 20)))),
     "leak": Family(18_017, 20, leak, ((Figure.HONEST, Bar(1.0, 20)), (Figure.NAMED, Bar(0.9, 20)))),
-    "other_physics": Family(
-        18_018, 60, other_physics, ((Figure.HONEST, Bar(57 / 60, 60)), (Figure.NAMED, Bar(0.8, 30)))
-    ),
-    "thresholds": Family(
-        18_020, 80, nothing, ((Figure.NAMED, Bar(0.9, 40, kinds=(ABOVE,))), (Figure.NAMED, Bar(0.0, 40, 0.5, (BELOW,))))
-    ),
-}
+    "other_physics": Family(18_018, 60, other_physics, (
+        (Figure.HONEST, Bar(57 / 60, 60)), (Figure.NAMED, Bar(0.8, 30)))),
+    "thresholds": Family(18_020, 80, nothing, (
+        (Figure.NAMED, Bar(0.9, 40, kinds=(ABOVE,))), (Figure.NAMED, Bar(0.0, 40, 0.5, (BELOW,))))),
+}  # fmt: skip
 """Families by name; the cases of `thresholds` follow from what diagnoses of its first campaigns, without an effect, state."""
 
 ALL_COVERED = Bar(0.93, 600, 0.97)

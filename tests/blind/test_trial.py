@@ -146,7 +146,6 @@ def test_a_folder_without_a_record_of_a_trial_is_rejected(tmp_path: Path, record
 # ------------------------------------------------------------------------------------------------------------- diagnosing
 def test_a_diagnosis_sees_the_campaign_of_its_case_and_nothing_else(trial: Path) -> None:
     (trial / SEALED).unlink()  # it stays sealed: diagnose does without it
-    (trial / "case-0002" / "truth.json").write_text("{}")
     assert diagnose(trial, guess).faults == {}
     logs = ["campaign.toml", "open_circuit.csv", *(f"r{r}ohm.csv" for r in ("18", "27", "36", "45", "4p5", "9"))]
     record = json.loads((trial / "diagnoses" / "case-0002.json").read_text())

@@ -95,7 +95,7 @@ def test_contributions_are_the_split_of_simulated_metrics() -> None:
 
 def test_the_order_of_the_causes_changes_no_part() -> None:
     diagnosis = found()
-    again = contributions_of(diagnosis.data, diagnosis.suspects, diagnosis.found, diagnosis.causes[::-1])[0]
+    again = contributions_of(diagnosis.data, diagnosis.found, diagnosis.causes[::-1])[0]
     for one, other in zip(diagnosis.contributions, again, strict=True):
         values = {(p.effect, p.kind): p.value for p in other.parts}
         assert values == {(p.effect, p.kind): pytest.approx(p.value, rel=1e-9, abs=1e-12) for p in one.parts}

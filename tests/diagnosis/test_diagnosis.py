@@ -17,13 +17,12 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.closure import by_cycles, left_out
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Spot
-from winchcascade.diagnosis.evidence import price
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_names import about_words
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.report.results.diagnosis_sentences import where_sentence
-from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
+from winchcascade.rig.effects.catalogue import EFFECTS
 
 PLANTED = {
     "copper_heating": {"r_s_change": 0.35},
@@ -178,10 +177,6 @@ def test_logs_without_a_channel_of_the_model_are_rejected_and_not_called_sound()
 def test_cycles_that_a_log_has_not_are_rejected() -> None:
     with pytest.raises(OptionError, match="cycles 5 to 6 were chosen, but it has 2"):
         diagnose(campaign({}), built_in(), EFFECTS, cycles=[None, (5, 6), None])
-
-
-def test_a_further_cause_is_priced_as_one_of_the_whole_catalogue() -> None:
-    assert price(("ke_shift", "diode_drop")) == pytest.approx(2.0 * math.log(len(OF_THE_RIG)))
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ class Number(msgspec.Struct, frozen=True):
 
 
 class Alternative(msgspec.Struct, frozen=True):
-    """An effect that may explain as much, or that is significant but not relevant."""
+    """An effect that may explain as much."""
 
     effect: str
 
@@ -69,7 +69,7 @@ class Claimed(msgspec.Struct, frozen=True):
 
 
 class ModelForm(msgspec.Struct, frozen=True):
-    """A difference between the owner's own simulation and the model."""
+    """Stage of a difference between the owner's own simulation and the model."""
 
     stage: str | None = None
 
@@ -103,7 +103,6 @@ class Diagnosis(msgspec.Struct, frozen=True):
     verdict: Verdict
     causes: tuple[Cause, ...] = ()
     closure: Claimed | None = None
-    minor: tuple[Alternative, ...] = ()
     model_form: tuple[ModelForm, ...] | None = None
     contributions: tuple[Account, ...] = ()
     thresholds: tuple[Threshold, ...] = ()

@@ -22,7 +22,7 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, json_bytes, scratch_folder, write_content
 from winchcascade.core.jobs import Nobody, Watch, Workers
-from winchcascade.core.store import (
+from winchcascade.core.store import (  # fmt: skip
     Kept,
     digest_of,
     files_within,
@@ -46,9 +46,6 @@ SEALED_SCHEMA, TRIAL_SCHEMA = "winchcascade/sealed/1", "winchcascade/trial/1"
 
 NAME = re.compile(r"case-(?!0000)(?:[0-9]{4}|[1-9][0-9]{4,8})")
 """Pattern of the names of dealt cases, which are also the names of their folders."""
-
-ANSWERS = (TRUTH_FILE, "diagnosis.json")
-"""Files of a campaign that its diagnosis does not see."""
 
 
 class Answer(msgspec.Struct, frozen=True):
@@ -193,17 +190,9 @@ def deal(
 ) -> TrialProgress:
     """Generate a trial in a folder: the sealed answers first, then each case, its folder whole or not at all.
 
-    Called again with the same numbers it generates the missing cases; the same numbers give the same bytes.
-
-    Parameters
-    ----------
-    workers : one process of this machine if not given
-    force : replace another trial, and use a folder that holds something else too
-
-    Raises
-    ------
-    OptionError : the numbers make no trial, the folder holds another trial, or its answers were changed
-    OutputError : the folder cannot be made or locked, holds something else, or holds a link
+    Called again with the same numbers it generates the missing cases; the same numbers give the same bytes. `force` replaces
+    another trial, and uses a folder that holds something else too. OptionError if the numbers make no trial, the folder holds
+    another one, or its answers were changed; OutputError if it cannot be used.
     """
     if cases < 1 or seed < 0:
         raise OptionError(f"--cases {cases} --seed {seed}: expected at least one case and a seed of 0 or more.")
@@ -265,14 +254,13 @@ def diagnose(
 ) -> TrialProgress:
     """Diagnose every case of a trial from its logs alone; the answers stay sealed.
 
-    Each case is diagnosed in a separate folder elsewhere that holds only its campaign. A diagnosis of the same logs by the same
-    version is kept, unless `force` is set.
+    A dealt case is diagnosed in a folder elsewhere that holds only its campaign, one with a truth.json where it is. A diagnosis
+    of the same logs by the same version is kept, unless `force` is set.
 
     Parameters
     ----------
     diagnoses : folder of the results, by default `DIAGNOSES` in that of the trial
     only : cases to diagnose; all if not given
-    workers : one process of this machine if not given
 
     Raises
     ------
@@ -299,23 +287,17 @@ def diagnose(
     return TrialProgress(names, len(names) - len(todo), faults, altered=redone)
 
 
-def _files(case: Path) -> dict[str, Path]:
-    """Files of a campaign, none of them a link that leads elsewhere, without those that state an answer."""
-    return {name: path for name, path in files_within(case).items() if Path(name).name not in ANSWERS}
-
-
 def _key(case: Path) -> str:
     """Digest of everything that a diagnosis depends on."""
-    digests = {name: digest_of(path.read_bytes()) for name, path in _files(case).items()}
+    digests = {name: digest_of(path.read_bytes()) for name, path in files_within(case).items() if name != TRUTH_FILE}
     return digest_of(repr((__version__, digests)).encode())
 
 
 def _diagnose_case(order: tuple[str, str], method: Diagnose, folder: str, out: str) -> None:
-    """Diagnose one case in a folder that holds its campaign and nothing else, and write the result."""
+    """Diagnose one case, and write the result."""
     name, key = order
+    case = Path(folder) / name
     with scratch_folder() as scratch:
-        for place, path in _files(Path(folder) / name).items():
-            (scratch / name / place).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, scratch / name / place)
-        found = method(scratch / name / CAMPAIGN_FILE)
+        alone = case if (case / TRUTH_FILE).exists() else Path(shutil.copytree(case, scratch / name))
+        found = method(alone / CAMPAIGN_FILE)
     write_content(Path(out) / f"{name}.json", with_digest(found, "trial", {"case": name, "key": key}, indent=1))

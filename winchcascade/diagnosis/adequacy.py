@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import ModelAccuracy
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Contribution, NamedCause
-    from winchcascade.diagnosis.evidence import Fit
     from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.phase_energies import PhaseEnergy
+    from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
 
 WITHIN = 2.0

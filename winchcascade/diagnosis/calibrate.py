@@ -17,6 +17,7 @@ from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
+from winchcascade.diagnosis.marginal import huber, weights
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import (
     before_calibration,
@@ -27,7 +28,6 @@ from winchcascade.diagnosis.nuisances import (
     with_quantity,
 )
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.solve import huber, normal_equations
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.backemf import COVERED, RPM_MIN, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
@@ -299,7 +299,8 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
     nu = np.zeros(len(data.nuisances))
     for _ in range(ROUNDS):
         z = data.whiten((data.measured - data.predict(nu, [])) * used)
-        curve, slope = normal_equations(z, data.jacobian(nu, [], used), nu)
+        columns, w = data.columns(nu, [], used), weights(z)
+        curve, slope = columns.masked(np.sqrt(w)).squared() + np.eye(nu.size), columns.onto(w * z) - nu
         own = np.linalg.solve(curve, slope).astype(np.float64)
         nu, settled = nu + own, float(np.max(np.abs(own))) < SETTLED
         if settled:

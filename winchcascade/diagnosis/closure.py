@@ -11,11 +11,11 @@ import numpy as np
 from winchcascade.core.integrate import white_noise
 from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
-from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, unsteadiness_of
+from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, RigProblem, log_of, unsteadiness_of
 from winchcascade.diagnosis.misfit import MIN_BLOCKS as MIN_BLOCKS
 from winchcascade.diagnosis.predict import CHANNELS, Course
+from winchcascade.diagnosis.search import Fit, Found, fit_set, start_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import ActiveEffect
 
 DRAWS = 400
 """Resampled sets of cycles for the interval."""
@@ -64,44 +65,52 @@ class ModelClosure(GapClosure, frozen=True):
     predictions: dict[int, Fit]
 
 
-def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
+def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> ModelClosure:
     """Predict each withheld log from a fit without the logs of its load, or its cycles in turn where `left_out` says so.
 
     Parameters
     ----------
-    best : the chosen causes; where the fit already lacks the withheld logs it serves as it is
+    found : the best fit of which has the causes; where it already lacks the withheld logs it serves as it is
     withheld : numbers of logs; of those that take part in the fit the logs of each load are left out in turn
     """
+    best, suspects = found.best, found.problem.suspects
     predictions: dict[int, Fit] = {}
     after = np.full_like(data.measured, math.nan)
     for held in left_out(data, withheld):
         here = sorted({int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")})
-        fit = best
-        if not data.withheld.issuperset(here) or np.any(np.abs(best.nu) > REACH):
+        fit: Fit = best
+        known: list[ActiveEffect] = []
+        if not data.withheld.issuperset(here):
             rows = np.ones_like(data.measured)
             rows[held] = 0.0
-            fit = fit_set(RigProblem(data, suspects, best.names, rows.ravel(), REACH), best, quick=True)
-        nu = np.where([n.kind in LOCAL for n in data.nuisances], 0.0, fit.nu)
-        predicted = data.predict(nu, fit.effects(suspects), here)
+            acting = dict(zip(best.names, best.effects(suspects), strict=True))
+            known = [one for one in acting.values() if log_of(one) in here]  # nothing else tells of a log's own entry
+            names = tuple(name for name, one in acting.items() if one not in known)
+            problem, marginal = RigProblem(data, suspects, rows.ravel()), found.marginal.masked(rows.ravel())
+            columns = found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
+            fit = fit_set(problem, marginal, names, start_of(best), marginal(columns * rows.reshape(-1, 1)))
+        predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
         own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
         counted = np.isin(own, held)
         after[held] = data.measured[held] - predicted[counted]
         predictions |= dict.fromkeys(here, fit)
-    known = np.isfinite(after)
-    after = np.where(known, without_zeros(data, np.where(known, after, 0.0)), math.nan)
+    seen = np.isfinite(after)
+    after = np.where(seen, without_zeros(data, np.where(seen, after, 0.0)), math.nan)
     before = without_zeros(data, data.measured - data.predict(np.zeros(len(data.nuisances)), []))
     return closure_between(data, before, after, predictions, seed)
 
 
 def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
     """Share of the explainable gap that causes close on the logs of their own fit, numbers of the rig within `REACH`. [1]"""
-    if np.any(np.abs(fit.nu) > REACH):
-        fit = fit_set(RigProblem(data, suspects, fit.names, reach=REACH), fit, quick=True)
-    local = [n.kind in LOCAL for n in data.nuisances]
     given = data.predict(np.zeros(len(data.nuisances)), [])
-    fitted = data.predict(np.where(local, 0.0, fit.nu), fit.effects(suspects))
+    fitted = data.predict(_of_the_rig(data, fit), fit.effects(suspects))
     before, after = (without_zeros(data, data.measured - predicted) for predicted in (given, fitted))
     return _share(_squares(data, before, after, [k for k in range(len(data.logs)) if k not in data.withheld]))
+
+
+def _of_the_rig(data: Fitted, fit: Fit) -> Signal:
+    """Nuisances of a fit that concern the rig and its sensors, within `REACH`; zeros and discrepancies of the model are 0."""
+    return np.where([n.kind in LOCAL for n in data.nuisances], 0.0, np.clip(fit.nu, -REACH, REACH))
 
 
 PARTS = 3

@@ -18,7 +18,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import means_of
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.causes import COVERED, LAW, joint_covariance
+from winchcascade.diagnosis.causes import COVERED, LAW, posterior_of
 from winchcascade.diagnosis.diagnosis_result import (
     Contribution,
     ContributionKind,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.evidence import Fit, Found
+    from winchcascade.diagnosis.search import Fit, Found
     from winchcascade.reduction.reduction_result import CycleResult
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
     from winchcascade.rig.parts import Model
@@ -101,16 +101,15 @@ class WindowedLog(NamedTuple):
     windows: Signal
     plateau_speed: float | None
 
-    def simulated(self, model: Model, skew: Signal, zeros: Signal, solution: Signal | None = None) -> Signal:
+    def simulated(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
         """What `quantities_of` gives for a model, (14,), also of channels that the log lacks.
 
         Parameters
         ----------
         skew, zeros : (5,) delay of the reading of each channel [s], and its zero
-        solution : as `Course.on_grid` takes it
         """
         run, course = self.log.run, self.log.course
-        on_grid = course.on_grid(model, skew=skew, solution=solution)
+        on_grid = course.on_grid(model, skew=skew)
         read = course.at_stamps(on_grid) + self.log.offset_at_stamps + zeros
         channels = {"velocity": run.channels["velocity"]} | {name: read[:, k] for k, name in enumerate(CHANNELS)}
         return quantities_of(msgspec.structs.replace(run, channels=channels), self.rig, self.windows)
@@ -257,21 +256,15 @@ def split_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Sig
 
 
 def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
-    """Quantities of one run by every variant, (variants, 14); what does not concern the run is not simulated again.
-
-    Where one nuisance moves, the shaft follows to first order.
-    """
+    """Quantities of one run by every variant, (variants, 14); what does not concern the run is not simulated again."""
     known: dict[bytes, list[tuple[Model, Signal]]] = {}
     found, models = [], [of_logs[one.number] for of_logs in variants.models]
-    fitted = len(models) - len(variants.moved) - 1
-    near = one.log.course.near_solutions(models[fitted], models[fitted + 1 :])
-    solutions = [*[None] * (fitted + 1), *near]
-    for (nu, _), model, solution in zip(variants.given, models, solutions, strict=True):
+    for (nu, _), model in zip(variants.given, models, strict=True):
         skew, zeros = data.skew(nu), data.zeros(nu)[one.number]
         alike = known.setdefault(skew.tobytes() + zeros.tobytes(), [])
         values = next((values for other, values in alike if other == model), None)
         if values is None:
-            values = one.simulated(model, skew, zeros, solution)
+            values = one.simulated(model, skew, zeros)
             alike.append((model, values))
         found.append(values)
     return np.array(found)
@@ -290,9 +283,22 @@ def _by_zeros(data: Fitted, one: WindowedLog, variants: Variants, fitted: Signal
 
 
 # ----------------------------------------------------------------------------------------------- all runs of a campaign
+def joint_covariance(found: Found) -> Signal:
+    """Covariance of all fields of the best fit and then of its nuisances, (k + n, k + n): these follow the fields, and scatter
+    about that as the data and their tolerances leave them.
+    """
+    best, marginal = found.best, found.marginal
+    columns, fields = (
+        found.expansion.columns[:, found.expansion.index(best.names)],
+        posterior_of(found, best).covariance,
+    )
+    follow = marginal.spread @ marginal.columns.onto(marginal.undone(columns))
+    both = fields @ follow.T
+    return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
+
+
 def contributions_of(
     data: Fitted,
-    suspects: Suspects,
     found: Found,
     causes: Sequence[NamedCause],
     windows: Sequence[float | None] | None = None,
@@ -306,8 +312,8 @@ def contributions_of(
     causes : named ones among those of the best fit
     windows : of each run the length of its windows [s], None for the rule of the rig
     """
-    names = tuple(cause.effect for cause in causes)
-    covariance = joint_covariance(data, found.best, found.scale)
+    names, suspects = tuple(cause.effect for cause in causes), found.problem.suspects
+    covariance = joint_covariance(found)
     variants = variants_of(data, suspects, found.best, names)
 
     def account(number: int, window: float | None) -> tuple[WindowedLog, Split]:

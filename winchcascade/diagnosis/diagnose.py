@@ -12,7 +12,7 @@ from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import linear_algebra_on_one_thread
 from winchcascade.diagnosis.adequacy import OPEN, cancelling, drifts, left_over, moved_by, unbalanced
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.causes import causes_of, parameters_of, plan_run, probabilities
+from winchcascade.diagnosis.causes import causes_of, parameters_of, posterior_of, probabilities
 from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close, made_worse, share_closed
 from winchcascade.diagnosis.contributions import by_cost, contributions_of, efficiency_changes, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
@@ -32,12 +32,13 @@ from winchcascade.diagnosis.diagnosis_result import (
     Verdict,
 )
 from winchcascade.diagnosis.entries import bound_to
-from winchcascade.diagnosis.evidence import Found, RigProblem, fit_set, linearise, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
-from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.misfit import Fitted, RigProblem
+from winchcascade.diagnosis.next_run import plan_run
 from winchcascade.diagnosis.nuisances import before_calibration
 from winchcascade.diagnosis.phase_energies import PhaseEnergy, energies_of
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.search import Found, expand, search, start_of
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.stagewise import stagewise
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
@@ -124,7 +125,7 @@ def diagnose(
             "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
             "[columns]."
         )
-    found = without_imitators(data, suspects, search(data, suspects, on_progress))
+    found = without_imitators(data, search(RigProblem(data, suspects), on_progress))
     nothing = np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
     as_found = ModelDiagnosis(
@@ -140,10 +141,10 @@ def diagnose(
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
-        alone=_alone(data, suspects, found),
-        sets=probabilities(found.fits, found.scale),
+        alone=_alone(data, found),
+        sets=probabilities(found.fits, found.evidence),
         energies=energies_of(data, suspects, found.best),
-        not_visible=not_visible(suspects, found),
+        not_visible=not_visible(found),
     )
     return _judged(_with_causes(as_found, windows, on_progress), on_progress)
 
@@ -152,30 +153,28 @@ DISPENSABLE = 0.005
 """Share of the gap that a cause whose number differs from run to run must close, or it is none. [1]"""
 
 
-def _alone(data: Fitted, suspects: Suspects, found: Found) -> Signal | None:
+def _alone(data: Fitted, found: Found) -> Signal | None:
     """Blocks with the only suspect at its fitted numbers, all else as in the rig file, (M, 5); None where more are given."""
+    suspects = found.problem.suspects
     if len(suspects) != 1:
         return None
-    names = tuple(suspects)
-    fit = found.fits[names] if names in found.fits else fit_set(RigProblem(data, suspects, names), found.null)
-    return data.predict(np.zeros(len(data.nuisances)), fit.effects(suspects))
+    return data.predict(np.zeros(len(data.nuisances)), found.fit(tuple(suspects)).effects(suspects))
 
 
-def without_imitators(data: Fitted, suspects: Suspects, found: Found) -> Found:
+def without_imitators(data: Fitted, found: Found) -> Found:
     """A search whose best set has no cause that differs from run to run while the others close the gap as well without it.
 
     Its law is not the one that acts; it takes up what the laws of the others, or the model, have in another form.
     """
-    best = found.best
-    several = stabilities(data, suspects, best, found.scale) if len(best.names) > 1 else {}
+    best, suspects = found.best, found.problem.suspects
+    several = stabilities(data, found) if len(best.names) > 1 else {}
     for name in (name for name, stability in several.items() if stability.trends):
-        fewer = fit_set(RigProblem(data, suspects, tuple(n for n in best.names if n != name)), best)
+        fewer = found.fit(tuple(n for n in best.names if n != name))
         lost = share_closed(data, suspects, best) - share_closed(data, suspects, fewer)
         if lost < DISPENSABLE and not alarms_of(data, suspects, fewer):
-            linear, kept = linearise(data, suspects, fewer)
-            fits = {names: fit for names, fit in found.fits.items() if name not in names}
-            smaller = Found(kept, found.null, {**fits, kept.names: kept}, linear, found.scale)
-            return without_imitators(data, suspects, smaller)
+            kept, expansion = expand(found.problem, found.marginal, fewer.names, start_of(fewer), found.scale)
+            fits = {names: fit for names, fit in found.fits.items() if name not in names} | {kept.names: kept}
+            return without_imitators(data, Found(kept, found.null, fits, expansion, found.marginal))
     return found
 
 
@@ -188,17 +187,17 @@ def _with_causes(
         return msgspec.structs.replace(
             result,
             minor=_hints(result),
-            contributions=contributions_of(data, suspects, found, (), windows)[0],
+            contributions=contributions_of(data, found, (), windows)[0],
             thresholds=_thresholds(result, windows),
         )
     on_progress("predicting withheld runs")
     loaded = [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
     left_out = sorted(data.withheld) or loaded or range(len(data.logs))
-    closure = close(data, suspects, found.best, left_out, result.seed)
+    closure = close(data, found, left_out, result.seed)
     on_progress("looking for alternative explanations")
-    fitted = with_stability(data, suspects, found.best, found.scale, causes_of(data, suspects, found))
+    fitted = with_stability(data, found, causes_of(data, found))
     on_progress("splitting the difference among the causes")
-    contributions, changes = contributions_of(data, suspects, found, fitted, windows)
+    contributions, changes = contributions_of(data, found, fitted, windows)
     moved = moved_by(data, suspects, found.best)
     minor = _minor(data, fitted, changes, moved)
     small = {one.effect for one in minor}
@@ -257,7 +256,7 @@ def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> Model
             alarms=tuple(signs),
             worst=shown[0].about if shown else None,
         ),
-        experiment=plan_run(data, suspects, found, causes or result.causes),
+        experiment=plan_run(data, found, causes or result.causes),
     )
 
 
@@ -308,24 +307,23 @@ def _thresholds(result: ModelDiagnosis, windows: Sequence[float | None] | None) 
             else _largest(data, efficiency_changes(data, nu, effect, windows), np.zeros_like(data.noise))[0]
         )
 
-    return thresholds(result.suspects, result.found, relevance)
+    return thresholds(result.found, relevance)
 
 
 def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
     """Effects that beside the causes have evidence, though less than a cause needs, strongest first."""
     data, suspects, found = result.data, result.suspects, result.found
-    best, scale = found.best, found.scale
+    best, evidence = found.best, found.evidence
     near = [
         fit for names, fit in found.fits.items() if len(names) == len(best.names) + 1 and set(best.names) < set(names)
     ]
-    gains = {fit.names: fit.evidence(scale) - best.evidence(scale) for fit in near}
+    gains = {fit.names: evidence.of(fit) - evidence.of(best) for fit in near}
     hints = []
     for fit in sorted((fit for fit in near if gains[fit.names] > 0.0), key=lambda fit: -gains[fit.names])[:NAMED]:
         name = next(n for n in fit.names if n not in best.names)
-        whole = fit_set(RigProblem(data, suspects, fit.names), fit)
-        _, largest = _largest(data, (), moved_by(data, suspects, whole)[name])
+        _, largest = _largest(data, (), moved_by(data, suspects, fit)[name])
         if largest is not None:
-            numbers = parameters_of(data, suspects, whole, name, scale)
+            numbers = parameters_of(posterior_of(found, fit), suspects[name], name)
             hints.append(Minor(name, suspects[name].stage, numbers, largest, hint=gains[fit.names]))
     return tuple(hints)
 

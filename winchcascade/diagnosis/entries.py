@@ -7,20 +7,17 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 
 from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.rig.effects.catalogue import OF_THE_RIG
-from winchcascade.rig.effects.effect import ActiveEffect, Effect, Stated, Values
+from winchcascade.rig.effects.effect import Effect, Stated, Values
 from winchcascade.rig.effects.wrong_entries import ENTRY, SHARED_RADIUS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Sequence
 
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.solve import Bounds
+    from winchcascade.core.run import Run
     from winchcascade.diagnosis.suspects import Suspects
 
 BY_NAME = {effect.name: effect for effect in ENTRY}
@@ -123,37 +120,6 @@ def price_of(suspect: str) -> float:
     All effects of the rig are as likely, also where only a few of them are suspects; a wrong entry is rarer.
     """
     return math.log(len(OF_THE_RIG)) + (RARER if is_entry(suspect) else 0.0)
-
-
-def usual_gain(names: Names, place: Mapping[str, slice], x: Signal, bounds: Bounds, curve: Signal) -> float:
-    """Evidence that wrong entries gain or lose, as part of their prior lies at usual multiples and not even over their range.
-
-    Parameters
-    ----------
-    place, x, bounds : fields in a row, (k,), their bounds, and the place of each suspect among them
-    curve : (k, k) of the objective
-    """
-    gain = 0.0
-    for name in names:
-        if not is_entry(name):
-            continue
-        entry = BY_NAME[effect_name(name)].fields[0]
-        k = place[name].start
-        variance = max(float(np.linalg.pinv(curve, hermitian=True)[k, k]), 0.0)
-        multiples = 1.0 + np.array(entry.usual)
-        sd = np.sqrt(variance + (entry.scatter * multiples) ** 2)
-        density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (math.sqrt(2.0 * math.pi) * sd)
-        peaked = float(np.mean(density) * (bounds.inner_high[k] - bounds.inner_low[k]))
-        gain += math.log(max((1.0 - entry.usual_share) + entry.usual_share * peaked, 1e-30))
-    return gain
-
-
-# ------------------------------------------------------------------------------------------------------ where fits begin
-def usual_values(suspects: Suspects) -> Iterator[tuple[str, float, ActiveEffect]]:
-    """Every wrong entry at each of its usual multiples: name of the suspect, value of its field, and the active effect."""
-    for name, effect in suspects.items():
-        for value in effect.fields[0].usual:
-            yield name, value, ActiveEffect(effect, (value,))
 
 
 def same_in_logs(suspects: Suspects, one: str, other: str) -> bool:

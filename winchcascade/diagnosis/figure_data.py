@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT
-from winchcascade.diagnosis.causes import covariance_of
+from winchcascade.diagnosis.causes import posterior_of
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.gap_map import without_zeros
 from winchcascade.diagnosis.predict import CHANNELS
@@ -169,7 +169,7 @@ def profile_of(found: ModelDiagnosis) -> Profile | None:
         return None
     place = best.place[ROLLOFF]
     fitted = best.x[place]
-    root = np.linalg.eigh(covariance_of(data, best, found.found.scale)[place, place])
+    root = np.linalg.eigh(posterior_of(found.found, best).covariance[place, place])
     spread = root.eigenvectors * np.sqrt(np.maximum(root.eigenvalues, 0.0))
     drawn = fitted + np.random.default_rng(0).standard_normal((DRAWS, fitted.size)) @ spread.T
     reached = ROLLOFF_KNOTS[1]
@@ -178,7 +178,7 @@ def profile_of(found: ModelDiagnosis) -> Profile | None:
             currents = log.course.block_mean(log.course.electrical(constants(model, log.load), "i_s"))
             reached = max(reached, float(np.max(currents)))
     current = np.linspace(0.0, reached, POINTS)
-    fields = [fitted, *np.clip(drawn, best.bounds.low[place], best.bounds.high[place])]
+    fields = [fitted, *np.clip(drawn, best.free.minimum[place], best.free.maximum[place])]
     line, *lines = (share_of_k_e(tuple(x.tolist()), current) for x in fields)
     low, high = np.quantile(list(lines), (0.025, 0.975), axis=0)
     return Profile(current, line, low, high)

@@ -25,11 +25,13 @@ from winchcascade.diagnosis.block_means import (
     middles,
     scatter_about_course,
 )
+from winchcascade.diagnosis.entries import price_of
+from winchcascade.diagnosis.marginal import Columns
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
-from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_DERIVATIVES, MAX_KEPT, Course
-from winchcascade.diagnosis.solve import Jacobian, Local
+from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
+from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import Model, changed, possible
@@ -39,9 +41,11 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
+    from scipy.sparse import csr_array
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
 
@@ -171,7 +175,6 @@ class Fitted:
         self.logs = all_at_once(jobs, [run.t[-1] - run.t[0] for run in runs])
         for log in self.logs:
             log.course.max_kept = max(min(MAX_KEPT, ALL_KEPT // len(self.logs)), 2)
-            log.course.keeps_derivatives = len(self.logs) <= MAX_DERIVATIVES
         self.sizes = [log.measured.shape[0] for log in self.logs]
         self.rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self.sizes]).tolist())]
         self.blocks = in_a_row([log.course.blocks for log in self.logs])
@@ -179,13 +182,13 @@ class Fitted:
         self.seen = np.concatenate([log.noise.seen for log in self.logs])
         self.noise = np.concatenate([log.noise.total for log in self.logs])
         self.logged_noise = np.concatenate([log.noise.logged for log in self.logs])
-        self.whitener = np.concatenate([log.whitener * (k not in withheld) for k, log in enumerate(self.logs)])
+        self.whitener = self._whitener_of(np.concatenate([log.whitener for log in self.logs]))
         self.simulated = sum(n.kind not in LOCAL for n in self.nuisances)
         self._of_kind: dict[str, list[tuple[int, Nuisance]]] = {}
         for j, n in enumerate(self.nuisances):
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
-        self.local = [_local_columns(self, k) for k in range(len(self.logs))]
+        self.local = self.whitener @ self._local_columns()
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
         """Nuisances of some kinds and by how much they move, in their own unit."""
@@ -247,6 +250,8 @@ class Fitted:
     def discrepancy(self, nu: Signal) -> list[Signal]:
         """What the discrepancy of the model adds to the blocks of each log, (m, 5) each, SI units."""
         numbers, sd, loads, places = self._deviations
+        if not nu[numbers].any():
+            return [np.zeros_like(log.measured) for log in self.logs]
         share = np.zeros((len(loads), len(PHASES), len(CHANNELS), len(COURSES)))
         np.add.at(share, places, nu[numbers] * sd)
         return [np.sum(log.courses * share[loads[log.load]][log.course.blocks.phase], axis=2) for log in self.logs]
@@ -272,13 +277,21 @@ class Fitted:
 
     def predict(self, nu: Signal, effects: Sequence[ActiveEffect], logs: Iterable[int] | None = None) -> Signal:
         """Blocks that the model gives, (M, 5), with zeros of sensors and discrepancy of the model; of some logs where named."""
-        models, skew, zeros, deviation = self.models(nu, effects), self.skew(nu), self.zeros(nu), self.discrepancy(nu)
+        return self.predictions([(nu, effects)], logs)[:, :, 0]
+
+    def predictions(self, variants: Sequence[Variant], logs: Iterable[int] | None = None) -> Signal:
+        """Blocks that several models give, (M, 5, variants), each as `predict` gives them."""
         which = range(len(self.logs)) if logs is None else sorted(logs)
-        jobs = [partial(self.logs[k].course.predict, models[k], skew=skew) for k in which]
-        parts = all_at_once(jobs, [self.sizes[k] for k in which])
-        return np.concatenate(
-            [part + self.logs[k].offset + zeros[k] + deviation[k] for k, part in zip(which, parts, strict=True)]
-        )
+        models, skews = [self.models(*variant) for variant in variants], [self.skew(nu) for nu, _ in variants]
+        zeros, deviations = [self.zeros(nu) for nu, _ in variants], [self.discrepancy(nu) for nu, _ in variants]
+
+        def of_log(k: int) -> Signal:
+            log = self.logs[k]
+            each = zip(models, skews, zeros, deviations, strict=True)
+            several = [log.course.predict(own[k], skew=skew) + zero[k] + off[k] for own, skew, zero, off in each]
+            return np.stack(several, axis=2) + log.offset[:, :, None]
+
+        return np.concatenate(all_at_once([partial(of_log, k) for k in which], [self.sizes[k] for k in which]))
 
     def cells(self) -> Iterator[tuple[int, int, int, NDArray[np.intp]]]:
         """Every channel in every phase of every log: numbers of log, channel and phase, and of the blocks that count there."""
@@ -288,99 +301,124 @@ class Fitted:
                     here = self.seen[rows, k] & (self.blocks.phase[rows] == phase)
                     yield log, k, phase, rows.start + np.flatnonzero(here)
 
-    def whiten(self, residual: Signal, log: int | None = None) -> Signal:
-        """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5, ...), of all logs or one.
+    def _whitener_of(self, of_blocks: Signal) -> csr_array:
+        """Matrix that turns residual blocks in a row into independent numbers of unit variance, (M * 5, M * 5).
 
         A channel without information in a block gives zeros, and so does a withheld log. Within a phase, a share `RHO` of the
         block before is subtracted.
+
+        Parameters
+        ----------
+        of_blocks : (M, 5, 5) as `Log` has it
         """
-        rows = slice(None) if log is None else self.rows[log]
-        z = self.whitener[rows] @ residual.reshape(*residual.shape[:2], math.prod(residual.shape[2:]))
-        joined = np.flatnonzero(self.blocks.joined[rows])
-        z[joined] = (z[joined] - RHO * z[joined - 1]) / math.sqrt(1.0 - RHO * RHO)
-        return z.reshape(residual.shape[0] * len(CHANNELS), *residual.shape[2:])
+        from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
+
+        taking = np.concatenate([np.full(size, k not in self.withheld) for k, size in enumerate(self.sizes)])
+        size, joined = of_blocks.shape[0], self.blocks.joined
+        own = bsr_array((of_blocks * taking[:, None, None], np.arange(size), np.arange(size + 1)))
+        share = 1.0 / math.sqrt(1.0 - RHO * RHO)
+        diagonals = [np.where(joined, share, 1.0).tolist(), np.where(joined[1:], -RHO * share, 0.0).tolist()]
+        before = diags_array(diagonals, offsets=[0, -1])
+        return csr_array(kron(before, eye_array(len(CHANNELS)), format="csr") @ own.tocsr())
+
+    def whiten(self, residual: Signal) -> Signal:
+        """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5, ...)."""
+        rows = residual.shape[0] * len(CHANNELS)
+        return np.asarray(self.whitener @ residual.reshape(rows, *residual.shape[2:]))
 
     def residual(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Signal:
         """Measured minus predicted blocks, whitened, (M * 5,)."""
         return self.whiten(self.measured - self.predict(nu, effects))
 
-    def jacobian(self, nu: Signal, effects: Sequence[ActiveEffect], used: Signal | None = None) -> Jacobian:
+    def columns(self, nu: Signal, effects: Sequence[ActiveEffect], used: Signal | None = None) -> Columns:
         """Whitened derivative of the prediction over the nuisances.
 
         Parameters
         ----------
         used : (5,) weights of the channels in what is simulated, all 1 by default
         """
-        columns = self.tolerances(nu, effects, self.predict(nu, effects))
-        return self._whitened(columns if used is None else columns * used[:, None])
-
-    def jacobian_beside(
-        self, nu: Signal, effects: Sequence[ActiveEffect], variants: Sequence[Variant], steps: Signal
-    ) -> tuple[Jacobian, Signal]:
-        """As `jacobian`, and the whitened columns (M * 5, k) of what variants move, each divided by its step, (k,): both from
-        one pass through the logs, whose shafts are then differentiated once.
-        """
-        columns, moves = self._moved(nu, effects, self.predict(nu, effects), variants)
-        moves /= steps
-        return self._whitened(columns), self.whiten(moves)
-
-    def _whitened(self, columns: Signal) -> Jacobian:
-        """The derivative over all nuisances, by `columns`, (M, 5, `simulated`), of those that are simulated."""
-        local = [part for parts in self.local for part in parts]
-        return Jacobian(len(self.nuisances), self.whiten(columns), np.arange(self.simulated), local)
+        moved = self.tolerances(nu, effects, self.predict(nu, effects))
+        return Columns(self.whiten(moved if used is None else moved * used[:, None]), self.local)
 
     def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal) -> Signal:
-        """What one tolerance of each nuisance but zeros and discrepancies moves, (M, 5, `simulated`), SI units, where the
-        prediction is `at`, (M, 5).
-        """
-        return self._moved(nu, effects, at, ())[0]
+        """What one tolerance of each nuisance but zeros and discrepancies moves, (M, 5, `simulated`), SI units.
 
-    def _moved(
-        self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal, variants: Sequence[Variant]
-    ) -> tuple[Signal, Signal]:
-        """What `tolerances` gives, and what variants move, (M, 5, variants)."""
+        Parameters
+        ----------
+        at : (M, 5) the prediction there
+        """
         columns, one = np.zeros((*at.shape, self.simulated)), np.eye(nu.size)
         moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
-        found = self.differences(nu, effects, [*((nu + one[j], effects) for j in moved), *variants])
-        columns[:, :, moved] = found[:, :, : len(moved)]
-        for j, n in enumerate(self.nuisances[: self.simulated]):
-            if n.kind == "gain":
-                columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd
-        return columns, found[:, :, len(moved) :].copy()
+        there = self.predictions([(nu + PART * one[j], effects) for j in moved])
+        columns[:, :, moved] = (there - at[:, :, None]) / PART
+        for j, n in self._of_kind.get("gain", ()):
+            columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd
+        return columns
 
-    def differences(self, nu: Signal, effects: Sequence[ActiveEffect], variants: Sequence[Variant]) -> Signal:
-        """What nuisances and effects near to some give beyond these, (M, 5, variants), SI units; the shaft to first order."""
-        skew, skews = self.skew(nu), [self.skew(there) for there, _ in variants]
-        others = zip(*(self.models(*variant) for variant in variants), strict=True)
-        each = zip(self.logs, self.models(nu, effects), others, strict=True)
-        jobs = [partial(log.course.differences, model, other, skew, skews) for log, model, other in each]
-        return np.concatenate(all_at_once(jobs, self.sizes))
+    def _local_columns(self) -> csr_array:
+        """What one tolerance of each zero and of each discrepancy of the model moves, (M * 5, q), SI units."""
+        from scipy.sparse import csr_array
 
+        phase, load = self.blocks.phase, np.repeat([log.load for log in self.logs], self.sizes)
+        courses = np.concatenate([log.courses for log in self.logs])
+        places, values = [np.zeros((2, 0), dtype=np.intp)], [np.zeros(0)]
+        for j, n in enumerate(self.nuisances[self.simulated :]):
+            k, moved = CHANNELS.index(n.name), np.ones(phase.size)
+            if n.kind == "zero":
+                here = np.arange(phase.size)[self.rows[n.log]]
+            else:
+                concerned = (load == n.load) | math.isnan(n.load)
+                here = np.flatnonzero(concerned & (phase == PHASES.index(n.phase)))
+                moved = courses[:, k, COURSES.index(n.course)]
+            places.append(np.array([len(CHANNELS) * here + k, np.full(here.size, j)]))
+            values.append(n.sd * moved[here])
+        shape = (self.measured.size, len(self.nuisances) - self.simulated)
+        return csr_array((np.concatenate(values), tuple(np.hstack(places))), shape=shape)
+
+
+PART = 0.2
+"""Share of a tolerance by which derivatives are taken: wide tolerances are not linear as a whole."""
 
 LOCAL = ("zero", "discrepancy")
 """Kinds of nuisances that are not simulated and concern some rows alone; they come last."""
 
 
-def _local_columns(data: Fitted, log: int) -> list[Local]:
-    """Whitened columns of the zeros of a log and of the discrepancy of the model, phase by phase."""
-    own, rows, phase = data.logs[log], data.rows[log], data.logs[log].course.blocks.phase
-    here = [(j, n) for j, n in enumerate(data.nuisances) if n.kind in LOCAL and (n.log == log or n.log < 0)]
-    here = [(j, n) for j, n in here if math.isnan(n.load) or n.load == own.load]
-    found = []
-    for p, name in enumerate(PHASES):
-        blocks = np.flatnonzero(phase == p)
-        numbers = [(j, n) for j, n in here if n.kind == "zero" or n.phase == name]
-        kept: dict[tuple[str, str], int] = {}
-        take = [kept.setdefault((n.name, n.course), len(kept)) for _, n in numbers]
-        columns = np.zeros((phase.size, len(CHANNELS), len(kept)))
-        for i, (_, n) in zip(take, numbers, strict=True):
-            k = CHANNELS.index(n.name)
-            columns[blocks, k, i] = n.sd * (own.courses[blocks, k, COURSES.index(n.course)] if n.course else 1.0)
-        z = data.whiten(columns, log).reshape(columns.shape)[blocks]
-        at = (len(CHANNELS) * (rows.start + blocks)[:, None] + np.arange(len(CHANNELS))).ravel()
-        numbered = np.array([j for j, _ in numbers], dtype=np.intp)
-        found.append(Local(at, z.reshape(at.size, len(kept)), numbered, np.array(take, dtype=np.intp)))
-    return found
+class RigProblem(msgspec.Struct, frozen=True):
+    """The logs of a rig as a `Problem`: which effects explain what the model of the rig file leaves.
+
+    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all.
+    """
+
+    data: Fitted
+    suspects: Suspects
+    rows: Signal | None = None
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Number of the stretch of one phase of a cycle that each residual belongs to, (M * 5,)."""
+        return np.repeat(np.cumsum(~self.data.blocks.joined) - 1, len(CHANNELS))
+
+    @property
+    def begins(self) -> dict[str, tuple[float, ...]]:
+        """Usual multiples of wrong entries, and simplifications as a whole."""
+        usual = {name: effect.fields[0].usual for name, effect in self.suspects.items()}
+        return usual | {name: (1.0,) for name in self.suspects if name in SIMPLIFICATIONS}
+
+    def price(self, name: str) -> float:
+        """Logarithm of the prior odds against a suspect [1]."""
+        return price_of(name)
+
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
+        """Measured minus predicted blocks with each of several lists of effects, whitened, (M * 5, k)."""
+        data = self.data
+        nothing = np.zeros(len(data.nuisances))
+        z = data.whiten(data.measured[:, :, None] - data.predictions([(nothing, effects) for effects in several]))
+        return z if self.rows is None else z * self.rows[:, None]
+
+    def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:
+        """Whitened derivative of the prediction over the nuisances."""
+        columns = self.data.columns(np.zeros(len(self.data.nuisances)), effects)
+        return columns if self.rows is None else columns.masked(self.rows)
 
 
 def _levels(blocks: Blocks, predicted: Signal) -> Signal:

@@ -19,14 +19,14 @@ from winchcascade.core.quantity import UNITS, unit_names
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.adequacy import moved_by
 from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of
-from winchcascade.diagnosis.causes import parameters_of
+from winchcascade.diagnosis.causes import parameters_of, posterior_of
 from winchcascade.diagnosis.closure import MIN_EXCESS, alarms_of, closure_between
 from winchcascade.diagnosis.contributions import from_own_simulation, without
 from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Place, Spot
-from winchcascade.diagnosis.evidence import Found, search
 from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
-from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.search import Found, search
 from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
 from winchcascade.rig.line_velocity import SMOOTHING
 
@@ -255,13 +255,14 @@ def fit_simulation(
     """Fit an own simulation as if it were a set of logs, with the suspects of a diagnosis and the usual simplifications."""
     data = Fitted(simulations, result.data.rig, result.data.cycles)
     suspects: Suspects = {**result.suspects, **SIMPLIFICATIONS}
-    found = search(data, suspects, lambda step: on_progress(f"your simulation: {step}"))
+    found = search(RigProblem(data, suspects), lambda step: on_progress(f"your simulation: {step}"))
     nothing = np.zeros(len(data.nuisances))
     nominal = data.predict(nothing, [])
     places = compare(data, nominal, data.tolerances(nothing, [], nominal))
     forms = model_forms(data, suspects, found, places)
     likely = [form.likely for form in forms if form.likely is not None]
-    numbers = {name: parameters_of(data, suspects, found.best, name, found.scale) for name in likely}
+    posterior = posterior_of(found, found.best)
+    numbers = {name: parameters_of(posterior, suspects[name], name) for name in likely}
     return OwnSimulation(tuple(simulations), forms, numbers)
 
 

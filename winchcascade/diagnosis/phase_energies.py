@@ -16,8 +16,8 @@ from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.evidence import Fit
     from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
 
 FACTORS = {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen": ("vdc", "idc")}

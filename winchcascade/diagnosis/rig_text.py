@@ -17,7 +17,7 @@ from winchcascade.core.quantity import Quantity, Unit, find_unit
 from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
 from winchcascade.core.rig_toml import ERRORS, UNCERTAINTIES, built_in_text, parse_rig
 from winchcascade.core.version import __version__
-from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of
+from winchcascade.diagnosis.causes import COVERED, LAW, posterior_of
 from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.baseline import stated_effects
@@ -355,7 +355,7 @@ def corrected_entries(found: ModelDiagnosis) -> dict[tuple[str, str], Quantity]:
     A wrong load of one run is an entry of the campaign and not among them.
     """
     fit = found.found.best
-    u = np.sqrt(np.diag(covariance_of(found.data, fit, found.found.scale)))
+    u = np.sqrt(np.diag(posterior_of(found.found, fit).covariance))
     numbers = {}
     for cause in found.causes:
         effect, k = found.suspects[cause.effect], fit.place[cause.effect].start
@@ -381,7 +381,7 @@ def stated_causes(found: ModelDiagnosis) -> dict[str, StatedEffect]:
     logs = tuple(log_name(run) for k, run in enumerate(found.runs) if k not in found.data.withheld)
     names = [cause.effect for cause in found.causes]
     fit = found.found.best
-    u = np.sqrt(np.diag(covariance_of(found.data, fit, found.found.scale)))
+    u = np.sqrt(np.diag(posterior_of(found.found, fit).covariance))
     stated = {}
     for name in names:
         others = [other for other in names if other != name]

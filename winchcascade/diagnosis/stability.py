@@ -7,17 +7,17 @@ nuisances are common to the runs: what a common nuisance can explain is no scatt
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of, slope_of_reported
+from winchcascade.diagnosis.causes import COVERED, LAW
 from winchcascade.diagnosis.diagnosis_result import Along, NamedCause, RunValue, Stability, Trend
-from winchcascade.diagnosis.evidence import Fit, inside_of
+from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.solve import Jacobian, weights
-from winchcascade.diagnosis.suspects import Suspects, freedom, with_values
+from winchcascade.diagnosis.search import grown, inside_of
+from winchcascade.diagnosis.suspects import freedom, with_values
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.search import Found
 
     Rulers = Mapping[Along, Signal]
 
@@ -42,189 +43,86 @@ NO_PART = 1e-9
 """Information of a run on a cause, as a share of that of all runs, below which the run does not depend on it."""
 
 
-class RunNormal(NamedTuple):
-    """Normal equations of one run: the parameters that it depends on (a,), their curvature (a, a) and slope (a,).
-
-    Parameters are the nuisances, then the fields of all causes.
-    """
-
-    active: NDArray[np.intp]
-    curve: Signal
-    slope: Signal
+def with_stability(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> tuple[NamedCause, ...]:
+    """The causes of the best fit with their numbers run by run."""
+    several = stabilities(data, found)
+    return tuple(msgspec.structs.replace(cause, stability=several[cause.effect]) for cause in causes)
 
 
-class Expansion(NamedTuple):
-    """The objective with a strength of one cause for each run, as a quadratic about the joint fit, unit noise.
-
-    `common` (p,) are the parameters that the runs share, `curve` (p, p) and `slope` (p,) theirs with the priors. Of the
-    strengths, as shares of that of the joint fit, `height` (r,) is the curvature, `pull` (r,) the slope, and `across` (p, r)
-    what couples them to the common parameters.
-    """
-
-    common: NDArray[np.intp]
-    curve: Signal
-    slope: Signal
-    height: Signal
-    pull: Signal
-    across: Signal
-
-    @property
-    def known(self) -> NDArray[np.bool_]:
-        """Runs that depend on the cause, (r,)."""
-        return self.height > NO_PART * float(self.height.sum())
-
-
-def with_stability(
-    data: Fitted, suspects: Suspects, fit: Fit, scale: float, causes: Sequence[NamedCause]
-) -> tuple[NamedCause, ...]:
-    """The causes of a joint fit with their numbers run by run."""
-    found = stabilities(data, suspects, fit, scale)
-    return tuple(msgspec.structs.replace(cause, stability=found[cause.effect]) for cause in causes)
-
-
-def stabilities(data: Fitted, suspects: Suspects, fit: Fit, scale: float) -> dict[str, Stability]:
-    """Numbers of the causes of a joint fit run by run, by effect.
-
-    Parameters
-    ----------
-    fit : the joint fit, with the columns of its causes
-    scale : square by which the noise exceeds its estimate [1]
-    """
-    normals, covariance = run_normals(data, fit), covariance_of(data, fit, scale)
-    inverse = scale * np.linalg.pinv(fit.curve, hermitian=True)
-    found = {}
+def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
+    """Numbers of the causes of the best fit run by run, by effect."""
+    fit, several = found.best, {}
     for name in fit.names:
-        effect, place = suspects[name], fit.place[name]
+        effect, own = found.problem.suspects[name], fit.place[name]
         free = freedom(effect)
-        ends = [with_values(effect, x).reported for x in (free.absent, fit.x[place], free.low, free.high)]
-        size, step = ends[1] - ends[0], fit.x[place] - free.absent
+        ends = [with_values(effect, x).reported for x in (free.absent, fit.x[own], free.low, free.high)]
+        size = ends[1] - ends[0]
         if size == 0.0:  # it acts by its other fields alone: no run determines the reported number
-            runs = (RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows)))
-            found[name] = Stability(tuple(runs), ())
+            several[name] = Stability(
+                tuple(RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))), ()
+            )
             continue
-        by = slope_of_reported(effect, fit.x[place]) / size
-        joint, curved = (float(by @ of[place, place] @ by) for of in (covariance, inverse))
-        uncertain = _Uncertain(
-            noise=scale * max(joint / max(curved, 1e-300), 1.0),
-            joint=joint,
-            span=abs((ends[3] - ends[2]) / size),
-            chance=CHANCE / (TRIED * len(fit.names)),
-        )
-        found[name] = _in_unit(_stability(data, normals, expand(fit, normals, place, step), uncertain), ends[0], size)
-    return found
+        runs, share, covariance = strengths(data, found, name)
+        stability = _stability(data, runs, share, covariance, abs((ends[3] - ends[2]) / size), len(fit.names))
+        several[name] = _in_unit(stability, ends[0], size)
+    return several
 
 
-def run_normals(data: Fitted, fit: Fit) -> list[RunNormal]:
-    """Normal equations of every run about a fit."""
-    w, fields, found = weights(fit.z), np.hstack([fit.columns[name] for name in fit.names]), []
-    j = (fit.j_nu or data.jacobian(fit.nu, [])).beside(fields)
-    for rows in data.rows:
-        own = slice(rows.start * len(CHANNELS), rows.stop * len(CHANNELS))
-        local = [
-            msgspec.structs.replace(part, rows=part.rows - own.start)
-            for part in j.local
-            if part.rows.size and own.start <= part.rows[0] < own.stop
-        ]
-        of_run = Jacobian(j.size, j.dense[own], j.at, local)
-        curve, slope = of_run.normal(w[own]), of_run.summed(w[own] * fit.z[own])
-        active = np.flatnonzero(np.diag(curve))
-        found.append(RunNormal(active, curve[np.ix_(active, active)], slope[active]))
-    return found
+def strengths(data: Fitted, found: Found, name: str) -> tuple[NDArray[np.intp], Signal, Signal]:
+    """Strength of one cause in each run, as shares of that in the best fit; other causes and nuisances are common to all runs.
 
-
-def expand(fit: Fit, normals: Sequence[RunNormal], place: slice, step: Signal) -> Expansion:
-    """Expand the objective about a fit; fields of other causes at a bound count as known.
-
-    Parameters
-    ----------
-    place : of the fields of the cause
-    step : (k,) what the strength moves, from the cause absent to the cause as fitted
+    Returns
+    -------
+    Numbers of the runs that depend on it, (q,), strengths, (q,), and their covariance, (q, q)
     """
-    n, size, bounds = fit.nu.size, fit.nu.size + fit.x.size, fit.bounds
-    moved, free = np.zeros(size), np.ones(size, dtype=bool)
-    moved[n:][place] = step
-    free[n:] = inside_of(fit.x, bounds)
-    free[n:][place] = False
-    curve = np.diag(np.concatenate((np.ones(n), (bounds.inner_high - bounds.inner_low) ** -2.0)))
-    beyond = 1.0 * (fit.x > bounds.inner_high) - 1.0 * (fit.x < bounds.inner_low)
-    slope = np.concatenate((-fit.nu, -bounds.rate * beyond))
-    across = np.zeros((size, len(normals)))
-    for r, normal in enumerate(normals):
-        curve[np.ix_(normal.active, normal.active)] += normal.curve
-        slope[normal.active] += normal.slope
-        across[normal.active, r] = normal.curve @ moved[normal.active]
-    pull = np.array([moved[normal.active] @ normal.slope for normal in normals])
-    common = np.flatnonzero(free)
-    return Expansion(common, curve[np.ix_(common, common)], slope[common], moved @ across, pull, across[common])
+    fit, expansion = found.best, found.expansion
+    columns, own = expansion.columns[:, expansion.index(fit.names)], fit.place[name]
+    way = found.marginal.undone(columns[:, own] @ (fit.x[own] - fit.free.absent[own]))
+    sizes = [float(np.sum(way[_rows(rows)] ** 2)) for rows in data.rows]
+    runs = np.flatnonzero(np.array(sizes) > NO_PART * sum(sizes))
+    parts = np.zeros((way.size, runs.size))
+    for column, run in enumerate(runs.tolist()):
+        parts[_rows(data.rows[run]), column] = way[_rows(data.rows[run])]
+    others = inside_of(fit)
+    others[own] = False
+    both = np.hstack([found.marginal(parts), columns[:, others]])
+    weighted, prior = both * weights(fit.r)[:, None], np.concatenate((np.zeros(runs.size), fit.free.sd[others] ** -2.0))
+    pulled = np.concatenate((np.zeros(runs.size), (fit.x - fit.free.absent)[others]))
+    information = weighted.T @ both / found.scale + np.diag(prior)
+    covariance = np.linalg.pinv(information, hermitian=True).astype(np.float64)
+    step = covariance @ (-weighted.T @ fit.r / found.scale - prior * pulled)
+    together = np.where(np.arange(step.size) < runs.size, 1.0, 0.0)
+    by = grown(found, both, fit.r + both @ step, covariance, together)
+    return runs, 1.0 + step[: runs.size], np.asarray(by * covariance[: runs.size, : runs.size])
 
 
-def strengths(e: Expansion) -> tuple[Signal, Signal]:
-    """Strengths of the runs that depend on the cause, (q,), beside the common parameters, and their covariance, (q, q)."""
-    height, pull, across = e.height[e.known], e.pull[e.known], e.across[:, e.known]
-    back = across / height
-    rest = np.linalg.inv(e.curve - back @ across.T)
-    shift = rest @ (e.slope - back @ pull)
-    return 1.0 + pull / height - back.T @ shift, np.diag(1.0 / height) + back.T @ rest @ back
+def _rows(blocks: slice) -> slice:
+    """Residuals of some blocks in a row."""
+    return slice(blocks.start * len(CHANNELS), blocks.stop * len(CHANNELS))
 
 
-def strengths_alone(e: Expansion, normals: Sequence[RunNormal], given: Signal) -> tuple[Signal, Signal]:
-    """Strength in each run that depends on the cause, (q,), and its variance, (q,), from that run alone.
-
-    What concerns this run alone, as the zeros of its sensors, is fitted with it; what it shares with others is as the joint fit
-    has it once the strengths of the runs are `given`, (r,).
-    """
-    shift = np.linalg.solve(e.curve, e.slope - e.across @ (given - 1.0))
-    users = np.zeros((len(normals), e.common.size), dtype=bool)
-    for r, normal in enumerate(normals):
-        users[r] = np.isin(e.common, normal.active)
-    found = []
-    for r in np.flatnonzero(e.known).tolist():
-        local = users[r] & (users.sum(axis=0) == 1)
-        back = np.linalg.solve(e.curve[np.ix_(local, local)], e.across[local, r])
-        height = e.height[r] - float(e.across[local, r] @ back)
-        # the local parameters are at their optimum for the given strength, about which the strength of the run is then sought
-        pull = e.pull[r] - float(e.across[:, r] @ shift) - e.height[r] * (given[r] - 1.0)
-        found.append((given[r] + pull / height, 1.0 / height))
-    share, variance = np.array(found).reshape(-1, 2).T
-    return share, variance
-
-
-class _Uncertain(NamedTuple):
-    """Variance of the noise in units of the objective, that of the strength in the joint fit, its plausible range, and the
-    probability below which a difference between runs is none of chance.
-    """
-
-    noise: float
-    joint: float
-    span: float
-    chance: float
-
-
-def _stability(data: Fitted, normals: Sequence[RunNormal], e: Expansion, uncertain: _Uncertain) -> Stability:
+def _stability(
+    data: Fitted, runs: NDArray[np.intp], share: Signal, covariance: Signal, span: float, causes: int
+) -> Stability:
     """Stability of one cause, as shares of its strength in the joint fit.
 
-    The uncertainty of a run alone has its own part and what the runs have in common, which is what the joint fit has beyond
-    the own parts. The law of an effect is exact to a share of `LAW` only, alike in runs with the same load.
+    The law of an effect is exact to a share of `LAW` only, alike in runs with the same load.
+
+    Parameters
+    ----------
+    runs, share, covariance : as `strengths` gives them
+    span : plausible range of the cause
+    causes : number of causes that are judged
     """
-    given, runs = np.ones(len(normals)), np.flatnonzero(e.known)
-    free, covariance = strengths(e)
-    own = uncertain.noise * strengths_alone(e, normals, given)[1]
-    shared = max(uncertain.joint - 1.0 / float(np.sum(1.0 / own)), 0.0) + LAW**2
-    half = COVERED * np.sqrt(own + shared)
-    resolved = 2.0 * half < uncertain.span
+    half = COVERED * np.sqrt(np.diag(covariance) + LAW**2)
+    resolved = 2.0 * half < span
     loads = np.array([log.load for log in data.logs])[runs]
-    spread = uncertain.noise * covariance + LAW**2 * (loads[:, None] == loads)
-    trends, course = trends_of(
-        free[resolved],
-        spread[np.ix_(resolved, resolved)],
-        _rulers(np.array(data.order.begins)[runs[resolved]], loads[resolved]),
-        uncertain.chance,
-    )
-    given[runs[resolved]] = course
-    share = strengths_alone(e, normals, given)[0]
+    spread = covariance + LAW**2 * (loads[:, None] == loads)
+    rulers = _rulers(np.array(data.order.begins)[runs[resolved]], loads[resolved])
+    trends, _ = trends_of(share[resolved], spread[np.ix_(resolved, resolved)], rulers, CHANCE / (TRIED * causes))
     numbers = zip(runs[resolved].tolist(), share[resolved].tolist(), half[resolved].tolist(), strict=True)
     values = {run: RunValue(run, x, x - u, x + u) for run, x, u in numbers}
-    every = (values.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(normals)))
+    every = (values.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows)))
     return Stability(tuple(every), tuple(trends))
 
 

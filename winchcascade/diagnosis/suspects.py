@@ -2,43 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.solve import Bounds
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 
 Suspects = Mapping[str, Effect]
 """Effects that a diagnosis may name, by their names."""
 
 
-TAIL = 0.25
-"""Beyond the plausible range of a field the probability falls by a factor e for each such share of the range. Assumed. [1]"""
-
-
 class Freedom(msgspec.Struct, frozen=True):
     """Fields of some suspects, (k,) each: names, values where the effects are absent, ends `low` and `high` of what is
-    plausible, and bounds of a fit: the outer ones of what is physically possible, the inner ones of what is plausible.
+    plausible, and the bounds `minimum` and `maximum` of what is physically possible.
     """
 
     names: tuple[str, ...]
     absent: Signal
     low: Signal
     high: Signal
-    bounds: Bounds
+    minimum: Signal
+    maximum: Signal
+
+    @property
+    def sd(self) -> Signal:
+        """Standard deviation of the prior: half of the plausible range. [unit of the field]"""
+        return np.asarray(0.5 * (self.high - self.low))
+
+    def some(self, own: Sequence[int]) -> Freedom:
+        """Those of some numbers."""
+        arrays = (self.absent, self.low, self.high, self.minimum, self.maximum)
+        return Freedom(tuple(self.names[k] for k in own), *(array[own] for array in arrays))
 
 
 def freedom(*effects: Effect) -> Freedom:
     """The fields of some suspects in a row."""
     fields = [field for effect in effects for field in effect.fields]
     table = np.array([(f.absent, f.low, f.high, *f.possible) for f in fields], dtype=np.float64).reshape(-1, 5)
-    absent, low, high, minimum, maximum = np.ascontiguousarray(table.T)
-    bounds = Bounds(minimum, maximum, low, high, 1.0 / (TAIL * (high - low)))
-    return Freedom(tuple(field.name for field in fields), absent, low, high, bounds)
+    return Freedom(tuple(field.name for field in fields), *np.ascontiguousarray(table.T))
 
 
 def places_of(suspects: Suspects, names: Iterable[str]) -> dict[str, slice]:
@@ -57,5 +61,5 @@ def varied(effect: Effect, values: Signal, share: float) -> Iterator[tuple[Activ
     """A suspect with one field after the other moved by a share of its range, down at its upper bound, and by how much."""
     free = freedom(effect)
     step = share * (free.high - free.low)
-    step = np.where(values + step > free.bounds.high, -step, step)
+    step = np.where(values + step > free.maximum, -step, step)
     return ((with_values(effect, x), dx) for x, dx in zip(values + np.diag(step), step.tolist(), strict=True))

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.evidence import CLEARLY, Found, Linear
-from winchcascade.diagnosis.suspects import Suspects, freedom, with_values
+from winchcascade.diagnosis.search import CLEARLY, Expansion, Found
+from winchcascade.diagnosis.suspects import freedom, with_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.rig.effects.effect import ActiveEffect
 
@@ -36,13 +35,13 @@ class Threshold(msgspec.Struct, frozen=True):
     unit: str
 
 
-def not_visible(suspects: Suspects, found: Found) -> Names:
+def not_visible(found: Found) -> Names:
     """Effects beside the best set that these logs would not show at any plausible size."""
-    others = (name for name in suspects if name not in found.best.names)
-    return tuple(name for name in others if not _is_named(found.linear, name, found.scale, 1.0))
+    others = (name for name in found.problem.suspects if name not in found.best.names)
+    return tuple(name for name in others if not _is_named(found.expansion, name, 1.0))
 
 
-def thresholds(suspects: Suspects, found: Found, relevance: Callable[[ActiveEffect], float]) -> tuple[Threshold, ...]:
+def thresholds(found: Found, relevance: Callable[[ActiveEffect], float]) -> tuple[Threshold, ...]:
     """The threshold of every suspect, by the rule that chooses causes and calls them relevant.
 
     Parameters
@@ -50,8 +49,8 @@ def thresholds(suspects: Suspects, found: Found, relevance: Callable[[ActiveEffe
     relevance : size of what an effect changes most, beside the best fit, in what the rig file calls relevant [1]
     """
     rows = []
-    for name, effect in suspects.items():
-        free, share = freedom(effect), _smallest_share(found.linear, name, found.scale)
+    for name, effect in found.problem.suspects.items():
+        free, share = freedom(effect), _smallest_share(found.expansion, name)
         way = np.where(free.high - free.absent >= free.absent - free.low, free.high, free.low) - free.absent
         absent, value = with_values(effect, free.absent).reported, None
         if share is not None:
@@ -62,31 +61,26 @@ def thresholds(suspects: Suspects, found: Found, relevance: Callable[[ActiveEffe
     return tuple(rows)
 
 
-def _smallest_share(linear: Linear, name: str, scale: float) -> float | None:
+def _smallest_share(expansion: Expansion, name: str) -> float | None:
     """Share of the way from absent to the far end of its range at which an effect is named, by halving; None beyond that."""
-    if not _is_named(linear, name, scale, 1.0):
+    if not _is_named(expansion, name, 1.0):
         return None
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _is_named(linear, name, scale, middle) else (middle, high)
+        low, high = (low, middle) if _is_named(expansion, name, middle) else (middle, high)
     return high
 
 
-def _is_named(linear: Linear, name: str, scale: float, share: float) -> bool:
+def _is_named(expansion: Expansion, name: str, share: float) -> bool:
     """Whether logs with a share of an effect, as the expansion foresees them, have clearly more evidence for it than for
     nothing, also where noise makes it look smaller.
     """
-    step = _far(linear, name, share)
-    z = math.sqrt(max(float(step @ linear.curve @ step) / scale, 0.0))
-    seen = linear.curve @ step * max(1.0 - SURELY / max(z, 1e-12), 0.0)
-    injected = msgspec.structs.replace(linear, value=linear.absent, slope=seen)
-    return injected.evidence((name,), scale) - injected.evidence((), scale) > CLEARLY
-
-
-def _far(linear: Linear, name: str, share: float) -> Signal:
-    """A share of the way to the end of the range of an effect that is farther from its absence, in the row of all fields."""
-    up, down = linear.bounds.inner_high - linear.absent, linear.bounds.inner_low - linear.absent
-    step = np.zeros_like(linear.absent)
-    step[linear.place[name]] = share * np.where(up >= -down, up, down)[linear.place[name]]
-    return step
+    free, step = expansion.free, np.zeros_like(expansion.slope)
+    up, down = free.high - free.absent, free.low - free.absent
+    own = expansion.index((name,))
+    step[own] = share * np.where(up >= -down, up, down)[own]
+    z = math.sqrt(max(float(step @ expansion.curve @ step) / expansion.evidence.scale, 0.0))
+    seen = expansion.curve @ step * max(1.0 - SURELY / max(z, 1e-12), 0.0)
+    injected = msgspec.structs.replace(expansion, value=free.absent, slope=seen, acting=())
+    return injected.rated((name,)) - injected.rated(()) > CLEARLY

@@ -19,7 +19,6 @@ from winchcascade.diagnosis.diagnosis_result import (
     DiagnosisResult,
     Entries,
     GapClosure,
-    Names,
     Place,
     Remainder,
     Shrunk,
@@ -30,7 +29,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.gap_map import weigh
 from winchcascade.diagnosis.line.line_causes import is_material, line_causes, plan
 from winchcascade.diagnosis.line.line_data import POWER, LineRows, Lines, lines_of
-from winchcascade.diagnosis.line.line_fit import Choice, LineFit, choose, fit_of, folds_of
+from winchcascade.diagnosis.line.line_fit import LineFit, fit_of, folds_of
 from winchcascade.diagnosis.stability import CHANCE
 
 if TYPE_CHECKING:
@@ -80,7 +79,6 @@ class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
 
     lines: Lines
     fit: LineFit
-    choice: Choice
     closure: LineClosure | None = None
     energies: tuple[CycleEnergy, ...] = ()
 
@@ -112,15 +110,14 @@ def diagnose_line(
     lines = lines_of(entries, rig, suspects)
     on_progress("leaving each cycle out in turn")
     fit = fit_of(lines)
-    choice = choose(fit)
-    closure = _closure(fit, choice.chosen, seed)
+    closure = _closure(fit, seed)
     on_progress("looking for alternative explanations")
-    fitted = line_causes(fit, choice, suspects)
-    causes = tuple(cause for cause in fitted if is_material(fit, choice.chosen, cause.effect))
-    energies, alarms = _energies(fit, choice.chosen, closure.after)
+    fitted, chosen = line_causes(fit), fit.found.best.names
+    causes = tuple(cause for cause in fitted if is_material(fit, cause.effect))
+    energies, alarms = _energies(fit, closure.after)
     remainder = _remainder(closure, alarms)
     verdict = _verdict(closure, remainder, named=bool(causes))
-    places, experiment = _places(lines.rows), plan(fit, choice, causes)
+    places, experiment = _places(lines.rows), plan(fit, causes)
     causes, no_gap = () if verdict == "unexplained" else causes, verdict == "no_gap"
     largest = max(places, key=lambda place: place.share)
     return LineDiagnosis(
@@ -128,19 +125,18 @@ def diagnose_line(
         rig=rig,
         seed=seed,
         runs=tuple(part.run for part in lines.parts),
-        suspects={name: suspects[name] for name in lines.names},
+        suspects=lines.suspects,
         verdict=verdict,
         where=None if no_gap else Where(causes[0].stage if causes else "transmission", largest),
-        chosen=choice.chosen,
+        chosen=chosen,
         causes=causes,
         fitted=fitted,
-        closure=closure if choice.chosen and not no_gap else None,
+        closure=closure if chosen and not no_gap else None,
         remainder=None if no_gap else remainder,
         experiment=experiment,
-        sets=dict(choice.probability),
+        sets=fit.probability,
         lines=lines,
         fit=fit,
-        choice=choice,
         places=places,
         energies=energies,
     )
@@ -176,9 +172,9 @@ def _places(rows: LineRows) -> tuple[Place, ...]:
     return tuple(found)
 
 
-def _closure(fit: LineFit, names: Names, seed: int) -> LineClosure:
+def _closure(fit: LineFit, seed: int) -> LineClosure:
     """Predict every judged row from a fit without it, and resample the cycles for the interval of the share."""
-    rows, after = fit.lines.judged, fit.judged_residual(names)
+    rows, after = fit.lines.judged, fit.residual(fit.found.best)
     fold = folds_of(rows.blocks.cycle)
     old, new = np.bincount(fold, rows.gap**2), np.bincount(fold, after**2)
     draws = np.random.default_rng(seed).integers(old.size, size=(DRAWS, old.size))
@@ -216,7 +212,7 @@ def _remainder(closure: LineClosure, energies: tuple[Alarm, ...]) -> Remainder:
 
 
 # ---------------------------------------------------------------------------------------------------------------- energies
-def _energies(fit: LineFit, names: Names, after: Signal) -> tuple[tuple[CycleEnergy, ...], tuple[Alarm, ...]]:
+def _energies(fit: LineFit, after: Signal) -> tuple[tuple[CycleEnergy, ...], tuple[Alarm, ...]]:
     """Energies of the judged cycles by phase, and an alarm for each phase whose energies the causes do not explain.
 
     The residuals of a phase are an alarm where their root mean square, or their sum, is more than a small share of the energy,
@@ -235,8 +231,8 @@ def _energies(fit: LineFit, names: Names, after: Signal) -> tuple[tuple[CycleEne
         return np.bincount(place, power * rows.width).astype(np.float64)
 
     measured, before, residual = map(energy, (rows.gap + rows.given, rows.given, after))
-    columns = np.column_stack([energy(column) for column in rows.columns.T])
-    of_numbers = columns @ fit.covariance(names) @ columns.T
+    columns = np.array([energy(column) for column in fit.by_number(rows, fit.found.best).T]).reshape(-1, code.size).T
+    of_numbers = columns @ fit.covariance(fit.found.best) @ columns.T
     scale = float(np.median(rows.width)) * energy(
         np.ones(rows.t.size)
     )  # a sum of n rows has n times the variance of a mean

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from winchcascade.core.quantity import Unit, find_unit
-from winchcascade.diagnosis.causes import BACK, COVERED, HOLD, RAMP
+from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     Arises,
@@ -22,6 +22,7 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.next_run import BACK, HOLD, RAMP
 from winchcascade.report.diagnosis_names import (
     NAMES,
     at_words,

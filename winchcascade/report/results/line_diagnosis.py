@@ -177,21 +177,17 @@ def _how_far(found: LineDiagnosis, word: str) -> Section:
 
 
 def _tried(found: LineDiagnosis) -> Section:
-    choice, chosen = found.choice, found.choice.evidence[found.chosen]
-    ranked = sorted(choice.evidence, key=lambda names: -choice.evidence[names])
     return section(
         "tried", "What was tried",
         Note(words.not_needed_words(found), brief=False) if found.causes else None,
         table(
-            "sets", "Sets of suspects by their evidence.",
+            "sets", "Sets of suspects by their probability.",
             [
                 Column("set", set_words),
-                Column("error", lambda names: 100.0 * choice.errors[names], "% of the gap", 2),
-                Column("evidence", lambda names: choice.evidence[names] - chosen, "nats", 1, signed=True),
-                Column("probability", lambda names: probability_words(choice.probability[names])),
+                Column("probability", lambda names: probability_words(found.sets[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],
-            ranked[:LISTED_SETS],
+            sorted(found.sets, key=lambda names: -found.sets[names])[:LISTED_SETS],
             brief=False,
         ),
         folded=True,

@@ -1,0 +1,153 @@
+"""A problem of least squares with its nuisances integrated out.
+
+Whitened residuals z are linear in the nuisances about one place: z - J nu, each nuisance with a unit normal prior. Integrated
+out, they leave a normal distribution of covariance C = I + J J'. One multiplication by C^(-1/2) makes independent numbers of
+unit variance of the residuals again, and what remains is a small bounded problem in the fields of a few effects.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_array
+
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import ActiveEffect
+
+HUBER = 3.0
+"""Whitened residuals beyond this count by their magnitude, not by their square (Huber 1964)."""
+
+WILD = 1e6
+"""A residual counts as no larger than this, and so does one of numbers with which nothing can be simulated."""
+
+IDLE = 1e-12
+"""A direction in which all nuisances together move less than this share of the squares of the first moves nothing. [1]"""
+
+ROUNDS, SETTLED = 20, 1e-2
+"""Maximum number of steps to the best nuisances, and the improvement of the objective below which they are found."""
+
+
+def huber(z: Signal) -> float:
+    """Robust half sum of squares of whitened residuals. [1]"""
+    size = np.minimum(np.nan_to_num(np.abs(z), nan=WILD, posinf=WILD), WILD)
+    return float(np.sum(np.where(size <= HUBER, 0.5 * size * size, HUBER * (size - 0.5 * HUBER))))
+
+
+def weights(z: Signal) -> Signal:
+    """Weights with which least squares follow `huber`, (n,)."""
+    return np.asarray(HUBER / np.maximum(np.abs(z), HUBER))
+
+
+class Columns(NamedTuple):
+    """Derivative of a prediction, whitened, over nuisances: `dense` (n, k), then `local` (n, q) of those of few rows."""
+
+    dense: Signal
+    local: csr_array
+
+    def __matmul__(self, step: Signal) -> Signal:
+        """What a step of the nuisances moves, (n, ...) from (k + q, ...)."""
+        first = self.dense.shape[1]
+        return np.asarray(self.dense @ step[:first] + self.local @ step[first:])
+
+    def onto(self, rows: Signal) -> Signal:
+        """The columns times rows, (k + q, ...) from (n, ...)."""
+        return np.concatenate((self.dense.T @ rows, self.local.T @ rows))
+
+    def squared(self) -> Signal:
+        """The columns times each other, (k + q, k + q)."""
+        across = self.local.T @ self.dense
+        return np.block([[self.dense.T @ self.dense, across.T], [across, (self.local.T @ self.local).toarray()]])
+
+    def masked(self, rows: Signal) -> Columns:
+        """The columns with each row times a weight, (n,)."""
+        return Columns(self.dense * rows[:, None], self.local.multiply(rows[:, None]).tocsr())
+
+
+class Problem(Protocol):
+    """Measured numbers that effects may explain."""
+
+    @property
+    def suspects(self) -> Suspects:
+        """Effects by name that may be named."""
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Number of the group of each residual, (n,): residuals of one group are not independent."""
+
+    @property
+    def begins(self) -> Mapping[str, Sequence[float]]:
+        """Values of the only field of some suspects from which a fit may begin, far from where they are absent."""
+
+    def price(self, name: str) -> float:
+        """Logarithm of the prior odds against a suspect [1]."""
+
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
+        """Measured minus predicted with each of several lists of effects, whitened, all nuisances at 0, (n, k)."""
+
+    def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:
+        """Whitened derivative of the prediction over the nuisances, in units of their tolerance."""
+
+
+class Marginal:
+    """The nuisances of a problem, integrated out.
+
+    Parameters
+    ----------
+    columns : whitened derivative of the prediction over the nuisances
+    """
+
+    def __init__(self, columns: Columns) -> None:
+        self.columns = columns
+        square, ways = np.linalg.eigh(columns.squared())
+        keep = square > IDLE * max(float(square[-1]), 1e-300) if square.size else np.zeros(0, dtype=bool)
+        self._square, self._ways = square, ways = square[keep], ways[:, keep]
+        self._shrink = (ways * ((1.0 - 1.0 / np.sqrt(1.0 + square)) / square)) @ ways.T
+        self._stretch = (ways * ((np.sqrt(1.0 + square) - 1.0) / square)) @ ways.T
+        self.spread = self.spread_in()
+
+    def spread_in(self, scale: float = 1.0) -> Signal:
+        """Covariance of the nuisances where nothing else is open, (q, q).
+
+        Parameters
+        ----------
+        scale : square by which the noise exceeds its estimate
+        """
+        return np.asarray(
+            np.eye(self._ways.shape[0]) - (self._ways * (self._square / (scale + self._square))) @ self._ways.T
+        )
+
+    def __call__(self, z: Signal) -> Signal:
+        """Residuals, (n, ...), as independent numbers of unit variance, nuisances included: C^(-1/2) z."""
+        return np.asarray(z - self.columns @ (self._shrink @ self.columns.onto(z)))
+
+    def undone(self, r: Signal) -> Signal:
+        """The inverse, C^(1/2) r, (n, ...)."""
+        return np.asarray(r + self.columns @ (self._stretch @ self.columns.onto(r)))
+
+    def best(self, z: Signal, reach: float = np.inf) -> tuple[Signal, Signal]:
+        """Nuisances that explain whitened residuals best, and what they leave: each step descends.
+
+        Parameters
+        ----------
+        reach : bound of the magnitude of a nuisance, in units of its tolerance
+        """
+        nu, left, loss = np.zeros(self.spread.shape[0]), z, np.inf
+        for _ in range(ROUNDS):
+            now = huber(left) + 0.5 * float(nu @ nu)
+            if loss - now < SETTLED:
+                break
+            loss = now
+            nu = np.clip(nu + self.spread @ (self.columns.onto(weights(left) * left) - nu), -reach, reach)
+            left = z - self.columns @ nu
+        return nu, left
+
+    def masked(self, rows: Signal) -> Marginal:
+        """The same with each row times a weight, (n,); 0 for what takes no part."""
+        return Marginal(self.columns.masked(rows))
