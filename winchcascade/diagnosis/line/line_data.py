@@ -18,8 +18,8 @@ from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK, Index, Mask, Run, Signal
 from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row
-from winchcascade.rig.effects.effect import Effect, Parameter
-from winchcascade.rig.kernel import REST
+from winchcascade.rig.effects.effect import Display, Effect, Parameter
+from winchcascade.rig.physics import REST
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,11 +35,11 @@ POWER = "power_mech"
 """Channel in which a winch without a model shows its gap."""
 
 NUMBERS = {
-    "drum_inertia": ("mass_extra", "kg"),
-    "line_friction": ("force", "N"),
-    "line_drag": ("b_line", "N.s/m"),
+    "drum_inertia": ("mass_extra", "kg", Display("inertia, as a mass on the line", 1.0, "kg", signed=False)),
+    "line_friction": ("force", "N", Display("constant friction", 1.0, "N", signed=False)),
+    "line_drag": ("b_line", "N.s/m", Display("drag over speed", 1.0, "N·s/m", signed=False)),
 }
-"""Suspects whose number is in units of the line, as no drum is known: its name and unit."""
+"""Suspects whose number is in units of the line, as no drum is known: its name, unit and display."""
 
 ACTING = (*NUMBERS, "load_proportional_loss", "force_gain", "force_zero")
 """Suspects that act between line and shaft."""
@@ -168,16 +168,13 @@ def _rows_of(run: Run, rig: Rig, names: Sequence[str], asked: tuple[int, int] | 
     known = blocks.mean(good.astype(np.float64))
     signals = [run.t, v * f, power - v * f, v, f, *(made[name] for name in names)]
     means = np.array([blocks.mean(np.where(good, x, 0.0)) for x in signals])[:, known > 0.5] / known[known > 0.5]
-    width = np.gradient(run.t)
-    width = blocks.count * blocks.mean(
-        np.minimum(width, 2.0 * step)
-    )  # a lost row counts as a step, a longer gap does not
+    width = blocks.count * blocks.mean(np.minimum(np.gradient(run.t), 2.0 * step))  # not that of a gap
+    own = np.maximum(blocks.cycle, 1)[known > 0.5]  # rest before the first payout belongs to its cycle
     kept = Blocks(*(field[known > 0.5] for field in msgspec.structs.astuple(blocks)))
-    t, given, gap = means[:3]
-    own = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
-    kept = msgspec.structs.replace(kept, cycle=own)
-    part = np.full(kept.size, number)
-    return LineRows(part, kept, own, t, width[known > 0.5], given, gap, means[5:].T, means[3:5].T)
+    kept, (t, given, gap) = msgspec.structs.replace(kept, cycle=own), means[:3]
+    return LineRows(
+        np.full(kept.size, number), kept, own, t, width[known > 0.5], given, gap, means[5:].T, means[3:5].T
+    )  # fmt: skip
 
 
 def power_columns(t: Signal, v: Signal, f: Signal) -> dict[str, Signal]:
@@ -233,12 +230,11 @@ def _in_line_units(suspects: Suspects, names: Sequence[str], rows: LineRows) -> 
     it takes as much power as the winch has.
     """
     size = np.linalg.norm(rows.gap + rows.given) / np.maximum(np.linalg.norm(rows.columns, axis=0), 1e-300)
-    found = {}
+    found = {name: suspects[name] for name in names}
     for name, most in zip(names, size.tolist(), strict=True):
-        effect = suspects[name]
         if name in NUMBERS:
-            number, unit = NUMBERS[name]
-            field = Parameter(number, unit, 0.0, most, (0.0, FAR * most))
-            effect = msgspec.structs.replace(effect, fields=(field,), parameter=number, unit=unit, law=None)
-        found[name] = effect
+            number, unit, display = NUMBERS[name]
+            fields = (Parameter(number, unit, 0.0, most, (0.0, FAR * most)),)
+            own = {"fields": fields, "parameter": number, "unit": unit, "display": display, "law": None}
+            found[name] = msgspec.structs.replace(found[name], **own)
     return found

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import linear_algebra_on_one_thread
-from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
+from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT, PHASES, scatter_about_course
 from winchcascade.diagnosis.closure import DRAWS, ROUGH
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
@@ -216,8 +216,8 @@ def _energies(fit: LineFit, after: Signal) -> tuple[tuple[CycleEnergy, ...], tup
     """Energies of the judged cycles by phase, and an alarm for each phase whose energies the causes do not explain.
 
     The residuals of a phase are an alarm where their root mean square, or their sum, is more than a small share of the energy,
-    and more than the noise within the phases and the uncertainty of the coefficients allow. At rest the energy of the payout is
-    the yardstick. The uncertainty that is reported contains the scatter of cycles, too.
+    and more than the noise within the phases and the uncertainty of the coefficients allow. The uncertainty that is reported
+    contains the scatter of cycles, too.
     """
     from scipy.special import chdtrc
 
@@ -225,7 +225,7 @@ def _energies(fit: LineFit, after: Signal) -> tuple[tuple[CycleEnergy, ...], tup
     code, row, place = np.unique(
         rows.blocks.cycle * len(PHASES) + rows.blocks.phase, return_index=True, return_inverse=True
     )
-    cycle, phase = np.divmod(code, len(PHASES))
+    phase = code % len(PHASES)
 
     def energy(power: Signal) -> Signal:
         return np.bincount(place, power * rows.width).astype(np.float64)
@@ -233,22 +233,19 @@ def _energies(fit: LineFit, after: Signal) -> tuple[tuple[CycleEnergy, ...], tup
     measured, before, residual = map(energy, (rows.gap + rows.given, rows.given, after))
     columns = np.array([energy(column) for column in fit.by_number(rows, fit.found.best).T]).reshape(-1, code.size).T
     of_numbers = columns @ fit.covariance(fit.found.best) @ columns.T
-    scale = float(np.median(rows.width)) * energy(
-        np.ones(rows.t.size)
-    )  # a sum of n rows has n times the variance of a mean
+    # a sum of n rows has n times the variance of a mean
+    scale = float(np.median(rows.width)) * energy(np.ones(rows.t.size))
     within, between = (np.diag(scale * variance[phase, -1]) for variance in (fit.noise.within, fit.noise.variance))
-    working = {int(c): x for c, p, x in zip(cycle, phase, measured, strict=True) if p == PAYOUT}
-    yardstick = [working.get(int(c), x) if p == HOLD else x for c, p, x in zip(cycle, phase, measured, strict=True)]
     alarms = []
-    for p, name in enumerate(PHASES):
+    for p in (PAYOUT, HAUL_IN):
         here = np.flatnonzero(phase == p)
         for sums, noise in ((np.eye(here.size), within), (np.ones((1, here.size)), between)):  # each cycle, then all
-            left, ruler = sums @ residual[here], sums @ np.array(yardstick)[here]
+            left, ruler = sums @ residual[here], sums @ measured[here]
             spread = sums @ (noise + of_numbers)[np.ix_(here, here)] @ sums.T
             size = float(np.linalg.norm(left)) / max(float(np.linalg.norm(ruler)), 1e-300)
             squares = max(float(left @ np.linalg.pinv(spread, hermitian=True) @ left), 0.0)
             if size > SMALL_ENERGY and float(chdtrc(left.size, squares)) < CHANCE:
-                alarms.append(Alarm("energy", Spot(POWER, name), size, SMALL_ENERGY))
+                alarms.append(Alarm("energy", Spot(POWER, PHASES[p]), size, SMALL_ENERGY))
     u = np.sqrt(np.diag(between + of_numbers))
     energies = [
         CycleEnergy(lines.parts[rows.part[k]].run.name, int(rows.own_cycle[k]), PHASES[p], "mech", *numbers)

@@ -19,11 +19,11 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import (
-    LINE_NUMBERS,
     origins_of,
     phase_words,
     probability_words,
     set_words,
+    shown_as,
     word_of,
 )
 from winchcascade.report.figures import line_figures as figures
@@ -84,7 +84,7 @@ def _others_table(found: LineDiagnosis) -> Table[EffectNumber] | None:
     """Numbers of the effects that were fitted and are not named."""
     named = {cause.effect for cause in found.causes}
     rows = [
-        EffectNumber(one.effect, LINE_NUMBERS[one.effect], next(iter(one.parameters.values())), "in the fit, not named")
+        EffectNumber(one.effect, shown_as(found, one), next(iter(one.parameters.values())), "in the fit, not named")
         for one in found.fitted
         if one.effect not in named
     ]
