@@ -227,7 +227,7 @@ def _rig_file(case: Case, folder: Path) -> str | None:
         from winchcascade.diagnosis.calibrate import calibrate
         from winchcascade.diagnosis.rig_text import calibrated_text
         from winchcascade.ingest.read import read_run
-        from winchcascade.rig.open_rig import load_rig
+        from winchcascade.rig.baseline import load_rig
 
         return calibrated_text(calibrate(read_run(folder / "open_circuit.csv", load=math.inf), load_rig(DEFAULT_RIG)))
     shares = {name: getattr(SCATTER, name) / getattr(NOMINAL, name) for name in case.bias}

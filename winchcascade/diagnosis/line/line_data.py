@@ -19,7 +19,7 @@ from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK, Index, Mask, Run, Signal
 from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row
 from winchcascade.rig.effects.effect import Display, Effect, Parameter
-from winchcascade.rig.kernel import REST
+from winchcascade.rig.physics import REST
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
