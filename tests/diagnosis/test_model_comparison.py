@@ -26,8 +26,8 @@ from winchcascade.diagnosis.model_comparison import (
 from winchcascade.reduction.bins import stored_powers
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.rig.open_rig import load_rig
-from winchcascade.rig.simulate import LEDGER
+from winchcascade.rig.baseline import load_rig
+from winchcascade.rig.ledger import LEDGER
 
 KEPT = 5.1e-5
 """Five significant digits are kept."""
@@ -190,7 +190,7 @@ def test_the_parts_of_the_budget_are_the_powers_of_the_simulation() -> None:
     sim = c.simulation
     x, omega, v = sim.run.channels, sim.rpm_gen * math.pi / 30.0, c.run.channels["velocity"]
     expected = {
-        "dc": x["vdc"] * x["idc"],
+        "DC link": x["vdc"] * x["idc"],
         "copper": 3.0 * 0.61 * sim.i_s**2,
         "damper": 7.5e-4 * omega**2,
         "mesh": 0.05 * x["torque"] * omega / 50.0,

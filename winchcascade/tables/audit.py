@@ -207,8 +207,8 @@ def _physics(
 ) -> AttainableRanges:
     """What a rig can attain of the efficiencies of a table."""
     from winchcascade.core.rig_toml import DEFAULT_RIG
+    from winchcascade.rig.baseline import load_rig
     from winchcascade.rig.effects.catalogue import OF_THE_RIG
-    from winchcascade.rig.open_rig import load_rig
     from winchcascade.tables.attainable import attainable_ranges
 
     of = rig if isinstance(rig, Rig) else load_rig(rig or DEFAULT_RIG)

@@ -230,7 +230,6 @@ def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
 
 def _line_record(found: LineDiagnosis) -> dict[str, Any]:
     """Of a winch without a model, the energies of the judged cycles, and every set of suspects."""
-    choice = found.choice
     return {
         "energies": [
             _some(one, "run", "cycle", "phase", "stage") | _some(one, *_ENERGY, end="_j") for one in found.energies
@@ -238,12 +237,10 @@ def _line_record(found: LineDiagnosis) -> dict[str, Any]:
         "sets": [
             {
                 "effects": names,
-                "error": choice.errors[names],
-                "evidence": choice.evidence[names] - choice.evidence[choice.chosen],
-                "probability": choice.probability[names],
-                "as_good_as_the_best": choice.as_good(names),
+                "evidence": math.log(max(probability, 1e-300) / found.sets[found.chosen]),
+                "probability": probability,
             }
-            for names in sorted(choice.errors, key=lambda names: -choice.evidence[names])
+            for names, probability in sorted(found.sets.items(), key=lambda one: -one[1])
         ],
     }
 
