@@ -248,3 +248,10 @@ def test_the_manual_shows_what_the_command_prints() -> None:
     stored = (ROOT / "tests" / "reference" / "outputs" / "physics" / "physics.txt").read_text(encoding="utf-8")
     assert shown is not None
     assert shown[1] == stored[stored.index("What the rig can attain") :]
+
+
+def test_values_with_which_the_model_gives_no_printed_power_explain_nothing() -> None:
+    rows = [replace(row, target=("power_gen", 1e7)) for row in paper().rows]
+    problem = TableProblem(rows, RIG, EFFECTS)
+    eta = problem.efficiencies([])
+    assert problem.by_metric(eta).min() > 6.0

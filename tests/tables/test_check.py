@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 from calls import call
@@ -19,10 +18,9 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import Results, campaign_results, check_results
 from winchcascade.core.errors import OptionError
 from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.reduction.run_record import run_record
 from winchcascade.tables.check import SAME_LOGS, CheckError, Factors, Measured, check_measured
 from winchcascade.tables.published_table import PublishedTable
-from winchcascade.tables.table_file import load_table
+from winchcascade.tables.table_file import load_table, parse_table
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADS = (45.0, 18.0, math.inf)
@@ -72,14 +70,16 @@ def test_any_single_cell_beyond_its_tolerance_fails_and_within_it_passes() -> No
                 assert misses == ([(k + 1, metric)] if abs(share) > 1.0 else [])
 
 
-@pytest.mark.parametrize("part", ["rounding", "deviation", "uncertainty"])
-def test_a_factor_widens_and_narrows_its_part_alone(part: str) -> None:
+def test_a_factor_widens_and_narrows_its_part_alone() -> None:
     table = random_table()
-    plain, wide = (check_measured(exact(table), table, factors) for factors in (None, Factors(**{part: 3.0})))
-    for one, other in zip(plain.cells, wide.cells, strict=True):
-        for name in ("rounding", "deviation", "uncertainty"):
-            assert getattr(other, name) == pytest.approx((3.0 if name == part else 1.0) * getattr(one, name))
-        assert other.tolerance == other.rounding + other.deviation + other.uncertainty
+    parts = ("rounding", "deviation", "uncertainty")
+    plain = check_measured(exact(table), table).cells
+    for part in parts:
+        wide = check_measured(exact(table), table, Factors(**{part: 3.0})).cells
+        for one, other in zip(plain, wide, strict=True):
+            factors = [getattr(other, name) / getattr(one, name) for name in parts]
+            assert factors == pytest.approx([3.0 if name == part else 1.0 for name in parts])
+            assert other.tolerance == sum(getattr(other, name) for name in parts)
     with pytest.raises(OptionError, match="tolerance factor deviation is inf"):
         Factors(deviation=math.inf)
 
@@ -151,13 +151,6 @@ def test_budget_and_limits_of_the_sensors_count_in_squares(results: Results) -> 
         assert 0.0 < own < limits
         assert cell.basis == "budget_and_limits"
         assert cell.uncertainty == pytest.approx(2.0 * math.hypot(own, limits))
-    stored = []
-    for name, record in results.records:  # as results were stored before they held the limits
-        fields = json.loads(msgspec.json.encode(record))
-        del fields["uncertainty"]["sensors_by_limits"]
-        stored.append((name, run_record(json.dumps(fields).encode(), name)))
-    earlier = check_results(msgspec.structs.replace(results, records=tuple(stored)), "hsu2026-table2")
-    assert {cell.basis for cell in earlier.cells} == {"budget"}
 
 
 def test_a_table_of_these_logs_allows_rounding_alone(
@@ -177,22 +170,9 @@ def test_a_table_of_these_logs_allows_rounding_alone(
         assert (called.code, miss["load_ohm"], miss["metric"]) == (1, rows[2]["load_ohm"], metric)
         assert path.read_text().splitlines()[miss["line"] - 1].startswith(f"{metric} = ")
         assert record["factors"] == {"rounding": 1.0, "deviation": 0.0, "uncertainty": 0.0, "means": 0.0}
-    called = call("check", CAMPAIGN, "--against", path, "--same-logs", "--tolerance", "uncertainty=2")
-    assert (called.code, "--same-logs" in called.err) == (2, True)
-
-
-def test_a_check_beside_its_logs_can_be_repeated_and_replaces_no_log(
-    ours: list[dict[str, float]], tmp_path: Path
-) -> None:
-    shutil.copytree(CAMPAIGN, tmp_path, dirs_exist_ok=True)
-    (tmp_path / "ours.toml").write_text(table_text(ours))
-    command = ("check", tmp_path, "--against", tmp_path / "ours.toml", "--same-logs")
-    for option in ("--junit", "--json"):
-        assert [call(*command, option, tmp_path / f"check{option}").code for _ in range(2)] == [0, 0]
-    log = tmp_path / "r36ohm.csv"
-    before = log.read_bytes()
-    assert call(*command, "--json", log, "--force").code == 2
-    assert log.read_bytes() == before
+    for more in (("--same-logs", "--tolerance", "uncertainty=2"), ("--json", CAMPAIGN / "r36ohm.csv", "--force")):
+        called = call("check", CAMPAIGN, "--against", path, *more)
+        assert (called.code, called.out) == (2, "")
 
 
 # --------------------------------------------------------------------------------------------------------- operating points
@@ -353,38 +333,19 @@ def test_a_table_that_cannot_be_assigned_is_rejected(
     assert (called.code, called.out, words in called.err) == (2, "", True)
 
 
-def test_a_sensor_that_is_calibrated_in_place_counts_by_its_limits_for_the_table(bench: Path, tmp_path: Path) -> None:
-    """The zero of the torque, +-0.2 N m by its maker, moves the power of a step by as much times the speed of the shaft."""
-    shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
-    calibrated = "accuracy_full_scale = 0.001\nu_zero = 0.01\nu_gain = 0.0\n"
-    (tmp_path / "bench.toml").write_text(BENCH.replace("accuracy_full_scale = 0.001\n", calibrated))
-    code, record = checked(tmp_path, "--against", written(tmp_path, [printed(*point) for point in ALL]))
-    cells = [cell for cell in record["cells"] if cell["metric"] == "power_mech"]
-    assert (code, len(cells)) == (0, len(ALL))
-    for cell, (rpm, _) in zip(cells, ALL, strict=True):
-        assert cell["tolerance"]["basis"] == "budget_and_limits"
-        assert cell["tolerance"]["limits"] == pytest.approx(
-            2.0 * 0.2 / math.sqrt(3.0) * rpm * math.pi / 30.0 / 1e3, rel=1e-6
-        )
-
-
 def test_a_thousand_points_are_assigned_to_their_rows_whatever_their_order() -> None:
-    rng = np.random.default_rng(0)
-    points = [(float(n), float(torque)) for n in range(100, 4100, 100) for torque in range(5, 130, 5)]
+    points = [
+        (n, torque, 0.5 + k * 1e-4) for k, (n, torque) in enumerate(product(range(100, 4100, 100), range(5, 130, 5)))
+    ]
     text = (
         'title = "T"\nsource = "S"\nkey = ["speed", "torque"]\nkey_percent = 0\n[columns]\nspeed = { unit = "rad/s" }\n'
     )
     text += 'torque = { unit = "N.m" }\neta_gen = { }\n'
-    text += "".join(
-        f"[[point]]\nspeed = {n}\ntorque = {t}\neta_gen = {0.5 + k * 1e-4:.4f}\n" for k, (n, t) in enumerate(points)
-    )
-    from winchcascade.tables.table_file import parse_table
-
-    order = rng.permutation(len(points)).tolist()
+    text += "".join(f"[[point]]\nspeed = {n}\ntorque = {torque}\neta_gen = {eta:.4f}\n" for n, torque, eta in points)
     logs = [
-        Measured(f"{k}", "log", {"speed": points[k][0], "torque": points[k][1] + 0.04, "eta_gen": 0.5 + k * 1e-4})
-        for k in order
+        Measured(f"{k}", "log", {"speed": n, "torque": torque + 0.04, "eta_gen": eta})
+        for k, (n, torque, eta) in enumerate(points)
     ]
-    found = check_measured(logs, parse_table(text, "t.toml"))
-    assert (len(found.cells), found.ok) == (1000, True)
-    assert [cell.log for cell in found.cells] == [f"{k}" for k in range(1000)]
+    shuffled = [logs[k] for k in np.random.default_rng(0).permutation(len(logs)).tolist()]
+    found = check_measured(shuffled, parse_table(text, "t.toml"))
+    assert (found.ok, [cell.log for cell in found.cells]) == (True, [f"{k}" for k in range(1000)])

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 ETAS = tuple(RATIOS)
 """Efficiencies in the order of the columns of every array here."""
 
+LOST = -1.0
+"""In place of the efficiencies of a model that cannot give a printed power: far from any that is printed. [1]"""
+
 DUST = 2e-4
 """What may be left outside the attainable range in all rows together: simulations of a table are no better. [1]"""
 
@@ -207,7 +210,7 @@ class TableProblem:
         ]
 
     def efficiencies(self, effects: Sequence[ActiveEffect]) -> Signal:
-        """Efficiencies along each row's middle payout at its printed power, simulated; all NaN where the model has none."""
+        """Efficiencies along each row's middle payout at its printed power, simulated; `LOST` where the model has none."""
         model = baseline(self.rig)
         for effect in effects:
             model = effect.apply(model)
@@ -217,8 +220,8 @@ class TableProblem:
         ]
         points = all_at_once(jobs)
         eta = np.array([[p.metrics[m] if p else None for m in ETAS] for p in points], dtype=np.float64)  # None is NaN
-        lost = bool(np.any(np.isnan(eta) & ~np.isnan(self.printed)))
-        return np.where(np.isnan(self.printed) | lost, np.nan, eta)
+        lost = np.any(np.isnan(eta) & ~np.isnan(self.printed))
+        return np.where(np.isnan(self.printed), np.nan, LOST if lost else eta)
 
     def on_curves(self, names: Sequence[str], x: Signal) -> Signal:
         """The same without a simulation: on the curves of the fields, whose logarithms add up."""
@@ -295,7 +298,7 @@ def make_curves(problem: TableProblem, name: str) -> None:
                 if value in nodes or not (helps or share < 1.0):
                     continue
                 eta = problem.efficiencies(problem.active([name], np.where(np.arange(absent.size) == k, value, absent)))
-                if np.isnan(eta).all():
+                if np.any(eta == LOST):
                     continue
                 nodes[value] = np.nan_to_num(np.log(eta / problem.nominal))
                 moved = max(moved, float(np.abs(nodes[value]).max()))
