@@ -47,8 +47,8 @@ ROUNDS = 4
 
 
 class LineNoise(msgspec.Struct, frozen=True):
-    """Rows of columns and gap, `values` (n, k + 1) [W]: those about the mean of a phase of a fold, and these means, both times the
-    square root of the number of their blocks.
+    """Rows of columns and gap, `values` (n, k + 1) [W]: those about the mean of a phase of a fold, and these means, both times
+    the square root of the number of their blocks.
 
     `fold`, `phase` and `of_mean` (n,) are those of each row, `variance` (3, 2) is that of the gap by phase and kind [W2].
     """
