@@ -29,6 +29,7 @@ from winchcascade.core.cascade import field_of
 from winchcascade.core.errors import OptionError, WinchcascadeError
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.quantity import unit_suffix
+from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
 from winchcascade.tables.published_table import (
     DIMENSIONS,
@@ -317,7 +318,7 @@ def _compared(table: PublishedTable, results: Sequence[Measured], notes: list[st
     """Columns that results have something of; a note is added on those of which they have nothing."""
     others = [name for name in table.columns if name not in table.keys]
     given = {m for result in results for m, value in result.values.items() if value is not None or m not in RESULTS_AT}
-    compared = [name for name in others if table.by_load or table.columns[name].measured in given]
+    compared = [n for n in others if table.columns[n].measured in given or (table.by_load and n in METRICS)]
     if results and not compared:
         metrics = sorted(given - set(RESULTS_AT))
         raise TableError(
@@ -434,18 +435,26 @@ def _claimed(table: PublishedTable, metric: str) -> Printed | None:
 def _counted_otherwise(
     table: PublishedTable, results: Sequence[Measured], compared: Sequence[str], factors: Factors
 ) -> list[str]:
-    """Parts of tolerances that do not count as measured: capped by the table, or unknown and 0; the results by sentence."""
-    found: dict[str, dict[str, str]] = {}
+    """Parts of tolerances that do not count as measured: capped by the table, or unknown and 0."""
+    beyond: dict[str, list[str]] = {}
+    unknown: dict[str, dict[str, list[str]]] = {"largest deviation": {}, "standard uncertainty": {}}
     for result, name in itertools.product(results, compared):
         metric = table.columns[name].measured
         if result.values.get(metric) is None:
             continue
         claimed, deviation = _claimed(table, metric), result.deviation.get(metric)
         if claimed is not None and (deviation or 0.0) > 100.0 * claimed.span.high:
-            beyond = f"its cycles deviate by more than the {claimed.words} of the table, which counts; look for a damaged cycle"
-            found.setdefault(f"{result.name}: {beyond}", {})[f"{name} {deviation:.3g} %"] = ""
+            beyond.setdefault(result.name, []).append(f"{name} {deviation:.3g} %, the table {claimed.words}")
         if factors.deviation and deviation is None:
-            found.setdefault("the deviation of a single cycle is not known and counts as 0", {})[result.name] = ""
+            unknown["largest deviation"].setdefault(result.name, []).append(name)
         if factors.uncertainty and result.uncertainty.get(metric) is None:
-            found.setdefault(f"the standard uncertainty of {metric} is not known and counts as 0", {})[result.name] = ""
-    return [f"{text}: {first_of(list(names), MAX_NAMED)}." for text, names in found.items()]
+            unknown["standard uncertainty"].setdefault(result.name, []).append(name)
+    notes = [
+        f"{name}: its cycles deviate by more than the table prints ({'; '.join(metrics)}), whose deviation counts. Look for a "
+        "damaged cycle."
+        for name, metrics in beyond.items()
+    ]
+    for part, names in ((part, names) for part, names in unknown.items() if names):
+        metrics = ", ".join(dict.fromkeys(name for some in names.values() for name in some))
+        notes.append(f"{first_of(list(names), MAX_NAMED)}: the {part} is not known of {metrics}; it counts as 0.")
+    return notes
