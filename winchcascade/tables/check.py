@@ -187,36 +187,21 @@ class Check(msgspec.Struct, frozen=True):
 
 
 def check(
-    records: Sequence[tuple[str, RunRecord]],
-    table: PublishedTable,
-    factors: Factors | None = None,
-    *,
-    whole_campaign: bool = True,
+    results: Sequence[Measured], table: PublishedTable, factors: Factors | None = None, *, whole_campaign: bool = True
 ) -> Check:
-    """Hold the results of logs against every row of a published table.
+    """Hold measured results against every row of a published table.
 
     Parameters
     ----------
-    records : names of the logs, and the records of their reductions
+    results : of logs or their cycles, as `measured` takes them from the records of reductions
     factors : on the parts of every tolerance, 1 if not given
     whole_campaign : a row of the table without a result is a miss; else it is left out with a note
 
     Raises
     ------
-    CheckError : no result belongs to a row, or none has what a key column names
+    CheckError : no result belongs to a row, or no row has a cell that can be compared
     TableError : the table has no key, or a unit does not fit what is measured
     """
-    by_cycle = not {table.columns[name].measured for name in table.keys} <= {"file", "load"}
-    results = [
-        result for name, record in records for result in measured(record, name, by_cycle=by_cycle, means=table.by_load)
-    ]
-    return check_measured(results, table, factors, whole_campaign=whole_campaign)
-
-
-def check_measured(
-    results: Sequence[Measured], table: PublishedTable, factors: Factors | None = None, *, whole_campaign: bool = True
-) -> Check:
-    """Hold measured results against every row of a published table, as `check` does."""
     if not table.keys:
         raise TableError(
             f'{table.path}: has no key, so that no result can be assigned to a row; expected one such as key = "speed", or '
@@ -248,14 +233,15 @@ def check_measured(
 
 
 # -------------------------------------------------------------------------------------------------------------- the results
-def measured(record: RunRecord, where: str, *, by_cycle: bool = False, means: bool = True) -> list[Measured]:
-    """Take from the record of a reduction what a table is compared with: its log as a whole, or each complete cycle.
+def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measured]:
+    """Take from the record of a reduction what a table is compared with.
+
+    Each complete cycle that is an operating point, where more than the log and its load is a key. Else the log as a whole: the
+    mean of its cycles where they repeat one motion and in a table by load, else sums, of unknown uncertainty.
 
     Parameters
     ----------
     where : the file, named where the record does not name its log
-    by_cycle : each cycle that is an operating point is a result
-    means : the mean of the cycles also of a log whose cycles are operating points; else sums, of unknown uncertainty
     """
     log, cycles = record.log, [cycle for cycle in record.cycles if cycle.complete]
     load = math.inf if log.load_ohm is None and log.open_circuit else log.load_ohm
@@ -270,9 +256,9 @@ def measured(record: RunRecord, where: str, *, by_cycle: bool = False, means: bo
         findings=tuple(f"{finding.kind}: {finding.message}" for finding in record.quality),
         origin=origin_from(record.data),
     )
-    if means:
+    if table.by_load:
         return [whole]
-    if by_cycle and not repeats:
+    if not repeats and not {table.columns[name].measured for name in table.keys} <= {"file", "load"}:
         return [
             replace(
                 whole,
