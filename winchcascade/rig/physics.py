@@ -2,6 +2,8 @@
 
 A law is plain arithmetic of numbers, or of arrays of one length, (n,), in SI units, payout positive. `sign` is the direction of
 friction: 1 in payout, -1 in haul-in, in between near rest; a caller computes it once, by `direction`.
+
+Numba does not see a change of this file: delete the compiled code of the files that use it, `find . -name "*.nb[ic]" -delete`.
 """
 
 import math
