@@ -100,7 +100,7 @@ def open_clutch(sign: X, shaft: DrivetrainModel) -> X:
 SHAFT_LOSSES = {
     "friction": "constant drag of the fast shaft",
     "damper": "viscous drag of the fast shaft",
-    "windage": "drag with speed squared",
+    "windage": "drag of the fast shaft with its speed squared",
 }
 """Losses of the fast shaft, in the order of `shaft_losses`, with what they are."""
 
