@@ -24,16 +24,16 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from winchcascade.rig import bridge, kernel, readings, tangent
+from winchcascade.rig import bridge, kernel, readings
 from winchcascade.rig.machine_code import compile_model
 
 def compiled():
-    of_modules = [one for module in (bridge, kernel, readings, tangent) for one in vars(module).values()]
+    of_modules = [one for module in (bridge, kernel, readings) for one in vars(module).values()]
     return {one.__qualname__: set(one.signatures) for one in of_modules if isinstance(one, Dispatcher)}
 
 compile_model()
 before = compiled()
-names = ("run_shaft", "run_steady", "directions", "run_line", "run_readings", "run_differences", "run_tangent", "_inverse")
+names = ("run_shaft", "run_steady", "directions", "run_line", "run_readings", "_inverse")
 assert all(before[name] for name in names)
 
 from winchcascade.batch.campaign_diagnosis import diagnose_listed

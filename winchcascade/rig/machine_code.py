@@ -13,7 +13,6 @@ from winchcascade.rig.bridge import back_emfs, blended_table
 from winchcascade.rig.kernel import (
     LINE,
     SHAFT,
-    STATE,
     constants,
     directions,
     driven_shaft,
@@ -21,39 +20,22 @@ from winchcascade.rig.kernel import (
     run_steady,
     solve_shaft,
 )
-from winchcascade.rig.readings import (
-    TRUE,
-    Averages,
-    Shafts,
-    path_of,
-    records_of,
-    run_differences,
-    run_readings,
-    sensor_numbers,
-)
+from winchcascade.rig.readings import TRUE, path_of, run_readings, sensor_numbers
 from winchcascade.rig.simulate import READ, even_motion
-from winchcascade.rig.tangent import tangent_of
 
 
 def compile_model() -> None:
-    """Solve and differentiate a short motion, with arrays of the layouts that simulations, fits and stages use."""
+    """Solve a short motion, with arrays of the layouts that simulations, fits and stages use."""
     motion = even_motion(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 0.0]), 0.01)
     model = baseline(built_in())
     numbers, table = constants(model, 36.0), blended_table(0.0, 0.0)
-    state = np.empty((motion.t.size, len(STATE)))
-    shaft = solve_shaft(motion.v, motion.step, numbers, 1, state)
+    shaft = solve_shaft(motion.v, motion.step, numbers)
     run_steady(driven_shaft(motion.v, motion.step, numbers), 0.0, 1, np.empty_like(shaft))
     run_line(motion, directions(motion.v), numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
-    tangent = tangent_of(motion.v, motion.step, numbers, state, 1, [])
     solved = shaft[:, [SHAFT.index("clutch"), SHAFT.index("vdc")]].T.copy()
     sensors = sensor_numbers(model, np.zeros(len(READ)), motion.step)
     run_readings(
         path_of(motion), numbers, solved, sensors, np.empty((TRUE, motion.t.size)), np.empty((len(READ), motion.t.size))
-    )
-    shafts = Shafts(solved[None], tangent.slopes, np.zeros(1, dtype=np.intp), np.zeros((1, tangent.slopes.shape[1])))
-    averages = Averages(np.zeros(1, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
-    run_differences(
-        path_of(motion), records_of([numbers]), shafts, sensors[None], averages, np.empty((0, len(READ), 0))
     )
     back_emfs(motion.v, motion.v, 0.5, motion.v, table)
 

@@ -1,17 +1,15 @@
-"""What the sensors of a rig read along a line motion, compiled: by one model, or by many that differ little from one."""
+"""What the sensors of a rig read along a line motion, compiled."""
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from winchcascade.core.run import Signal
 from winchcascade.rig.bridge import FASTMATH
 from winchcascade.rig.kernel import LINE, Constants, LineMotion, directions, run_line
-from winchcascade.rig.parts import ELECTRICAL, ROLLOFF_KNOTS, Model
+from winchcascade.rig.parts import ELECTRICAL, Model
 from winchcascade.rig.simulate import READ
 
 _LAG, _LATE, _FACTOR, _ZERO = range(4)
@@ -34,27 +32,6 @@ def path_of(motion: LineMotion) -> Path:
     return Path(motion, directions(motion.v))
 
 
-class Averages(NamedTuple):
-    """Weighted sums of a signal: sum k takes `weights` from `first[k]` to `first[k + 1]` of the samples `places`."""
-
-    first: NDArray[np.intp]
-    places: NDArray[np.intp]
-    weights: Signal
-
-
-class Shafts(NamedTuple):
-    """Solutions of the shaft for some models, and derivatives by which others follow to first order.
-
-    `solved` (s, 2, n) are torque of the clutch [N m] and Vdc [V], `slopes` (2, w, n) their derivatives over w numbers. Model k
-    has the solution `of[k]`, and its numbers differ by `moves[k]`, (w,); where `of[k]` is negative, nothing differs.
-    """
-
-    solved: Signal
-    slopes: Signal
-    of: NDArray[np.intp]
-    moves: Signal
-
-
 def sensor_numbers(model: Model, skew: Signal, step: float) -> Signal:
     """Lag and delay in steps, factor and zero of each sensor, (4, 5), SI units.
 
@@ -67,20 +44,6 @@ def sensor_numbers(model: Model, skew: Signal, step: float) -> Signal:
     lag = [own.electrical_lag / step if name in ELECTRICAL else 0.0 for name in READ]
     factor = [1.0 + own.gain.get(name, 0.0) for name in READ]
     return np.array([lag, skew / step, factor, [own.zero.get(name, 0.0) for name in READ]])
-
-
-_RECORD = np.dtype(
-    [
-        (name, np.float64, (len(ROLLOFF_KNOTS),) if name in ("rolloff", "rolloff_slope") else ())
-        for name in Constants._fields
-    ]
-)
-"""Fields of `Constants` in a row."""
-
-
-def records_of(numbers: Sequence[Constants]) -> NDArray[np.void]:
-    """Numbers of several models as the records of an array, which compiled loops take, (k,)."""
-    return np.array(numbers, dtype=_RECORD)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
@@ -116,41 +79,3 @@ def run_readings(path: Path, c: Constants, shaft: Signal, sensors: Signal, true:
     for k in range(len(READ)):
         place = k if k < _VDC else _ELECTRICAL + k - _VDC
         _recorded(true[place], sensors[_LATE, k], sensors[_FACTOR, k], sensors[_ZERO, k], out[k])
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_differences(
-    path: Path, numbers: NDArray[np.void], shafts: Shafts, sensors: Signal, averages: Averages, out: Signal
-) -> None:
-    """Compute what models read beyond the first of them, as averages.
-
-    Parameters
-    ----------
-    numbers : (k,) of the models
-    sensors : (k, 4, 5) as `sensor_numbers` gives them
-    out : (m, 5, k - 1) is filled with the averages of what all but the first model read beyond it
-    """
-    size = path.direction.size
-    here, there, true = np.empty((len(READ), size)), np.empty((len(READ), size)), np.empty((TRUE, size))
-    shaft = np.empty((2, size))
-    run_readings(path, numbers[0], shafts.solved[shafts.of[0]], sensors[0], true, here)
-    for k in range(1, numbers.size):
-        if shafts.of[k] < 0:
-            out[:, :, k - 1] = 0.0
-            continue
-        shaft[:] = shafts.solved[shafts.of[k]]
-        for j in range(shafts.moves.shape[1]):
-            move = shafts.moves[k, j]
-            if move != 0.0:
-                for row in range(2):
-                    for n in range(size):
-                        shaft[row, n] += move * shafts.slopes[row, j, n]
-        run_readings(path, numbers[k], shaft, sensors[k], true, there)
-        for channel in range(len(READ)):
-            for n in range(size):
-                there[channel, n] -= here[channel, n]
-            for m in range(averages.first.size - 1):
-                total = 0.0
-                for i in range(averages.first[m], averages.first[m + 1]):
-                    total += averages.weights[i] * there[channel, averages.places[i]]
-                out[m, channel, k - 1] = total
