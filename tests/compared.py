@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.core.campaign_file import Origin
-from winchcascade.diagnosis.model_comparison import ModelComparison, compare_with_baseline
+from winchcascade.diagnosis.model_comparison import SimulatedLog, simulated_log
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
@@ -35,14 +35,14 @@ def reduced(name: str, *, about: str = "", rig: Rig | None = None) -> Reduction:
     return reduce(run, rig=rig, window=window)
 
 
-def compared(reduction: Reduction) -> ModelComparison:
+def compared(reduction: Reduction) -> SimulatedLog:
     """A log that can be simulated, beside its simulation."""
-    found = compare_with_baseline(reduction)
-    assert isinstance(found, ModelComparison)
+    found = simulated_log(reduction)
+    assert isinstance(found, SimulatedLog)
     return found
 
 
-def before_braking(comparison: ModelComparison) -> list[int]:
+def before_braking(comparison: SimulatedLog) -> list[int]:
     """Samples between onset and braking with torque, or before there is any, one by one."""
     run, torque = comparison.run, comparison.run.channels["torque"]
     found = []

@@ -11,9 +11,8 @@ import numpy as np
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.baseline import baseline
+from winchcascade.rig.baseline import baseline, load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
-from winchcascade.rig.open_rig import load_rig
 from winchcascade.rig.simulate import simulate, write_log
 
 if TYPE_CHECKING:

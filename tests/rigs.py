@@ -15,7 +15,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
-from winchcascade.rig.parts import Model
+from winchcascade.rig.parts import Model, with_part
 from winchcascade.rig.simulate import STEP, motion_of, solve
 from winchcascade.rig.stages import StageOutput, along, outputs_along
 
@@ -32,20 +32,12 @@ def by_limits(rig: Rig) -> Rig:
 
 def own_model(truth: dict[str, Any]) -> Model:
     """The model of a labelled campaign without its hidden effect."""
-    number, model, replace = truth["rig"], baseline(built_in()), msgspec.structs.replace
-    return Model(
-        winch=model.winch,
-        restoring=replace(
-            model.restoring,
-            mu=number["mu_screw"],
-            area=number["area"],
-            pressure=number["p0"],
-            volume=number["v_gas"],
-        ),
-        drivetrain=replace(model.drivetrain, eta_mesh=number["eta_gear"], b_rotor=number["b_visc"]),
-        generator=replace(model.generator, k_e=number["ke_ll"], r_s=number["rs"], l_s=number["ls"]),
-        dc_link=replace(model.dc_link, c_dc=number["c_dc"]),
-    )
+    number, model = truth["rig"], baseline(built_in()).physics
+    gas = {"mu": number["mu_screw"], "area": number["area"], "pressure": number["p0"], "volume": number["v_gas"]}
+    model = with_part(model, "restoring", **gas)
+    model = with_part(model, "drivetrain", eta_mesh=number["eta_gear"], b_rotor=number["b_visc"])
+    model = with_part(model, "generator", k_e=number["ke_ll"], r_s=number["rs"], l_s=number["ls"])
+    return with_part(model, "dc_link", c_dc=number["c_dc"])
 
 
 def truth_of(folder: Path) -> dict[str, Any]:

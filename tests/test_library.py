@@ -105,7 +105,7 @@ def test_a_campaign_is_checked_against_a_table_as_by_the_command(fixtures: Path,
 def test_a_table_is_audited_by_its_name() -> None:
     found = audit("hsu2026-table2")
     assert isinstance(found, Audit)
-    assert [(item.load, item.cells) for item in found.contradictions] == [
+    assert [(item.row.load, item.cells) for item in found.contradictions] == [
         (27.0, ("energy_line", "energy_gen", "eta_pto"))
     ]
 

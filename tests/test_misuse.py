@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from loops import failures
-from msgspec.structs import replace
 
 import winchcascade as wc
+from winchcascade.rig.parts import with_part
 
 CAMPAIGN = Path(__file__).parent.parent / "fixtures" / "campaign"
 LOG = CAMPAIGN / "r36ohm.csv"
@@ -162,7 +162,7 @@ MISUSES: dict[str, Misuse] = {
     ),
     "simulate model": (
         lambda model: wc.simulate(run(), model),
-        [hsu, "hsu2026", replace(baseline(), generator=replace(baseline().generator, k_e=math.nan))],
+        [hsu, "hsu2026", with_part(baseline(), "generator", k_e=math.nan)],
     ),
     "calibrate payouts": (
         keyword(wc.calibrate, "payouts", open_run), [[1.0, 2.0], [(9.0, 4.0)], 3, [], [(1e6, 2e6)]],

@@ -8,7 +8,7 @@ from loops import rejections
 from winchcascade.core.errors import RigError
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.rig_toml import BUILT_IN, built_in, built_in_text, parse_rig
-from winchcascade.rig.open_rig import load_rig
+from winchcascade.rig.baseline import load_rig
 
 MINIMAL = 'name = "mine"\n'
 

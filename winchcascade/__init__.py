@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
     from winchcascade.report.views import frame, plot, summary_html, write_report
-    from winchcascade.rig.baseline import baseline
-    from winchcascade.rig.open_rig import load_rig
+    from winchcascade.rig.baseline import baseline, load_rig
     from winchcascade.rig.parts import Model
     from winchcascade.rig.simulate import Simulation, simulate
     from winchcascade.tables.audit import audit
@@ -95,7 +94,7 @@ HOMES |= {
     "calibrate": "diagnosis.calibrate",
     "compare": "batch.compare_results",
     "frame": "report.views",
-    "load_rig": "rig.open_rig",
+    "load_rig": "rig.baseline",
     "open_campaign": "batch.open_campaign",
     "plot": "report.views",
     "read_run": "ingest.read",

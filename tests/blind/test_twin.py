@@ -7,7 +7,6 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 from rigs import LOADS as NOMINAL
@@ -21,6 +20,7 @@ from winchcascade.blind.injected import INJECTED, OUTSIDERS, PHYSICS, Hidden, dr
 from winchcascade.blind.twin import Solved, Twin, gas_pressure, line_motion, noiseless, solve_twin, stamps_of
 from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
+from winchcascade.rig.parts import with_part
 from winchcascade.rig.simulate import simulate
 
 BY_FAMILY = {"heating", "load_proportional_loss", "gas_loss"}
@@ -249,5 +249,5 @@ def test_a_campaign_of_the_twin_is_followed_by_the_rig(tmp_path: Path) -> None:
         run = read_run(tmp_path / f"{log}.csv", load=load)
         assert {finding.kind for finding in run.findings} <= {"out_of_range"}  # 4.5 ohm passes the range of Table 1
         change = 0.0 if math.isinf(load) else twin.loads[log] / load - 1.0
-        here = msgspec.structs.replace(model, dc_link=msgspec.structs.replace(model.dc_link, load_change=change))
+        here = with_part(model, "dc_link", load_change=change)
         assert_followed(run, simulate(run, here).run, twin.gains)

@@ -22,6 +22,7 @@ from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number
 from winchcascade.diagnosis.nuisances import before_calibration, nuisances, quantity_of, shifted, with_quantity
 from winchcascade.report.results.calibration import calibration_report
 from winchcascade.rig.baseline import baseline
+from winchcascade.rig.parts import with_part
 
 RIG = built_in()
 
@@ -159,7 +160,7 @@ def test_a_calibration_does_not_depend_on_an_earlier_one() -> None:
 
 def test_something_else_that_acts_is_reported_as_strain() -> None:
     model = baseline(RIG)
-    heated = msgspec.structs.replace(model, restoring=msgspec.structs.replace(model.restoring, exponent=1.3))
+    heated = with_part(model, "restoring", exponent=1.3)
     found = calibrate(made_log(heated), RIG)
     assert found.misfit > 2.0
     assert all(abs(strain.by) > STRAINED for strain in found.strained)

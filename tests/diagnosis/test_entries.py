@@ -18,8 +18,7 @@ from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.effects.wrong_entries import ENTRY
+from winchcascade.rig.effects.catalogue import EFFECTS, ENTRIES
 
 RIG = built_in()
 LOAD = "load_entry(r9ohm.csv)"
@@ -130,7 +129,7 @@ def test_a_usual_multiple_has_a_higher_prior_and_a_convention_no_other() -> None
 def test_entries_are_suspects_without_tolerances_and_loads_where_vdc_and_idc_contradict_them() -> None:
     runs = campaign({})
     suspects = bound_to(EFFECTS, RIG, runs)
-    assert {effect.name for effect in ENTRY} - {effect.name for effect in suspects.values()} == {"load_entry"}
+    assert set(ENTRIES) - {effect.name for effect in suspects.values()} == {"load_entry"}
     stated = [msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in runs]
     assert [name for name in bound_to(EFFECTS, RIG, stated) if name.startswith("load_entry")] == [LOAD]
     assert same_in_logs(suspects, "sync_inductance", "pole_pairs")

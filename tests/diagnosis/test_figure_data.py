@@ -22,8 +22,8 @@ from winchcascade.diagnosis.figure_data import (
 )
 from winchcascade.diagnosis.load_costs import load_costs
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.open_rig import load_rig
 
 VDC, FORCE = CHANNELS.index("vdc"), CHANNELS.index("force")
 

@@ -21,9 +21,8 @@ from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
+from winchcascade.rig.effects.catalogue import EFFECTS, SIMPLIFICATIONS, make_effect
 from winchcascade.rig.effects.effect import ActiveEffect
-from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
 

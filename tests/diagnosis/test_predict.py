@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,19 +11,22 @@ from winchcascade import read_run, simulate
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import blocks_of
-from winchcascade.diagnosis.predict import _SHAFT_FROM, CHANNELS, MAX_KEPT, Course
+from winchcascade.diagnosis.predict import CHANNELS, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import Constants, constants
-from winchcascade.rig.parts import Model
+from winchcascade.rig.parts import PARTS, number_of, numbers_of, with_part
 
 RIG = built_in()
 MODEL = baseline(RIG)
 NUMBERS = constants(MODEL, 18.0)
 
-OF_THE_LINE = (
-    "inertia_drum", "line_friction", "line_drag", "layering", "stribeck", "stribeck_speed", "loss_share", "lead",
-    "eta_forward", "eta_reverse", "area", "pressure", "volume", "exponent", "cooling", "seal_friction", "seal_stribeck",
-)  # fmt: skip
+OF_THE_LINE = {
+    *(f"winch.{name}" for name in numbers_of("winch") if name != "r_drum"),
+    *(f"restoring.{name}" for name in numbers_of("restoring")),
+    "drivetrain.clutch_drag",
+    "dc_link.r_bleed",
+}
+"""Numbers on which the solution of the shaft does not depend, at a load."""
 
 COARSELY = 2e-3
 """A step of 1 ms and solutions kept every 10 ms move a block by less than this share of the channel's plateau."""
@@ -41,44 +43,27 @@ def course(run: Run) -> Course:
     return Course(run, blocks_of(run, RIG))
 
 
-def bent(part: str, **numbers: float) -> Model:
-    return msgspec.structs.replace(MODEL, **{part: msgspec.structs.replace(getattr(MODEL, part), **numbers)})
+def other(path: str, share: float = 0.1) -> Constants:
+    """Numbers of a model of which one is another."""
+    part, name = path.split(".")
+    value = (1.0 + share) * number_of(MODEL, path) + 1e-4
+    return constants(with_part(MODEL, part, **{name: value}), 18.0)
 
 
-def changed(name: str) -> Constants:
-    value = getattr(NUMBERS, name)
-    other: Any = tuple(0.9 * x - 1e-3 for x in value) if isinstance(value, tuple) else 1.1 * value + 1e-4
-    return NUMBERS._replace(**{name: other})
-
-
-def test_the_numbers_of_the_line_come_before_those_of_the_shaft() -> None:
-    assert Constants._fields[:_SHAFT_FROM] == ("r_drum", *OF_THE_LINE)
-
-
-@pytest.mark.parametrize("name", OF_THE_LINE)
-def test_a_change_at_the_line_keeps_the_solution_of_the_shaft(course: Course, name: str) -> None:
-    assert course.shaft(changed(name)) is course.shaft(NUMBERS)
-
-
-@pytest.mark.parametrize("name", Constants._fields[_SHAFT_FROM:])
-def test_a_change_of_the_shaft_solves_it_anew(course: Course, name: str) -> None:
-    assert course.shaft(changed(name)) is not course.shaft(NUMBERS)
-
-
-def test_a_change_at_the_line_really_leaves_the_shaft_alone(run: Run) -> None:
-    before = Course(run, blocks_of(run, RIG)).shaft(NUMBERS)
-    for name in OF_THE_LINE:
-        again = Course(run, blocks_of(run, RIG)).shaft(changed(name))
-        assert np.array_equal(again, before), name
+@pytest.mark.parametrize("path", [f"{part}.{name}" for part in PARTS for name in numbers_of(part)])
+def test_a_change_at_the_line_keeps_the_solution_of_the_shaft_and_any_other_solves_it_anew(
+    course: Course, path: str
+) -> None:
+    assert (course.shaft(other(path)) is course.shaft(NUMBERS)) == (path in OF_THE_LINE)
 
 
 def test_the_solution_that_was_used_longest_ago_goes_first(run: Run) -> None:
     course = Course(run, blocks_of(run, RIG, (1, 1)), step=0.01)
-    first, second = course.shaft(NUMBERS), course.shaft(changed("gear"))
+    first, second = course.shaft(NUMBERS), course.shaft(other("drivetrain.gear"))
     for k in range(MAX_KEPT - 1):
-        course.shaft(NUMBERS._replace(b_rotor=1e-4 * (k + 1)))
+        course.shaft(other("drivetrain.b_rotor", 0.1 * (k + 1)))
         assert course.shaft(NUMBERS) is first
-    assert course.shaft(changed("gear")) is not second
+    assert course.shaft(other("drivetrain.gear")) is not second
 
 
 @pytest.mark.parametrize("load", [math.inf, 45.0, 4.5])
@@ -117,7 +102,10 @@ def test_more_speed_moves_the_shaft_and_not_the_gas(course: Course) -> None:
 
 
 def test_a_change_of_the_gas_changes_pressure_and_force_alone(course: Course) -> None:
-    clean, other = course.predict(MODEL), course.predict(bent("restoring", volume=1.1 * MODEL.restoring.volume))
+    clean, other = (
+        course.predict(MODEL),
+        course.predict(with_part(MODEL, "restoring", volume=1.1 * MODEL.restoring.volume)),
+    )
     assert np.any(other[:, 0] != clean[:, 0])
     assert np.any(other[:, 1] != clean[:, 1])
     assert np.array_equal(other[:, 2:], clean[:, 2:])

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from winchcascade.core.run import Mask, Run, Signal
-from winchcascade.rig.open_rig import load_rig
+from winchcascade.rig.baseline import load_rig
 
 RIG = load_rig("kitepower")
 

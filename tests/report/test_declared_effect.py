@@ -10,9 +10,9 @@ from winchcascade.report.content import Measured
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis_parts import causes_table
 from winchcascade.report.results.effects import effects_report
+from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display, Effect, Parameter
-from winchcascade.rig.open_rig import load_rig
 
 PRESSURE_ZERO = Effect(
     name="pressure_zero",

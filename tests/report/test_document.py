@@ -19,7 +19,7 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.report.content import Report, Span, Table, shown
 from winchcascade.report.results.reduction import reduction_report
-from winchcascade.rig.open_rig import load_rig
+from winchcascade.rig.baseline import load_rig
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 CLEAN = FIXTURES / "campaign" / "r36ohm.csv"

@@ -21,7 +21,7 @@ from winchcascade.report.glossary import typeset
 from winchcascade.report.render.page import page_text
 from winchcascade.report.render.publish import publish
 from winchcascade.report.results.drawn_reduction import drawn_report
-from winchcascade.rig.open_rig import load_rig
+from winchcascade.rig.baseline import load_rig
 
 ROOT = Path(__file__).parents[2]
 CLEAN = ROOT / "fixtures" / "campaign" / "r36ohm.csv"

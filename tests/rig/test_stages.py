@@ -13,17 +13,11 @@ from winchcascade import read_run, reduce, simulate
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.parts import Model
+from winchcascade.rig.parts import Model, Sensors, with_part
 from winchcascade.rig.stages import MOVING, StageOutput
 
 MODEL = baseline(built_in())
-SHARE = {
-    ("restoring", "pressure"): 0.0025,
-    ("transmission", "torque"): 0.005,
-    ("gearbox", "torque"): 0.01,
-    ("generator", "vdc"): 0.01,
-    ("load", "idc"): 0.006,
-}
+SHARE = {"restoring": 0.0025, "transmission": 0.005, "gearbox": 0.01, "generator": 0.01, "load": 0.006}
 """Largest rms difference over the plateaus, as a share of their mean; of it 0.15, 0.3, 0.6, 0.8 and 0.4 % were seen."""
 
 IN_OPEN_CIRCUIT = 0.08
@@ -52,36 +46,31 @@ def with_gain(run: Run, name: str, factor: float) -> Run:
 
 
 @pytest.mark.parametrize("log", list(LOADS))
-@pytest.mark.parametrize("case", ["none", "none_2"])
+@pytest.mark.parametrize("case", ["none", pytest.param("none_2", marks=pytest.mark.slow)])
 def test_stages_follow_a_campaign_without_an_effect(shared: Path, case: str, log: str) -> None:
     folder = shared / "labelled" / case
     truth = truth_of(folder)
     run = read_run(folder / f"{log}.csv", load=LOADS[log])
     for name, gain in zip(SENSORS, truth["sensor_gains"], strict=True):
         run = with_gain(run, name, 1.0 / gain)
-    on = plateaus(run)
-    outputs = stage_outputs(run, own_model(truth))
+    on, outputs = plateaus(run), stage_outputs(run, own_model(truth))
     assert len(outputs) == (4 if run.open_circuit else 5)
     for output in outputs:
         measured = run.channels[output.channel][on]
-        idle = run.open_circuit and output.channel == "torque"
-        maximum = IN_OPEN_CIRCUIT if idle else SHARE[output.stage, output.channel]
+        maximum = IN_OPEN_CIRCUIT if run.open_circuit and output.channel == "torque" else SHARE[output.stage]
         assert rms(output.predicted[on] - measured) < maximum * float(np.mean(measured)), output.stage
         assert np.mean(np.isfinite(output.predicted[on])) > 0.9, output.stage
 
 
 @pytest.mark.parametrize("load", [math.inf, 18.0, 4.5])
 def test_stages_of_a_simulation_give_it_back(load: float) -> None:
-    model = msgspec.structs.replace(
-        MODEL,
-        winch=msgspec.structs.replace(
-            MODEL.winch, friction=5.0, drag=0.8, layering=0.002, stribeck=4.0, stribeck_speed=0.4
-        ),
-        restoring=msgspec.structs.replace(MODEL.restoring, seal_friction=300.0, stribeck=3.0, exponent=1.2),
-        drivetrain=msgspec.structs.replace(MODEL.drivetrain, windage=1e-7, friction=0.05),
-        generator=msgspec.structs.replace(MODEL.generator, rolloff=(1.0, 0.99, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7)),
-        sensors=msgspec.structs.replace(MODEL.sensors, gain={"vdc": 0.02}, zero={"force": 20.0}, electrical_lag=0.04),
-    )
+    model = with_part(MODEL, "winch", friction=5.0, drag=0.8, layering=0.002, stribeck=4.0, stribeck_speed=0.4)
+    model = with_part(model, "winch", loss_share=0.05)
+    model = with_part(model, "restoring", seal_friction=300.0, stribeck=3.0, exponent=1.2)
+    model = with_part(model, "drivetrain", windage=1e-7, friction=0.05)
+    model = with_part(model, "generator", rolloff=(1.0, 0.99, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7), r_diode=0.05)
+    errors = Sensors(gain={"vdc": 0.02}, zero={"force": 20.0}, electrical_lag=0.04)
+    model = msgspec.structs.replace(model, sensors=errors)
     run = simulate(motion_run(load=load), model).run
     on = plateaus(run)
     for output in stage_outputs(run, model):
@@ -90,36 +79,25 @@ def test_stages_of_a_simulation_give_it_back(load: float) -> None:
         assert rms(output.predicted[on] - seen) < exact * float(np.mean(seen)), output.stage
 
 
-UPSTREAM = {
-    "force": ("transmission",),
-    "pressure": ("transmission",),
-    "torque": (),
-    "vdc": ("gearbox", "load"),
-    "idc": ("gearbox", "generator"),
-}
+UPSTREAM = {"force": ["transmission"], "pressure": ["transmission"], "torque": [], "vdc": ["gearbox", "load"],
+            "idc": ["gearbox", "generator"]}  # fmt: skip
 """Stages that look at a channel; the generator takes no more than the slope of Vdc."""
 
 
-@pytest.mark.parametrize("name", list(UPSTREAM))
+@pytest.mark.parametrize("name", UPSTREAM)
 def test_an_error_of_one_channel_moves_only_the_stages_that_look_at_it(name: str) -> None:
     run = made_log(load=18.0)
     on = plateaus(run)
     right, wrong = by_stage(run, MODEL), by_stage(with_gain(run, name, 1.05), MODEL)
     for stage, output in right.items():
         moved = rms((wrong[stage].predicted - output.predicted)[on]) / float(np.nanmean(output.predicted[on]))
-        if stage in UPSTREAM[name]:
-            assert moved > 0.004, stage
-        elif (name, stage) == ("vdc", "generator"):
-            assert moved < 1e-4
-        else:
-            assert np.array_equal(wrong[stage].predicted, output.predicted, equal_nan=True), stage
+        least, most = (0.004, math.inf) if stage in UPSTREAM[name] else (0.0, 1e-4 if name == "vdc" else 0.0)
+        assert least <= moved <= most, stage
 
 
 def test_a_fault_of_one_stage_shows_in_that_stage_alone() -> None:
-    run = made_log(load=18.0)
-    on = plateaus(run)
-    worn = msgspec.structs.replace(MODEL, drivetrain=msgspec.structs.replace(MODEL.drivetrain, eta_mesh=0.90))
-    seen = simulate(run, worn).run
+    seen = simulate(made_log(load=18.0), with_part(MODEL, "drivetrain", eta_mesh=0.90)).run
+    on = plateaus(seen)
     for output in stage_outputs(seen, MODEL):
         measured = seen.channels[output.channel][on]
         share = rms(output.predicted[on] - measured) / float(np.mean(measured))
@@ -128,29 +106,21 @@ def test_a_fault_of_one_stage_shows_in_that_stage_alone() -> None:
 
 def test_what_a_stage_cannot_say_is_not_a_number() -> None:
     run = made_log()
-    v = run.channels["velocity"]
-    outputs = by_stage(run, MODEL)
-    assert np.all(np.isfinite(outputs["restoring"].predicted))
-    resting = np.abs(v) < 0.5 * MOVING
-    assert np.all(np.isnan(outputs["transmission"].predicted[resting]))
-    assert np.all(np.isnan(outputs["gearbox"].predicted[resting]))
-    assert np.all(np.isnan(outputs["generator"].predicted[v < 0.0]))
-    torque = run.channels["torque"]
-    running_on = (v > MOVING) & (torque == 0.0)  # the drum slows and the rotor runs on alone
-    assert np.count_nonzero(running_on) > 10
-    assert np.all(np.isnan(outputs["gearbox"].predicted[running_on]))
-    hauled = v < -0.5
-    assert outputs["transmission"].predicted[hauled] == pytest.approx(0.0, abs=1e-6)
+    v, torque = run.channels["velocity"], run.channels["torque"]
+    outputs = {stage: output.predicted for stage, output in by_stage(run, MODEL).items()}
+    resting, runs_on = np.abs(v) < 0.5 * MOVING, (v > MOVING) & (torque == 0.0)
+    assert np.all(np.isfinite(outputs["restoring"]))
+    assert np.count_nonzero(runs_on) > 10
+    for stage, where in (("transmission", resting), ("gearbox", resting | runs_on), ("generator", v < 0.0)):
+        assert np.all(np.isnan(outputs[stage][where])), stage
+    assert outputs["transmission"][v < -0.5] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(
     ("missing", "left"),
     [
-        ((), ["restoring", "transmission", "gearbox", "generator", "load"]),
-        (("torque",), ["restoring", "transmission", "gearbox", "generator", "load"]),
-        (("pressure",), ["restoring", "gearbox", "generator", "load"]),
+        (("force",), ["restoring", "gearbox", "generator", "load"]),
         (("idc",), ["restoring", "transmission", "load"]),
-        (("vdc", "idc"), ["restoring", "transmission"]),
         (("force", "vdc", "idc", "displacement"), ["restoring"]),
     ],
 )
@@ -158,11 +128,7 @@ def test_a_stage_whose_inputs_are_not_logged_is_left_out(missing: tuple[str, ...
     run = made_log(load=18.0, cycles=1)
     bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k not in missing})
     assert [output.stage for output in stage_outputs(bare, MODEL)] == left
-
-
-def test_a_load_that_is_not_known_says_nothing_of_the_current() -> None:
-    run = made_log(load=18.0, cycles=1)
-    unknown = msgspec.structs.replace(run, load=None)
-    assert "load" not in by_stage(unknown, MODEL)
-    assert by_stage(unknown, MODEL)["generator"].inputs == ("velocity", "vdc", "idc")
+    unknown = by_stage(msgspec.structs.replace(run, load=None), MODEL)
+    assert "load" not in unknown
+    assert unknown["generator"].inputs == ("velocity", "vdc", "idc")
     assert by_stage(made_log(cycles=1), MODEL)["generator"].inputs == ("velocity", "vdc")

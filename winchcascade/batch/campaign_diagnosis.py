@@ -23,9 +23,8 @@ from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.rig.baseline import NoModel, model_of
+from winchcascade.rig.baseline import NoModel, load_rig, model_of
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.open_rig import load_rig
 from winchcascade.rig.simulate import simulate, write_log, write_simulated
 
 if TYPE_CHECKING:

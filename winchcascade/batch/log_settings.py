@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_settings import LogSettings, settings_beside
 from winchcascade.core.errors import CampaignError
-from winchcascade.rig.open_rig import load_rig
+from winchcascade.rig.baseline import load_rig
 
 
 def settings_of(

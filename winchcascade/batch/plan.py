@@ -19,7 +19,7 @@ from winchcascade.core.rig_toml import first_named
 from winchcascade.core.store import CAMPAIGN_RECORD, digest_of
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS
-from winchcascade.rig.open_rig import load_rig
+from winchcascade.rig.baseline import load_rig
 
 RESULTS = 2
 """Form of a log's result: a result of another form is made anew, as the tables of the campaign need all of its fields."""

@@ -227,30 +227,20 @@ def _rig_file(case: Case, folder: Path) -> str | None:
         from winchcascade.diagnosis.calibrate import calibrate
         from winchcascade.diagnosis.rig_text import calibrated_text
         from winchcascade.ingest.read import read_run
-        from winchcascade.rig.open_rig import load_rig
+        from winchcascade.rig.baseline import load_rig
 
         return calibrated_text(calibrate(read_run(folder / "open_circuit.csv", load=math.inf), load_rig(DEFAULT_RIG)))
+    shares = {name: getattr(SCATTER, name) / getattr(NOMINAL, name) for name in case.bias}
+    factors = {"mu_screw" if name == "mu" else name: 1.0 + by * shares[name] for name, by in case.bias.items()}
     if case.entry is not None and case.entry.log is None:
-        return _rig_text({case.entry.key: case.entry.factor})
-    if case.bias:
-        return _rig_text(
-            {
-                "mu_screw" if name == "mu" else name: 1.0 + by * (getattr(SCATTER, name) / getattr(NOMINAL, name))
-                for name, by in case.bias.items()
-            }
-        )
-    return None
-
-
-def _rig_text(factors: Mapping[str, float]) -> str:
-    """The built-in rig file with wrong values: factor on each, by key; ValueError where it has no entry of that key."""
+        factors[case.entry.key] = case.entry.factor
     text = files("winchcascade").joinpath("rigfiles", f"{DEFAULT_RIG}.toml").read_text(encoding="utf-8")
     for key, factor in factors.items():
-        entry = re.compile(rf"(?m)^({key} = {{ value =) ([0-9.e+-]+)")
-        text, count = entry.subn(lambda found, by=factor: f"{found[1]} {float(found[2]) * by:.6g}", text)  # type: ignore[misc]
-        if count != 1:
-            raise ValueError(f"rig file {DEFAULT_RIG}: expected one entry {key}, found {count}")
-    return text
+        found = re.search(rf"(?m)^{key} = {{ value = ([0-9.e+-]+)", text)
+        if found is None:
+            raise ValueError(f"rig file {DEFAULT_RIG}: expected an entry {key}")
+        text = f"{text[: found.start(1)]}{float(found[1]) * factor:.6g}{text[found.end(1) :]}"
+    return text if factors else None
 
 
 EFFECT_OF = {

@@ -28,35 +28,23 @@ _EVENTS = 12
 GRID = 1e-3
 """Interval over which what the drive does is averaged. [s]"""
 
-FINE = 20
-"""Steps of an interval while a diode may conduct: 50 us; half of it changes no channel by more than 0.05 %."""
-
-COARSE = 4
-"""Steps of an interval while none can."""
+FINE, COARSE = 20, 4
+"""Steps of an interval while a diode may conduct, and while none can: half of 50 us changes no channel by more than 0.05 %."""
 
 _QUIET = 0.97
 """Below this share of the voltage that a diode would need, none is looked for. [1]"""
 
-_EMPTY = 1e-9
-"""A DC link below this is empty. [V]"""
+_EMPTY, _NO_CURRENT = 1e-9, 1e-3
+"""A DC link below this is empty [V]; current at which the logarithmic law of a silicon diode ends [A]."""
 
-_FADE = 5e-3
-"""Averaging time of the stator current that weakens the magnets. [s]"""
+_FADE, _COOLING = 5e-3, 60.0
+"""Averaging time of the stator current that weakens the magnets, and time in which a load gives its heat away. [s]"""
 
-_TURN = 1.0
-"""Friction of the fast shaft changes its sign within this speed. [rad/s]"""
+_TURN, _SLIP = 1.0, 0.02
+"""Speeds within which friction of the fast shaft changes its sign, and in which the drag of a clutch is reached. [rad/s]"""
 
 _LEAK_VOLT, _LEAK_POWER = 300.0, 4.0
 """Leakage across the DC link: `leaking_link` (v / 300 V)^4. [V, 1]"""
-
-_COOLING = 60.0
-"""Time in which a load gives its heat away. [s]"""
-
-_NO_CURRENT = 1e-3
-"""Current at which the logarithmic law of a silicon diode ends. [A]"""
-
-_SLIP = 0.02
-"""The drag of an overrunning clutch is reached within this speed of the drum. [rad/s]"""
 
 
 class Drive(NamedTuple):

@@ -44,9 +44,8 @@ SPEED = {
 GUST, GUST_WIDTH = 0.0046, 0.085
 """Wobble of the speed: standard deviation as a share, and width of the bell curve that smooths it. [1, s]"""
 
-_LEAD_IN = 4.0
-_SPREAD = 0.01
-"""Scatter of the plateaus from log to log, and from cycle to cycle. [1]"""
+_LEAD_IN, _SPREAD = 4.0, 0.01
+"""Rest before the first cycle [s]; scatter of the plateaus from log to log, and from cycle to cycle [1]."""
 
 
 def line_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal]:
@@ -134,7 +133,7 @@ def read_log(twin: Twin, solved: Solved, rng: np.random.Generator, logger: Logge
     """Readings of the sensors for one log, by channel in the units of the log, with `time`."""
     stamps, delay = stamps_of(solved, logger), twin.hidden.get("elastic_encoder")
     grid = np.arange(solved.x.size, dtype=np.float64) * GRID
-    x, v = (follow(y, delay) if delay else y for y in (solved.x, solved.v))  # behind an elastic drive
+    x, v = (_follow(y, delay) if delay else y for y in (solved.x, solved.v))  # behind an elastic drive
     columns = {
         "time": np.round(stamps, 4),
         "displacement": np.round(np.interp(stamps, grid, x), logger.decimals(4)),
@@ -201,7 +200,7 @@ def _play(value: Signal, width: float) -> Signal:
     return out
 
 
-def follow(value: Signal, delay: float) -> Signal:
+def _follow(value: Signal, delay: float) -> Signal:
     """A first-order lag on the grid, starting at rest."""
     fade = math.exp(-GRID / delay)
     lagging: Signal = lfilter([1.0 - fade], [1.0, -fade], value, zi=[fade * value[0]])[0]

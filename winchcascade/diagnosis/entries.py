@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from winchcascade.diagnosis.nuisances import quantity_of
-from winchcascade.rig.effects.catalogue import OF_THE_RIG
+from winchcascade.rig.effects.catalogue import ENTRIES, OF_THE_RIG, SHARED_RADIUS
 from winchcascade.rig.effects.effect import Effect, Stated, Values
-from winchcascade.rig.effects.wrong_entries import ENTRY, SHARED_RADIUS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,9 +18,6 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
     from winchcascade.diagnosis.suspects import Suspects
-
-BY_NAME = {effect.name: effect for effect in ENTRY}
-"""Every wrong entry by its name."""
 
 LOAD, RADIUS = "load_entry", "drum_radius"
 """Entries that have several forms: one for each run, and one for each place of the encoder."""
@@ -49,7 +45,7 @@ def effect_name(suspect: str) -> str:
 
 def is_entry(suspect: str) -> bool:
     """Whether a suspect is a wrong entry."""
-    return effect_name(suspect) in BY_NAME
+    return effect_name(suspect) in ENTRIES
 
 
 # ----------------------------------------------------------------------------------------------------------- the suspects

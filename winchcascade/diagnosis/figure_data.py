@@ -14,7 +14,7 @@ from winchcascade.diagnosis.causes import posterior_of
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.gap_map import without_zeros
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.rig.effects.generator import share_of_k_e
+from winchcascade.rig.effects.laws import share_of_k_e
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 

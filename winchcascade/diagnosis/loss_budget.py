@@ -9,40 +9,34 @@ import msgspec
 import numpy as np
 
 from winchcascade.reduction.reduction_result import CycleResult
+from winchcascade.rig.ledger import LEDGER
 from winchcascade.rig.simulate import Simulation
 
 
 class Group(NamedTuple):
-    """Entries of `rig.simulate.LEDGER` that are shown together: `behind` the torque sensor, seen from the line, or before.
-
-    `about` describes the group where its name is not enough.
+    """What the entries of the ledger are that are shown together, and these: behind the torque sensor, seen from the line, and
+    before it.
     """
 
-    name: str
+    about: str
     behind: tuple[str, ...] = ()
     before: tuple[str, ...] = ()
-    about: str = ""
 
 
-GROUPS = {
-    "dc": Group("DC link", ("dc",), about="delivered"),
-    "diodes": Group("diodes", ("diodes",), about="drop of the bridge"),
-    "copper": Group("copper", ("copper",), about="resistance of the stator"),
-    "damper": Group("damper", ("damper",), about="viscous drag of the fast shaft"),
-    "windage": Group("windage", ("windage",)),
-    "friction": Group("friction", ("friction",)),
-    "mesh": Group("mesh", ("mesh",), about="gear teeth"),
-    "clutch": Group("clutch", ("clutch",)),
-    "shaft": Group("shaft", ("shaft", "shaft_loss"), about="its spring and damping"),
-    "capacitor": Group("capacitor", ("capacitor",), about="charge of the DC link"),
-    "inertia": Group("inertia", ("rotor",), ("drum",), "rotor and drum still turning"),
-    "line": Group("line losses", (), ("line_loss",), "between line and torque sensor"),
-    "seal": Group("seal", (), ("seal",)),
-    "screw": Group("screw", (), ("screw",), "friction of the ball screw"),
-    "stored": Group("stored gas", (), ("gas",), "held by the accumulator when the window ends"),
-}
-"""Where the energy of the line goes, from the DC link back to the line. Inertia is of rotor and drum, shaft of spring and
-damping, line losses arise between line and torque sensor."""
+def _groups() -> dict[str, Group]:
+    """The groups of the ledger by their names, from the DC link back to the line."""
+    found: dict[str, Group] = {}
+    for entry, booked in LEDGER.items():
+        if entry != "line":
+            about, behind, before = found.get(booked.group, Group(booked.about))
+            found[booked.group] = (
+                Group(about, behind, (*before, entry)) if booked.before else Group(about, (*behind, entry), before)
+            )
+    return found
+
+
+GROUPS = _groups()
+"""Where the energy of the line goes, from the DC link back to the line."""
 
 
 class LossBudget(msgspec.Struct, frozen=True):

@@ -30,8 +30,8 @@ from winchcascade.diagnosis.marginal import Columns
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline, stated_effects
+from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
-from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import Model, changed, possible
@@ -597,7 +597,7 @@ def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDA
     force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
     seen[:, [force, torque]] &= ((np.abs(speed) > MOVING) & ~hold)[:, None]
     generator, numbers = model.generator, constants(model, course.load)
-    rpm = MAX_NOISE * u_velocity * numbers.gear / numbers.r_drum * 30.0 / math.pi
+    rpm = MAX_NOISE * u_velocity * model.drivetrain.gear / model.winch.r_drum * 30.0 / math.pi
     if generator.k_e * rpm > 2.0 * generator.v_diode:
         seen[:, [vdc, idc]] &= (np.abs(speed) > MOVING)[:, None]
     if np.isinf(course.load):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
@@ -19,6 +20,9 @@ from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.rig.baseline import NoModel, model_of
 from winchcascade.rig.simulate import Simulation, simulate
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LONGEST = 200.0
 """Longest part of a log that is simulated: as many of its first complete cycles as it holds. [s]"""
@@ -41,34 +45,18 @@ COMPARED = {"torque": 1.0, "vdc": 1.0, "idc": 1.0, "pressure": 1.0 / KGCM2, "for
 HAUL_IN = "pressure_haul_in_kgcm2"
 """Curve of the pressure while the line is hauled in, beside that of the payouts."""
 
+CURVES = {
+    "pressure_kgcm2": ("displacement", "payout"), HAUL_IN: ("displacement", "haul_in"), "force_n": ("velocity", "moving"),
+    "vdc_v": ("rpm", "driven"), "power_gen_w": ("rpm", "driven"), "torque_nm": ("rpm", "driven"),
+    "idc_a": ("rpm", "driven"), "loss_w": ("rpm", "driven"), "resistance_ohm": ("rpm", "driven"), "eta_gen": ("rpm", "driven"),
+}  # fmt: skip
+"""Each curve with what it is over and the samples that count."""
+
 LOADED = ("power_gen_w", "torque_nm", "idc_a", "resistance_ohm", "loss_w", "eta_gen")
 """Curves without a meaning in open circuit, where only the bleed carries a current."""
 
-CURVES = ("pressure_kgcm2", HAUL_IN, "force_n", "vdc_v", *LOADED)
-"""Names of all curves."""
-
-
-class ModelComparison(msgspec.Struct, frozen=True):
-    """A log and its simulation at the same stamps.
-
-    `run` is the log or its first part, `cycles` are the complete cycles in it, of `total`. `payout`, `driven` and `haul_in`,
-    (n,) each, select the samples of these cycles that count: of their payouts, of the part of these before braking while the
-    clutch drives the generator, and of their haul-ins; bridged samples do not count.
-    """
-
-    run: Run
-    rig: Rig
-    cycles: tuple[CycleResult, ...]
-    total: int
-    simulation: Simulation
-    payout: Mask
-    driven: Mask
-    haul_in: Mask
-
-    @property
-    def rpm(self) -> Signal:
-        """Generator speed that the line velocity gives while the clutch is engaged, gear v / r_drum, (n,) [rpm]."""
-        return np.asarray(self.run.channels["velocity"] * (self.rig.rpm_per_velocity or 0.0))
+RATIOS = {"resistance_ohm": ("vdc_v", "idc_a"), "eta_gen": ("output_w", "input_w")}
+"""Curves that are the ratio of two means of a bin."""
 
 
 class ComparedCurve(msgspec.Struct, frozen=True):
@@ -106,47 +94,58 @@ class Account(msgspec.Struct, frozen=True, omit_defaults=True):
     budget: LossBudget | None = None
 
 
+class SimulatedLog(NamedTuple):
+    """The first complete cycles of a log, the part of it that holds them, and its simulation at the same stamps."""
+
+    run: Run
+    rig: Rig
+    cycles: tuple[CycleResult, ...]
+    simulation: Simulation
+
+
 def modelled(reduction: Reduction) -> Account:
     """Compare a log with the model that its rig file gives."""
-    found = compare_with_baseline(reduction)
-    return Account(why=found, word=reduction.run.origin.word) if isinstance(found, str) else account_of(found)
+    found, word = simulated_log(reduction), reduction.run.origin.word
+    if isinstance(found, str):
+        return Account(why=found, word=word)
+    rig, samples = reduction.rig, sample_table(found)
+    rated, gear = rig.generator.speed_rated, rig.drivetrain.gear_ratio
+    return Account(
+        word=word,
+        rig=rig.name,
+        effects=tuple(rig.effects),
+        cycles=len(found.cycles),
+        total=len(reduction.complete),
+        rated=None if rated is None else rated.value * 30.0 / math.pi,
+        gear=None if gear is None else gear.value,
+        curves=_curves(found, samples),
+        differences=_differences(found, samples.payout.to_numpy()),
+        budget=budget_of(found.simulation, found.cycles),
+    )
 
 
-def compare_with_baseline(reduction: Reduction) -> ModelComparison | str:
+def simulated_log(reduction: Reduction) -> SimulatedLog | str:
     """Simulate a log with the numbers of its rig file and the effects that it states; else the reason, in one sentence."""
-    model, run = model_of(reduction.rig), reduction.run
+    model, run, complete = model_of(reduction.rig), reduction.run, reduction.complete
     if "velocity" not in run.channels:
         return "the log has no line velocity, which drives a simulation."
     if isinstance(model, NoModel):
         return model.why
     if run.load is None:
         return "the load of the log is not known; give it by --load-ohm or in a campaign.toml."
-    complete = reduction.complete
     cycles = tuple(c for c in complete if _end(c) - complete[0].phases.onset <= LONGEST)
     if not cycles:
         return f"no complete cycle ends within {LONGEST:g} s of its onset, the longest that is simulated."
-    run = between(run, cycles[0].phases.onset - LEAD, _end(cycles[-1]) + LEAD)
+    first, last = np.searchsorted(run.t, (cycles[0].phases.onset - LEAD, _end(cycles[-1]) + LEAD)).tolist()
+    channels = {name: x[first:last] for name, x in run.channels.items()}
+    run = msgspec.structs.replace(run, t=run.t[first:last], channels=channels, samples=last - first)
     try:
         simulation = simulate(run, model)
     except WinchcascadeError as fault:
         return str(fault).removeprefix(f"{run.name}: ")
     if not all(np.isfinite(x).all() for x in simulation.run.channels.values()):
         return "along this motion the model gives no finite numbers; check unit and scale of the velocity."
-    phases, plateaus = [c.phases for c in cycles], [c.summary.payout.plateau for c in cycles]
-    braking = [p.payout_end if flat is None else flat.braking for p, flat in zip(phases, plateaus, strict=True)]
-    whole = ~within(run.t, all_gaps(run, tuple(run.channels)))
-    return ModelComparison(
-        run=run,
-        rig=reduction.rig,
-        cycles=cycles,
-        total=len(complete),
-        simulation=simulation,
-        payout=within(run.t, [(p.onset, p.payout_end) for p in phases]) & whole,
-        driven=engaged(run, phases, plateaus, reduction.rig)
-        & within(run.t, [(p.onset, end) for p, end in zip(phases, braking, strict=True)])
-        & whole,
-        haul_in=within(run.t, [p.haul_in for p in phases if p.haul_in is not None]) & whole,
-    )
+    return SimulatedLog(run, reduction.rig, cycles, simulation)
 
 
 def _end(cycle: CycleResult) -> float:
@@ -155,11 +154,33 @@ def _end(cycle: CycleResult) -> float:
     return max(last[1], cycle.window.cutoff)
 
 
-def between(run: Run, begin: float, end: float) -> Run:
-    """The part of a log between two instants. [s]"""
-    rows = slice(*np.searchsorted(run.t, (begin, end)).tolist())
-    channels = {name: x[rows] for name, x in run.channels.items()}
-    return msgspec.structs.replace(run, t=run.t[rows], channels=channels, samples=run.t[rows].size)
+def sample_table(found: SimulatedLog) -> pd.DataFrame:
+    """Samples of a log: what curves are over, SI units and rpm, and which samples count; bridged ones do not.
+
+    `payout` and `haul_in` are those of the cycles, `driven` those of a payout before braking while the clutch drives the
+    generator, `moving` both of the latter.
+    """
+    import pandas as pd
+
+    run, phases = found.run, [c.phases for c in found.cycles]
+    plateaus = [c.summary.payout.plateau for c in found.cycles]
+    braking = [p.payout_end if flat is None else flat.braking for p, flat in zip(phases, plateaus, strict=True)]
+    whole = ~within(run.t, all_gaps(run, tuple(run.channels)))
+    driven = engaged(run, phases, plateaus, found.rig) & whole
+    driven &= within(run.t, [(p.onset, end) for p, end in zip(phases, braking, strict=True)])
+    haul_in = within(run.t, [p.haul_in for p in phases if p.haul_in is not None]) & whole
+    unknown = np.full(run.t.size, math.nan)
+    return pd.DataFrame(
+        {
+            "velocity": run.channels["velocity"],
+            "displacement": run.channels.get("displacement", unknown),
+            "rpm": run.channels["velocity"] * (found.rig.rpm_per_velocity or math.nan),
+            "payout": within(run.t, [(p.onset, p.payout_end) for p in phases]) & whole,
+            "driven": driven,
+            "haul_in": haul_in,
+            "moving": driven | haul_in,
+        }
+    )
 
 
 def within(t: Signal, spans: Iterable[Sequence[float]] | Signal) -> Mask:
@@ -170,103 +191,68 @@ def within(t: Signal, spans: Iterable[Sequence[float]] | Signal) -> Mask:
     return inside
 
 
-# ----------------------------------------------------------------------------------------------------- what is kept of it
-def account_of(comparison: ModelComparison) -> Account:
-    """Put together what is kept of a comparison."""
-    rig = comparison.rig
-    rated, gear = rig.generator.speed_rated, rig.drivetrain.gear_ratio
-    return Account(
-        word=comparison.run.origin.word,
-        rig=rig.name,
-        effects=tuple(rig.effects),
-        cycles=len(comparison.cycles),
-        total=comparison.total,
-        rated=None if rated is None else rated.value * 30.0 / math.pi,
-        gear=None if gear is None else gear.value,
-        curves=curves_of(comparison),
-        differences=differences_of(comparison),
-        budget=budget_of(comparison.simulation, comparison.cycles),
-    )
-
-
-def differences_of(comparison: ModelComparison) -> dict[str, ChannelDifference]:
+def _differences(found: SimulatedLog, payout: Mask) -> dict[str, ChannelDifference]:
     """Log minus simulation over the payouts, channel by channel; torque and Idc not in open circuit."""
-    run, model, rows = comparison.run.channels, comparison.simulation.run.channels, comparison.payout
-    left_out = ("torque", "idc") if comparison.run.open_circuit else ()
+    run, model = found.run.channels, found.simulation.run.channels
+    left_out = ("torque", "idc") if found.run.open_circuit else ()
     apart = {
-        name: (run[name][rows] - model[name][rows]) * factor
+        name: (run[name] - model[name])[payout] * factor
         for name, factor in COMPARED.items()
-        if name in run and name not in left_out and rows.any()
+        if name in run and name not in left_out and payout.any()
     }
     return {name: ChannelDifference(float(np.mean(x)), float(np.sqrt(np.mean(x**2)))) for name, x in apart.items()}
 
 
-def quantities(comparison: ModelComparison, run: Run) -> dict[str, Signal]:
+def quantities(found: SimulatedLog, run: Run) -> dict[str, Signal]:
     """Channels and powers of the log or of its simulation that are compared, (n,) each by name.
 
     The loss is P_mech - P_gen (Eq. 11) less what goes into rotor, shaft and capacitor while the speed changes, with the numbers
     of the model: without this a machine that speeds up would seem to lose what it stores.
     """
-    channels, model = run.channels, comparison.simulation.model
+    channels, shaft = run.channels, found.simulation.model.drivetrain
     names = (("torque_nm", "torque"), ("vdc_v", "vdc"), ("idc_a", "idc"), ("force_n", "force"))
-    found = {name: channels[channel] for name, channel in names if channel in channels}
+    columns = {name: channels[channel] for name, channel in names if channel in channels}
     if "pressure" in channels:
-        found["pressure_kgcm2"] = found[HAUL_IN] = channels["pressure"] / KGCM2
-    powers = {f"power_{name}_w": BUILT_IN[name].watts(channels, comparison.rig.r_drum) for name in ("mech", "gen")}
-    found |= {name: watt for name, watt in powers.items() if watt is not None}
-    if found.keys() >= powers.keys():
-        shaft = model.drivetrain
-        numbers = shaft.inertia_rotor, shaft.k_shaft, model.dc_link.c_dc
-        stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, comparison.rig, *numbers).items()}
-        found["input_w"] = found["power_mech_w"] - stored["rotor"] - stored.get("spring", 0.0)
-        found["output_w"] = found["power_gen_w"] + stored["capacitor"]
-        found["loss_w"] = found["input_w"] - found["output_w"]
-    return found
+        columns["pressure_kgcm2"] = columns[HAUL_IN] = channels["pressure"] / KGCM2
+    mech, gen = (BUILT_IN[name].watts(channels, found.rig.r_drum) for name in ("mech", "gen"))
+    if gen is not None:
+        columns["power_gen_w"] = gen
+    if mech is not None and gen is not None:
+        numbers = shaft.inertia_rotor, shaft.k_shaft, found.simulation.model.dc_link.c_dc
+        stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, found.rig, *numbers).items()}
+        columns["input_w"] = mech - stored["rotor"] - stored.get("spring", 0.0)
+        columns["output_w"] = gen + stored["capacitor"]
+        columns["loss_w"] = columns["input_w"] - columns["output_w"]
+    return columns
 
 
-def curves_of(comparison: ModelComparison) -> dict[str, ComparedCurve]:
-    """Make the curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean something there.
+def _curves(found: SimulatedLog, samples: pd.DataFrame) -> dict[str, ComparedCurve]:
+    """Curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean something there.
 
-    Pressure is drawn over displacement, out and back, tension over velocity, and all else over generator speed while the clutch
-    is engaged. An efficiency or a resistance is the ratio of two means of a bin.
+    Each is of means in bins of what it is over; bins of few samples are left out.
     """
-    c = comparison
-    both = quantities(c, c.run), quantities(c, c.simulation.run)
-
-    def means(names: Sequence[str], x: Signal, rows: Mask, width: float = 0.0) -> dict[str, Signal]:
-        return _means({name: np.array([x, *(side[name] for side in both)])[:, rows] for name in names if name in both[0]},
-                      width, min(MIN_BIN_SAMPLES, len(c.cycles)))  # fmt: skip
-
-    velocity, displacement = c.run.channels["velocity"], c.run.channels.get("displacement")
-    electrical = ("torque_nm", "vdc_v", "idc_a", "power_gen_w", "input_w", "output_w", "loss_w")
-    found = means(("force_n",), velocity, c.driven | c.haul_in)
-    if displacement is not None:
-        found |= means(("pressure_kgcm2",), displacement, c.payout) | means((HAUL_IN,), displacement, c.haul_in)
-    if c.rig.rpm_per_velocity is not None:
-        found |= means(electrical, c.rpm, c.driven, c.rig.thresholds.rpm_bin)
-    for name, above, below in (("resistance_ohm", "vdc_v", "idc_a"), ("eta_gen", "output_w", "input_w")):
-        if above in found and below in found:
-            x, *upper = found[above]
-            lower = found[below][1:]
-            strong = lower > FAINT * np.max(lower, axis=1, keepdims=True, initial=0.0)
-            found[name] = np.array([x, *(upper / np.where(strong, lower, np.nan))])
-    shown = set(CURVES) - set(LOADED if c.run.open_circuit else ())
-    return {name: _curve(table) for name, table in found.items() if name in shown and np.isfinite(table).all(0).any()}
-
-
-def _means(columns: dict[str, Signal], width: float, minimum: int) -> dict[str, Signal]:
-    """Means of x, log and simulation, (3, n) by name, in bins of x that are no narrower than a width, (3, bins)."""
     import pandas as pd
 
-    found = {}
-    for name, column in columns.items():
-        x = column[0]
-        table = pd.DataFrame(column.T).groupby(np.floor(x / max(width, float(np.ptp(x)) / BINS, 1e-9)) if x.size else x)
-        found[name] = table.mean()[table.size() >= minimum].to_numpy().T
-    return found
+    log, simulated = (pd.DataFrame(quantities(found, run)) for run in (found.run, found.simulation.run))
+    minimum, curves = min(MIN_BIN_SAMPLES, len(found.cycles)), {}
+    for name in (name for name in CURVES if not (found.run.open_circuit and name in LOADED)):
+        over, here = CURVES[name]
+        columns, rows = RATIOS.get(name, (name,)), samples[here] & samples[over].notna()
+        if not rows.any() or not {*columns} <= {*log.columns}:
+            continue
+        x = samples[over][rows]
+        width = max(found.rig.thresholds.rpm_bin if over == "rpm" else 1e-9, float(np.ptp(x)) / BINS)
+        bins = pd.concat([x, *(side.loc[rows, list(columns)] for side in (log, simulated))], axis=1).groupby(
+            np.floor(x / width)
+        )
+        means = bins.mean()[bins.size() >= minimum].to_numpy().T
+        curve = means if len(columns) == 1 else np.array([means[0], _ratio(*means[1:3]), _ratio(*means[3:5])])
+        known = curve[:, np.isfinite(curve).all(axis=0)]
+        if known.size:
+            curves[name] = ComparedCurve(*(tuple(float(f"{value:.5g}") for value in row) for row in known.tolist()))
+    return curves
 
 
-def _curve(table: Signal) -> ComparedCurve:
-    """The bins of a table, (3, bins), in which all is known, to five significant digits as they are kept with a result."""
-    known = table[:, np.isfinite(table).all(axis=0)]
-    return ComparedCurve(*(tuple(float(f"{value:.5g}") for value in row) for row in known.tolist()))
+def _ratio(above: Signal, below: Signal) -> Signal:
+    """One row of means over another, not a number where the lower is faint, (bins,)."""
+    return above / np.where(below > FAINT * np.max(below, initial=0.0), below, np.nan)

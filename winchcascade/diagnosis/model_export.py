@@ -18,7 +18,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.rig_text import corrected_rig
 from winchcascade.rig.baseline import baseline, stated_effects
-from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, number_of, path_in_rig, rolloff_curve
+from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, number_of, numbers_of, path_in_rig, rolloff_curve
 
 MODEL_SCHEMA = "winchcascade/model/1"
 
@@ -29,27 +29,11 @@ CURRENT_STEP = 0.25
 
 RPM_PER_RAD_S = 30.0 / math.pi
 
-UNITS = {
-    "winch": {
-        "r_drum": "m", "inertia": "kg.m2", "friction": "N.m", "drag": "N.m.s/rad", "layering": "1/m", "stribeck": "N.m",
-        "stribeck_speed": "m/s",
-    },
-    "restoring": {
-        "lead": "m/rad", "lead_angle": "rad", "half_angle": "rad", "mu": "1", "eta_forward": "1", "eta_reverse": "1",
-        "area": "m2", "pressure": "Pa", "volume": "m3", "exponent": "1", "cooling": "s", "seal_friction": "N",
-        "stribeck": "N.m",
-    },
-    "drivetrain": {
-        "gear": "1", "eta_mesh": "1", "b_rotor": "N.m.s/rad", "k_shaft": "N.m/rad", "c_shaft": "N.m.s/rad",
-        "inertia_rotor": "kg.m2", "windage": "N.m.s2/rad2", "friction": "N.m", "clutch_drag": "N.m",
-    },
-    "generator": {"pole_pairs": "1", "k_e": "V.s/rad", "r_s": "ohm", "l_s": "H", "v_diode": "V"},
-    "dc_link": {"c_dc": "F", "r_bleed": "ohm", "load_change": "1"},
-}  # fmt: skip
-"""Units in which the numbers of the model are written, in the order of its parts; those of the sensors are apart."""
+EXPORTED = {"generator.k_e": ("V.s/rad", RPM_PER_RAD_S)}
+"""Units in which numbers are written that are not those of the model, and the factors to them."""
 
-FACTORS = {"generator.k_e": RPM_PER_RAD_S}
-"""Factors from the unit of the model to the unit that is written, where they differ."""
+DERIVED = {"restoring": {"eta_forward": "1", "eta_reverse": "1"}}
+"""Numbers that follow from those of a part, with their units."""
 
 
 def check_export(path: Path | None) -> None:
@@ -77,19 +61,10 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
     """The corrected model: every number with its unit, source and nominal value; tables and errors of the sensors apart."""
     rig = corrected_rig(found)
     model, given = baseline(rig), found.data.nominal
-    parts = {
-        part: {
-            name: {
-                "value": FACTORS.get(path, 1.0) * number_of(model, path),
-                "unit": unit,
-                "as_given": FACTORS.get(path, 1.0) * number_of(given, path),
-                "source": _source(rig, path),
-            }
-            for name, unit in units.items()
-            for path in (f"{part}.{name}",)
-        }
-        for part, units in UNITS.items()
-    }
+    parts = {}
+    for part in PARTS:
+        units = {name: number.unit for name, number in numbers_of(part).items()} | DERIVED.get(part, {})
+        parts[part] = {name: _number(rig, (given, model), f"{part}.{name}", unit) for name, unit in units.items()}
     return {
         "schema": MODEL_SCHEMA,
         "written_by": f"winchcascade/{__version__}",
@@ -110,6 +85,13 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
             "electrical_lag": model.sensors.electrical_lag,
         },
     }
+
+
+def _number(rig: Rig, models: tuple[Model, Model], path: str, unit: str) -> dict[str, Any]:
+    """One number of the model as given and as corrected, with its unit and its source."""
+    shown, factor = EXPORTED.get(path, (unit, 1.0))
+    given, value = (factor * number_of(model, path) for model in models)
+    return {"value": value, "unit": shown, "as_given": given, "source": _source(rig, path)}
 
 
 def _source(rig: Rig, path: str) -> str:

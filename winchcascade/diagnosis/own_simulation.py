@@ -27,7 +27,7 @@ from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_ze
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, search
-from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
+from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.line_velocity import SMOOTHING
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, solve_shaft
-from winchcascade.rig.readings import TRUE, path_of, run_readings, sensor_numbers
+from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, ShaftNumbers, constants, solve_shaft
+from winchcascade.rig.readings import path_of, readings
 from winchcascade.rig.simulate import READ, motion_of
 
 if TYPE_CHECKING:
@@ -49,14 +49,14 @@ class Course:
         self._places = _places(run.t, self.coarse.t)
         self.matrix = _averaging(run, blocks, self.coarse.t)
         self.max_kept = MAX_KEPT
-        self._kept: dict[tuple[float | tuple[float, ...], ...], Signal] = {}
+        self._kept: dict[tuple[float, ShaftNumbers], Signal] = {}
 
     def shaft(self, numbers: Constants, gain: float = 1.0) -> Signal:
         """Solve the shaft, or take the solution of the same numbers: `SEEN` on the grid, (2, n).
 
         `gain` scales the velocity of the line.
         """
-        key = (gain, *_of_the_shaft(numbers))
+        key = (gain, numbers.shaft)
         if key not in self._kept:
             solution = self._solve(numbers, gain)
             solved = np.stack([solution[:, SHAFT.index(name)] for name in SEEN])
@@ -83,12 +83,8 @@ class Course:
         gain : scales the velocity that drives the shaft [1]
         skew : (5,) how late each channel is read [s]
         """
-        numbers, found = constants(model, self.load), np.empty((len(CHANNELS), self.coarse.t.size))
-        sensors = sensor_numbers(model, np.zeros(len(CHANNELS)) if skew is None else skew, self.coarse.step)
-        run_readings(
-            self._path, numbers, self.shaft(numbers, gain), sensors, np.empty((TRUE, self.coarse.t.size)), found
-        )
-        return found.T
+        numbers = constants(model, self.load)
+        return readings(self._path, numbers, self.shaft(numbers, gain), model.sensors, skew).T
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`."""
@@ -103,14 +99,6 @@ class Course:
     def block_mean(self, on_grid: Signal) -> Signal:
         """Mean over the blocks of something on the grid, (m, ...)."""
         return np.asarray(self.matrix @ on_grid)
-
-
-_SHAFT_FROM = 18
-"""Numbers of `Constants` from here on concern the shaft; `test_predict` holds it."""
-
-
-def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
-    return numbers[_SHAFT_FROM:]
 
 
 MAX_KEPT = 16

@@ -21,8 +21,7 @@ from winchcascade.diagnosis.causes import COVERED, LAW, posterior_of
 from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.baseline import stated_effects
-from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.effects.wrong_entries import SHARED_RADIUS
+from winchcascade.rig.effects.catalogue import EFFECTS, SHARED_RADIUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

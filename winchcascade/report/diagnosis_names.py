@@ -35,16 +35,6 @@ INTERVAL_WIDTH = 2.0 * COVERED
 NAMES = {name: term.label for name, term in CHANNELS.items()} | {POWER: "winch power"}
 """Channels of a diagnosis."""
 
-LINE_NUMBERS = {
-    "drum_inertia": Display("inertia, as a mass on the line", 1.0, "kg", signed=False),
-    "line_friction": Display("constant friction", 1.0, "N", signed=False),
-    "line_drag": Display("drag over speed", 1.0, "N·s/m", signed=False),
-    "load_proportional_loss": Display("loss over tension", 100.0, "%", signed=False),
-    "force_gain": Display("gain of the force cell", 100.0, "%"),
-    "force_zero": Display("zero of the force cell", 1.0, "N"),
-}
-"""Display of the number of each suspect without a model, in units of the line."""
-
 
 # ---------------------------------------------------------------------------------------------------- numbers of effects
 def display_of(effect: str, name: str, unit: str = "") -> Display:
@@ -57,7 +47,7 @@ def display_of(effect: str, name: str, unit: str = "") -> Display:
 def shown_as(found: DiagnosisResult, cause: NamedCause, name: str = "") -> Display:
     """How a number of a cause is shown, by default the first one that is reported."""
     if isinstance(found, LineDiagnosis):
-        return LINE_NUMBERS[cause.effect]
+        return found.suspects[cause.effect].display
     name = name or next(iter(cause.parameters))
     return display_of(cause.effect, name, cause.parameters[name].unit)
 

@@ -342,9 +342,7 @@ def _cause_unit(found: DiagnosisResult, named: NamedCause, parameter: str, units
     unit = named.parameters[parameter].unit
     if units == "si":
         return unit, 1.0
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.diagnosis_names import LINE_NUMBERS, display_of
+    from winchcascade.report.diagnosis_names import shown_as
 
-    effect = named.effect
-    how = LINE_NUMBERS[effect] if isinstance(found, LineDiagnosis) else display_of(effect, parameter, unit)
+    how = shown_as(found, named, parameter)
     return how.unit.strip(), how.factor

@@ -9,7 +9,9 @@ import numpy as np
 from winchcascade.core.errors import LogError
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
+from winchcascade.rig import physics
 from winchcascade.rig.bridge import back_emfs, bridge_table
+from winchcascade.rig.kernel import RPM
 from winchcascade.rig.line_velocity import SMOOTHING
 from winchcascade.rig.parts import Model
 
@@ -70,7 +72,7 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
         raise LogError(f"{run.name}: no DC voltage, which a back-EMF constant is fitted to; log Vdc.")
     vdc, speed = run.channels["vdc"], local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
     bleed, current = dc_currents(run, model, vdc)
-    rpm = speed / model.r_motion * model.drivetrain.gear * 30.0 / math.pi
+    rpm = speed / model.r_motion * model.drivetrain.gear * RPM
     used = (rpm > RPM_MIN) & (current > 0.5 * bleed)
     used &= np.logical_or.reduce([(run.t >= begin) & (run.t <= end) for begin, end in payouts])
     if np.count_nonzero(used) < MIN_SAMPLES:
@@ -108,9 +110,8 @@ def dc_currents(run: Run, model: Model, vdc: Signal) -> tuple[Signal, Signal]:
 def machine_state(model: Model, rpm: Signal, vdc: Signal, current: Signal) -> tuple[Signal, Signal]:
     """Back-EMF, line to line, rms [V], and stator current [A] at which the bridge carries a current into a voltage, (n,)."""
     machine = model.generator
-    reactance = machine.pole_pairs * rpm * math.pi / 30.0 * machine.l_s
-    v_total = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode
-    return back_emfs(v_total, np.maximum(current, 0.0), machine.r_phase, reactance, bridge_table())
+    v_total, ohm = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode, physics.reactance(rpm / RPM, machine)
+    return back_emfs(v_total, np.maximum(current, 0.0), machine.r_phase, ohm, bridge_table())
 
 
 def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:

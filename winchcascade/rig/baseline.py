@@ -1,33 +1,34 @@
-"""Make the baseline model of a rig file, with the effects that the file states."""
+"""Read a rig file, and make its baseline model with the effects that the file states."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeVar
+from pathlib import Path
 
 import msgspec
-from msgspec.structs import replace
 
+from winchcascade.core.arguments import RIG_NAME, check_arguments
 from winchcascade.core.errors import OptionError, RigError, check_type
 from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.toml_file import struct_fields
+from winchcascade.core.rig_toml import read_rig
 from winchcascade.rig.effects.catalogue import make_effect
-from winchcascade.rig.parts import (
-    DcLinkModel,
-    DrivetrainModel,
-    GeneratorModel,
-    Model,
-    RestoringModel,
-    WinchModel,
-    path_in_rig,
-)
-
-if TYPE_CHECKING:
-    from winchcascade.rig.effects.effect import ActiveEffect
+from winchcascade.rig.effects.effect import ActiveEffect
+from winchcascade.rig.parts import PARTS, Model, path_in_rig, required
 
 
-Part = TypeVar("Part", bound=msgspec.Struct)
+def load_rig(rig: str | Path) -> Rig:
+    """Read a rig file, or the built-in rig of that name where no such file exists.
+
+    Raises
+    ------
+    OptionError : this is no path and no name
+    RigError : an entry of the file is wrong, or an effect that it states is not one of the catalogue; names which
+    """
+    check_arguments("load_rig", ("rig", rig, RIG_NAME))
+    found = read_rig(rig)
+    stated_effects(found)
+    return found
 
 
 class MissingNumber(msgspec.Struct, frozen=True):
@@ -67,27 +68,14 @@ def baseline(rig: Rig) -> Model:
 
 def model_of(rig: Rig) -> Model | NoModel:
     """Make the model of a rig file, as `baseline` does, or report why that is not possible."""
-    missing: list[MissingNumber] = []
-
-    def part(kind: type[Part], section: str) -> Part:
-        """Make a part of the model of the numbers that it requires; those that the rig file lacks are NaN and listed."""
-        numbers = {}
-        for name in (field.name for field in struct_fields(kind) if field.required):
+    missing, numbers = [], {}
+    for section in PARTS:
+        for name in required(section):
             _, in_rig = path_in_rig(f"{section}.{name}").split(".")
             stated: Quantity | None = getattr(getattr(rig, section), in_rig)
             if stated is None:
                 missing.append(MissingNumber(section, in_rig))
-            numbers[name] = math.nan if stated is None else stated.value
-        return kind(**numbers)
-
-    winch, restoring = part(WinchModel, "winch"), part(RestoringModel, "restoring")
-    parts = Model(
-        winch=winch,
-        restoring=replace(restoring, lead=restoring.lead / (2.0 * math.pi), pressure=restoring.pressure + ATMOSPHERE),
-        drivetrain=part(DrivetrainModel, "drivetrain"),
-        generator=part(GeneratorModel, "generator"),
-        dc_link=part(DcLinkModel, "dc_link"),
-    )
+            numbers[section, name] = math.nan if stated is None else stated.value
     if missing:
         return NoModel(
             f"rig {rig.name}: no model can be made, as it lacks {', '.join(map(str, missing))}; add them to the rig file "
@@ -99,9 +87,15 @@ def model_of(rig: Rig) -> Model | NoModel:
             f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, and the generator of the "
             "model is driven in payout alone."
         )
+    numbers["restoring", "lead"] /= 2.0 * math.pi
+    numbers["restoring", "pressure"] += ATMOSPHERE
+    parts = {
+        section: kind(**{name: numbers[section, name] for name in required(section)}) for section, kind in PARTS.items()
+    }
+    model = Model(**parts)
     for effect in stated_effects(rig):
-        parts = effect.apply(parts)
-    return parts
+        model = effect.apply(model)
+    return model
 
 
 def stated_effects(rig: Rig) -> list[ActiveEffect]:

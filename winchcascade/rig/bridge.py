@@ -1,8 +1,8 @@
 """The three-phase diode bridge on a stiff DC link, from open circuit to heavy overlap: exact, by a table of its steady states.
 
 A textbook average deviates by 3 % near open circuit, where the capacitor charges to the peak, and by 7 % at 4.5 ohm at speed,
-where commutation takes 60 degrees. So the switched circuit was solved over a grid once (`switched.py`); here the table is
-interpolated by cubic convolution (Keys 1981). On a stiff DC side the state follows the speed and the voltage within a period.
+where commutation takes 60 degrees. So `benchmarks/switched_bridge.py` solved the switched circuit over a grid once; here the
+table is interpolated by cubic convolution (Keys 1981). On a stiff DC side the state follows speed and voltage within a period.
 
 The inverse gives the voltage, or the back-EMF, at which the bridge carries a given current. Both are monotonic in the
 current, so there is one root: Newton steps by the slopes of the bridge start at the previous sample and stay in a bracket.
@@ -10,18 +10,25 @@ current, so there is one root: Newton steps by the slopes of the bridge start at
 
 import math
 from functools import cache, lru_cache
+from pathlib import Path
 
 import numpy as np
 from numba import njit
 
 from winchcascade.core.run import Signal
-from winchcascade.rig.switched import PHI_HIGH, PHI_LOW, PHI_POINTS, S_POINTS, TABLE
+from winchcascade.rig.physics import FASTMATH
 
 _SQRT2 = math.sqrt(2.0)
 
-FASTMATH = {"contract", "arcp"}
-"""Of compiled loops: a product and a sum may be rounded once, and a division by a constant may be a product. Zeros and what is
-not a number stay as they are."""
+TABLE = Path(__file__).with_name("bridge_table.npy")
+"""The solved grid, (s, phi, 2): mean DC current and rms phase current, times Z / V_LL with Z = sqrt(R^2 + (w_e L)^2)."""
+
+S_POINTS, PHI_POINTS = 257, 65
+"""Points of the grid, even in s = sqrt(1 - u) and in phi = atan(rho), with u = (Vdc + 2 Vd) / (sqrt(2) V_LL) and
+rho = R / (w_e L): both currents are closest to straight over these."""
+
+PHI_LOW, PHI_HIGH = 0.03, 1.56
+"""Ends of the grid: R 3 % of the reactance, as of a short circuit at speed, and the reactance 1 % of R, as at a crawl."""
 
 
 @cache
@@ -85,48 +92,6 @@ def _slopes(x: float) -> tuple[float, float, float, float]:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
-def bridge_slopes(
-    v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
-) -> tuple[float, float, float, float, float, float]:
-    """DC and stator rms current [A], their slopes over the DC voltage [A/V], and over the angle atan2(r_s, reactance) [A/rad].
-
-    The first two slopes hold at one `reactance`, those over the angle at one impedance. Arguments are those of `bridge_state`.
-    A caller that does not use the latter pays nothing for them: the compiler drops their sums.
-    """
-    if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    rows, columns = table.shape[0] - 3, table.shape[1] - 3
-    root = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll))
-    per_angle = columns / (PHI_HIGH - PHI_LOW)
-    s, phi = root * rows, (math.atan2(r_s, reactance) - PHI_LOW) * per_angle
-    i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
-    beyond = min(max(phi - j, 0.0), 1.0)
-    across, rise, along, turn = _weights(s - i), _slopes(s - i), _weights(beyond), _slopes(beyond)
-    i_dc = i_s = up_dc = up_s = by_dc = by_s = 0.0
-    for a in range(4):
-        row_dc = row_s = turned_dc = turned_s = 0.0
-        for b in range(4):
-            dc, stator = table[i + a, j + b, 0], table[i + a, j + b, 1]
-            row_dc += along[b] * dc
-            row_s += along[b] * stator
-            turned_dc += turn[b] * dc
-            turned_s += turn[b] * stator
-        i_dc += across[a] * row_dc
-        i_s += across[a] * row_s
-        up_dc += rise[a] * row_dc
-        up_s += rise[a] * row_s
-        by_dc += across[a] * turned_dc
-        by_s += across[a] * turned_s
-    # not math.hypot, which takes longer and guards against values that no impedance has
-    scale = v_ll / math.sqrt(r_s * r_s + reactance * reactance)
-    falling = -scale * rows / (2.0 * max(root, 1e-6) * _SQRT2 * v_ll)
-    return (
-        max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale, min(up_dc * falling, 0.0), min(up_s * falling, 0.0),
-        by_dc * scale * per_angle, by_s * scale * per_angle,
-    )  # fmt: skip
-
-
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def bridge_state(
     v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
@@ -144,9 +109,29 @@ def bridge_state(
     -------
     i_dc, i_s, di_dc, di_s : currents [A] and their slopes over `v_total` [A/V], 0 where the back-EMF does not reach the DC
         link. Currents are proportional to the voltages at a given ratio of these, so the slope over `v_ll` is
-        (i - v_total di) / v_ll. The generator's air-gap power is v_total i_dc + 3 r_s i_s^2 [W].
+        (i - v_total di) / v_ll.
     """
-    return bridge_slopes(v_total, v_ll, r_s, reactance, table)[:4]
+    if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
+        return 0.0, 0.0, 0.0, 0.0
+    rows, columns = table.shape[0] - 3, table.shape[1] - 3
+    root = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll))
+    s, phi = root * rows, (math.atan2(r_s, reactance) - PHI_LOW) * columns / (PHI_HIGH - PHI_LOW)
+    i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
+    across, rise, along = _weights(s - i), _slopes(s - i), _weights(min(max(phi - j, 0.0), 1.0))
+    i_dc = i_s = up_dc = up_s = 0.0
+    for a in range(4):
+        row_dc = row_s = 0.0
+        for b in range(4):
+            row_dc += along[b] * table[i + a, j + b, 0]
+            row_s += along[b] * table[i + a, j + b, 1]
+        i_dc += across[a] * row_dc
+        i_s += across[a] * row_s
+        up_dc += rise[a] * row_dc
+        up_s += rise[a] * row_s
+    # not math.hypot, which takes longer and guards against values that no impedance has
+    scale = v_ll / math.sqrt(r_s * r_s + reactance * reactance)
+    falling = -scale * rows / (2.0 * max(root, 1e-6) * _SQRT2 * v_ll)
+    return max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale, min(up_dc * falling, 0.0), min(up_s * falling, 0.0)
 
 
 CLOSE = 1e-9

@@ -17,15 +17,22 @@ from numba import njit
 
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.run import Signal
-from winchcascade.rig.bridge import FASTMATH, blended_table, bridge_state
-from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, rolloff_curve
+from winchcascade.rig import physics
+from winchcascade.rig.bridge import blended_table, bridge_state
+from winchcascade.rig.parts import (
+    ROLLOFF_KNOTS,
+    DrivetrainModel,
+    GeneratorModel,
+    Model,
+    RestoringModel,
+    WinchModel,
+    rolloff_curve,
+)
+from winchcascade.rig.physics import FASTMATH, TURN
 
 SHAFT = ("clutch", "i_s", "torque_em", "i_bridge", "vdc", "idc", "omega_gen", "twist")
 """Output of `run_shaft` at every step: torque of the clutch [N m], stator current, rms [A], air-gap torque [N m], current of
 the bridge [A], DC voltage [V], current of the load [A], speed of the fast shaft [rad/s], twist of the shaft spring [rad]."""
-
-STATE = ("omega_gen", "twist", "vdc")
-"""State of the generator's side at every step, among the columns of `SHAFT`: derivatives are computed from it."""
 
 LINE = ("pressure", "force", "torque", "screw")
 """Output of `run_line` at every step: gauge pressure [Pa], line tension [N], torque that the sensor sees [N m], torque of the
@@ -33,12 +40,6 @@ screw at the drum [N m]."""
 
 COLUMNS = (*SHAFT, *LINE)
 """Columns of a solution."""
-
-REST = 0.01
-"""Friction at the line changes its sign within this speed of the line. [m/s]"""
-
-TURN = 0.5
-"""Friction of the fast shaft changes its sign within this speed. [rad/s]"""
 
 SATURATED = 20.0
 """Speed in multiples of `TURN` from which friction has its full size to the last digit. [1]"""
@@ -50,6 +51,12 @@ the shaft still comes to rest. [1]"""
 FADED = 1e-30
 """A speed or voltage that has decayed to less is zero [rad/s, V]. At rest both would become subnormal numbers, with which a
 processor takes many times as long."""
+
+MIN_REACTANCE = 1e-6
+"""Of a phase at rest, so that its angle is defined. [ohm]"""
+
+RPM = 30.0 / math.pi
+"""Of a speed in rad/s. [rpm s/rad]"""
 
 MIN_VOLUME = 0.01
 """Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
@@ -65,87 +72,48 @@ class LineMotion(NamedTuple):
     step: float
 
 
-class Constants(NamedTuple):
-    """Numbers of the parts as the kernel takes them, SI units.
-
-    `r_motion` is the logged motion over the angle of the drum [m]: `r_drum`, unless the logged motion has another scale.
-    `inductance` is the phase inductance times the pole pairs, by which the reactance follows the speed of the fast shaft [H].
-    `r_s` contains the slope of the diodes.
+class ShaftNumbers(NamedTuple):
+    """Numbers that the solution of the shaft depends on, SI units: parts, capacitor, load, `r_motion` as in `Constants`, and
+    the remaining share of the back-EMF constant at `ROLLOFF_KNOTS` with its slopes there.
     """
 
-    r_drum: float
-    inertia_drum: float
-    line_friction: float
-    line_drag: float
-    layering: float
-    stribeck: float
-    stribeck_speed: float
-    loss_share: float
-    lead: float
-    eta_forward: float
-    eta_reverse: float
-    area: float
-    pressure: float
-    volume: float
-    exponent: float
-    cooling: float
-    seal_friction: float
-    seal_stribeck: float
-    r_motion: float
-    gear: float
-    eta_mesh: float
-    b_rotor: float
-    windage: float
-    friction: float
-    clutch_drag: float
-    coast_drag: float
-    k_shaft: float
-    c_shaft: float
-    inertia_rotor: float
-    k_e: float
-    r_s: float
-    inductance: float
-    v_diode: float
-    rolloff: tuple[float, ...]
-    rolloff_slope: tuple[float, ...]
+    drivetrain: DrivetrainModel
+    generator: GeneratorModel
     c_dc: float
     load: float
-    averaged: float
-    uncommutated: float
-    quasi_static: float
-    weightless: float
+    r_motion: float
+    rolloff: tuple[float, ...]
+    rolloff_slope: tuple[float, ...]
 
 
-class DrivenShaft(NamedTuple):
-    """The generator's side and what drives it: velocity of the line at even steps, (n,), payout positive [m/s], the step [s],
-    the numbers of the parts, and the table of the bridge as `bridge_table` gives it.
+class Constants(NamedTuple):
+    """Numbers of a model at one load as compiled code takes them, SI units; `shaft` are those of the generator's side.
+
+    `r_motion` is the logged motion over the angle of the drum [m]: `r_drum`, unless the logged motion has another scale.
     """
 
-    v: Signal
-    dt: float
-    numbers: Constants
-    table: Signal
-
-
-def driven_shaft(v: Signal, dt: float, numbers: Constants) -> DrivenShaft:
-    """The generator's side along a line motion, with the table of its bridge."""
-    return DrivenShaft(v, dt, numbers, blended_table(numbers.averaged, numbers.uncommutated))
+    winch: WinchModel
+    restoring: RestoringModel
+    eta_forward: float
+    eta_reverse: float
+    r_motion: float
+    drivetrain: DrivetrainModel
+    shaft: ShaftNumbers
 
 
 def constants(model: Model, load: float) -> Constants:
     """Put the numbers of a model together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]"""
-    winch, gas, shaft, machine = model.winch, model.restoring, model.drivetrain, model.generator
-    return Constants(
-        winch.r_drum, winch.inertia, winch.friction, winch.drag, winch.layering,
-        winch.stribeck, winch.stribeck_speed, winch.loss_share,
-        gas.lead, gas.eta_forward, gas.eta_reverse, gas.area, gas.pressure, gas.volume, gas.exponent, gas.cooling,
-        gas.seal_friction, gas.stribeck, model.r_motion,
-        shaft.gear, shaft.eta_mesh, shaft.b_rotor, shaft.windage, shaft.friction, shaft.clutch_drag, shaft.coast_drag,
-        shaft.k_shaft, shaft.c_shaft, shaft.inertia_rotor,
-        machine.k_e, machine.r_phase, machine.pole_pairs * machine.l_s, machine.v_diode,
-        (1.0, *machine.rolloff), rolloff_slopes(machine.rolloff), model.dc_link.c_dc, model.dc_link.resistance(load),
-        machine.averaged, machine.uncommutated, shaft.quasi_static, shaft.weightless,
-    )  # fmt: skip
+    gas, machine, r_motion = model.restoring, model.generator, model.r_motion
+    shaft = ShaftNumbers(
+        model.drivetrain._replace(clutch_drag=0.0),  # it acts on the line alone
+        machine,
+        model.dc_link.c_dc,
+        model.dc_link.resistance(load),
+        r_motion,
+        (1.0, *machine.rolloff),
+        rolloff_slopes(machine.rolloff),
+    )
+    return Constants(model.winch, gas, gas.eta_forward, gas.eta_reverse, r_motion, model.drivetrain, shaft)
 
 
 @lru_cache(maxsize=256)
@@ -190,28 +158,33 @@ _SQRT2 = math.sqrt(2.0)
 # inline: the numbers of the parts would be copied at every call
 @njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def weakened_bridge(
-    v_total: float, v_full: float, reactance: float, guess: float, c: Constants, table: Signal
+    v_total: float, v_full: float, ohm: tuple[float, float], guess: float, c: ShaftNumbers, table: Signal
 ) -> tuple[float, float, float, float, float, float]:
     """Currents of the bridge, DC and stator rms [A], while the latter weakens the back-EMF; the slopes of both over the DC
     voltage [A/V], and over the back-EMF that no current weakens, at one reactance [A/V].
 
     More current leaves less back-EMF, so there is one root. Newton steps start at a guess; where the roll-off is steep they
     may overshoot, and then they stay in a bracket.
+
+    Parameters
+    ----------
+    ohm : resistance and reactance of a phase [ohm]
     """
+    r_s, reactance = ohm
     if v_total >= _SQRT2 * v_full:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if c.rolloff[-1] == 1.0:
-        i_b, i_s, d_b, d_s = bridge_state(v_total, v_full, c.r_s, reactance, table)
+        i_b, i_s, d_b, d_s = bridge_state(v_total, v_full, r_s, reactance, table)
         return i_b, i_s, d_b, d_s, (i_b - v_total * d_b) / v_full, (i_s - v_total * d_s) / v_full
     low, high, now = 0.0, math.inf, max(guess, 0.0)
     left = steep = loop = missed = by_b = by_s = i_b = d_b = d_s = 0.0
     for turn in range(60):
         if turn == NEWTON_ALONE:
-            _, high, _, _ = bridge_state(v_total, v_full, c.r_s, reactance, table)
+            _, high, _, _ = bridge_state(v_total, v_full, r_s, reactance, table)
             now = min(max(now, low), high)
         left, slope = rolloff_at(now, c.rolloff, c.rolloff_slope)
         v_ll, steep = v_full * left, v_full * slope
-        i_b, i_s, d_b, d_s = bridge_state(v_total, v_ll, c.r_s, reactance, table)
+        i_b, i_s, d_b, d_s = bridge_state(v_total, v_ll, r_s, reactance, table)
         by_b, by_s = (i_b - v_total * d_b) / v_ll, (i_s - v_total * d_s) / v_ll
         loop, missed = 1.0 / (1.0 - by_s * steep), i_s - now
         if abs(missed) < _NEAR:
@@ -230,7 +203,7 @@ def weakened_bridge(
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _turned(
-    speeds: tuple[float, float, float], twist: float, machine: tuple[float, float], dt: float, c: Constants
+    speeds: tuple[float, float, float], twist: float, machine: tuple[float, float], dt: float, shaft: DrivetrainModel
 ) -> tuple[float, float, float]:
     """Turn the fast shaft by one step, by the trapezoidal rule: torque of the clutch [N m], then twist [rad] and speed [rad/s]
     at the end of the step.
@@ -242,77 +215,72 @@ def _turned(
     """
     omega, half_way, drum_half = speeds
     em, brakes = machine
-    share = c.eta_mesh / c.gear
-    stiff = 0.5 * dt * c.k_shaft + c.c_shaft
-    mass = c.inertia_rotor / dt
-    losses = 0.5 * (c.b_rotor + c.windage * abs(half_way) + brakes)
-    driven = mass * omega - em + brakes * half_way
-    if c.friction != 0.0:
-        sign = math.tanh(half_way / TURN) if half_way < SATURATED * TURN else 1.0
-        dry, steep = c.friction * sign, c.friction * (1.0 - sign * sign) / TURN
-        minimum = -MAX_RETURNED * (c.b_rotor + c.windage * half_way) * half_way
-        if dry < minimum:
-            dry, steep = minimum, -MAX_RETURNED * (c.b_rotor + 2.0 * c.windage * half_way)
-        losses += 0.5 * steep
-        driven -= dry - steep * half_way
-    driven -= losses * omega
-    after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
-        mass + losses + 0.5 * share * stiff / c.gear
+    share = shaft.eta_mesh / shaft.gear
+    stiff = 0.5 * dt * shaft.k_shaft + shaft.c_shaft
+    mass = shaft.inertia_rotor / dt
+    sign = math.tanh(half_way / TURN) if physics.has_dry_friction(shaft) and half_way < SATURATED * TURN else 1.0
+    each = physics.shaft_losses(half_way, sign, shaft)
+    drag, slope = physics.total(each)
+    dry, steep = each[0]
+    if dry < 0.0 and dry < -MAX_RETURNED * (drag - dry):
+        drag, slope = (1.0 - MAX_RETURNED) * (drag - dry), (1.0 - MAX_RETURNED) * (slope - steep)
+    losses, pull = 0.5 * (slope + brakes), (brakes + slope) * half_way - (em + drag)
+    driven = (mass - losses) * omega + pull
+    after = (driven + share * (shaft.k_shaft * twist + stiff * (drum_half - 0.5 * omega / shaft.gear))) / (
+        mass + losses + 0.5 * share * stiff / shaft.gear
     )
-    slip = drum_half - 0.5 * (omega + after) / c.gear
-    torque = c.k_shaft * twist + stiff * slip
+    slip = drum_half - 0.5 * (omega + after) / shaft.gear
+    torque = shaft.k_shaft * twist + stiff * slip
     if torque > 0.0:
         return torque, twist + dt * slip, max(after, 0.0)
-    sign = 0.0
-    if c.coast_drag != 0.0:  # the overrunning clutch brakes the rotor
-        sign = math.tanh(half_way / TURN) if half_way < SATURATED * TURN else 1.0
-        steep = c.coast_drag / c.gear * (1.0 - sign * sign) / TURN
+    if shaft.coast_drag != 0.0:  # the overrunning clutch brakes the rotor
+        steep = shaft.coast_drag / shaft.gear * (1.0 - sign * sign) / TURN
         losses += 0.5 * steep
-        driven -= c.coast_drag / c.gear * sign - steep * (half_way - 0.5 * omega)
-    return -c.coast_drag * sign, 0.0, max(driven / (mass + losses), 0.0)
+        driven -= shaft.coast_drag / shaft.gear * sign - steep * (half_way - 0.5 * omega)
+    return -shaft.coast_drag * sign, 0.0, max(driven / (mass + losses), 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_shaft(driven: DrivenShaft, every: int, out: Signal, state: Signal) -> None:
+def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, out: Signal) -> None:
     """Step the generator's side along a line motion: clutch, shaft, gear, machine, bridge and DC link.
 
     Parameters
     ----------
+    v, dt : velocity of the line at even steps, (n,), payout positive [m/s], and the step [s]
+    table : of the bridge, as `blended_table` gives it
     every : number of steps from one that is kept to the next
     out : (m, 8) is filled with `SHAFT` at the steps that are kept; torque and currents are the mean of the half steps on
         either side
-    state : (n, 3) is filled with `STATE` at every step; nothing is if it has no rows
     """
-    v, dt, c, table = driven.v, driven.dt, driven.numbers, driven.table
+    machine, r_s = c.generator, c.generator.r_s + c.generator.r_diode
     omega = omega_before = twist = v_dc = guess = before = 0.0
     middle_before = (0.0, 0.0, 0.0, 0.0)
-    rpm = 30.0 / math.pi
     for n in range(v.size):
         # bridge at the present DC voltage and the predicted speed half-way
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
-        v_total = v_dc + 2.0 * c.v_diode
-        v_full = c.k_e * half_way * rpm
+        v_total = v_dc + 2.0 * machine.v_diode
+        v_full = machine.k_e * half_way * RPM
         i_b = i_s = b_h = s_h = b_v = s_v = em = brakes = 0.0
         conducts = v_total < _SQRT2 * v_full  # most steps do not, and are then done in two thirds of the time
         if conducts:
-            reactance = max(half_way * c.inductance, 1e-6)
-            i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(v_total, v_full, reactance, guess, c, table)
+            ohm = r_s, max(physics.reactance(half_way, machine), MIN_REACTANCE)
+            i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(v_total, v_full, ohm, guess, c, table)
             # half-way, DC voltage and air-gap torque follow the speed there by the bridge's slopes
-            b_h, s_h = b_full * c.k_e * rpm, s_full * c.k_e * rpm
+            b_h, s_h = b_full * machine.k_e * RPM, s_full * machine.k_e * RPM
         guess, before = max(2.0 * i_s - before, 0.0), i_s  # the stator current goes on as it went
         holds = 2.0 * c.c_dc / dt + 1.0 / c.load - b_v
         fills = (i_b - v_dc / c.load) / holds
         if conducts:
             per = 1.0 / half_way if half_way > 1.0 else 0.0
-            em = (v_total * i_b + 3.0 * c.r_s * i_s * i_s) * per
-            em_v = (i_b + v_total * b_v + 6.0 * c.r_s * i_s * s_v) * per
-            em_h = (v_total * b_h + 6.0 * c.r_s * i_s * s_h - em) * per
+            em = physics.air_gap_power(v_dc, i_b, i_s, machine) * per
+            em_v = (i_b + v_total * b_v + 6.0 * r_s * i_s * s_v) * per
+            em_h = (v_total * b_h + 6.0 * r_s * i_s * s_h - em) * per
             em += em_v * fills
             brakes = max(em_h + em_v * b_h / holds, 0.0)
         drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_motion
         torque = wound = after = 0.0  # of a shaft at rest
         if omega > 0.0 or twist > 0.0 or drum_half > 0.0:
-            torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
+            torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c.drivetrain)
         # DC link
         faster = 0.5 * (omega + after) - half_way
         change = max(2.0 * (fills + b_h * faster / holds), -v_dc)
@@ -327,8 +295,6 @@ def run_shaft(driven: DrivenShaft, every: int, out: Signal, state: Signal) -> No
             for k in range(4):
                 out[row, k] = 0.5 * (middle[k] + middle_before[k])
             out[row, 4], out[row, 5], out[row, 6], out[row, 7] = v_dc, v_dc / c.load, omega, twist
-        if state.size:
-            state[n, 0], state[n, 1], state[n, 2] = omega, twist, v_dc
         twist = wound
         middle_before, omega_before = middle, omega
         omega = 0.0 if after < FADED else after
@@ -340,26 +306,26 @@ _VOLTS = 1e-6
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_steady(driven: DrivenShaft, inertia: float, every: int, out: Signal) -> None:
+def run_steady(v: Signal, dt: float, c: ShaftNumbers, table: Signal, inertia: float, every: int, out: Signal) -> None:
     """Compute the generator's side in the steady state of each instant: a stiff shaft, no capacitor.
 
     Parameters
     ----------
     inertia : of the rotor [kg m2]
-    every, out : as `run_shaft` takes them
+    v, dt, table, every, out : as `run_shaft` takes them
     """
-    v, dt, c, table = driven.v, driven.dt, driven.numbers, driven.table
+    shaft, machine, r_s = c.drivetrain, c.generator, c.generator.r_s + c.generator.r_diode
     v_dc = guess = 0.0
     for row in range(out.shape[0]):
         n = row * every
-        omega = max(v[n] * c.gear / c.r_motion, 0.0)
+        omega = max(v[n] * shaft.gear / c.r_motion, 0.0)
         before, after = max(n - 1, 0), min(n + 1, v.size - 1)
-        speeds_up = (v[after] - v[before]) * c.gear / c.r_motion / (dt * (after - before)) if omega > 0.0 else 0.0
-        v_full, reactance = c.k_e * omega * 30.0 / math.pi, max(omega * c.inductance, 1e-6)
-        low, high, i_b = 0.0, max(_SQRT2 * v_full - 2.0 * c.v_diode, 0.0), 0.0
+        speeds_up = (v[after] - v[before]) * shaft.gear / c.r_motion / (dt * (after - before)) if omega > 0.0 else 0.0
+        v_full, ohm = machine.k_e * omega * RPM, (r_s, max(physics.reactance(omega, machine), MIN_REACTANCE))
+        low, high, i_b = 0.0, max(_SQRT2 * v_full - 2.0 * machine.v_diode, 0.0), 0.0
         v_dc = min(max(v_dc, low), high)
         for _ in range(60):
-            i_b, guess, by_v, _, _, _ = weakened_bridge(v_dc + 2.0 * c.v_diode, v_full, reactance, guess, c, table)
+            i_b, guess, by_v, _, _, _ = weakened_bridge(v_dc + 2.0 * machine.v_diode, v_full, ohm, guess, c, table)
             if i_b * c.load > v_dc:
                 low = v_dc
             else:
@@ -370,40 +336,31 @@ def run_steady(driven: DrivenShaft, inertia: float, every: int, out: Signal) -> 
             v_dc += step
             if abs(step) < _VOLTS:
                 break
-        em = ((v_dc + 2.0 * c.v_diode) * i_b + 3.0 * c.r_s * guess * guess) / omega if omega > 1.0 else 0.0
-        lost = (c.b_rotor + c.windage * omega) * omega + c.friction * math.tanh(omega / TURN)
-        lost += inertia * speeds_up
-        out[row, 0], out[row, 1], out[row, 2], out[row, 3] = max(c.gear / c.eta_mesh * (em + lost), 0.0), guess, em, i_b
+        em = physics.air_gap_power(v_dc, i_b, guess, machine) / omega if omega > 1.0 else 0.0
+        lost = physics.total(physics.shaft_losses(omega, math.tanh(omega / TURN), shaft))[0] + inertia * speeds_up
+        out[row, 0], out[row, 1] = max(shaft.gear / shaft.eta_mesh * (em + lost), 0.0), guess
+        out[row, 2], out[row, 3] = em, i_b
         out[row, 4], out[row, 5], out[row, 6], out[row, 7] = v_dc, v_dc / c.load, omega, 0.0
 
 
-def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1, state: Signal | None = None) -> Signal:
+def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1) -> Signal:
     """Solve the generator's side along a line motion, (m, 8): the columns of `SHAFT`.
 
     Parameters
     ----------
-    v, dt : as `DrivenShaft` has them
+    v, dt : as `run_shaft` takes them
     every : number of steps from one that is kept to the next
-    state : (n, 3) is filled with `STATE` of the dynamic solution at every step, if it is given
     """
-    driven, out = driven_shaft(v, dt, numbers), np.empty((-(-v.size // every), len(SHAFT)))
-    run_shaft(driven, every, out, np.empty((0, len(STATE))) if state is None else state)
-    if numbers.quasi_static == numbers.weightless == 0.0:
+    c, shaft, machine = numbers.shaft, numbers.shaft.drivetrain, numbers.shaft.generator
+    table, out = blended_table(machine.averaged, machine.uncommutated), np.empty((-(-v.size // every), len(SHAFT)))
+    run_shaft(v, dt, c, table, every, out)
+    if shaft.quasi_static == shaft.weightless == 0.0:
         return out
     steady, weightless = np.empty_like(out), np.empty_like(out)
-    run_steady(driven, numbers.inertia_rotor, every, steady)
-    run_steady(driven, 0.0, every, weightless)
-    dynamic = 1.0 - numbers.quasi_static - numbers.weightless
-    return dynamic * out + numbers.quasi_static * steady + numbers.weightless * weightless
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def directions(v: Signal) -> Signal:
-    """Direction of friction at a velocity of the line, (n,): 1 in payout, -1 in haul-in, in between within `REST`. [1]"""
-    found = np.empty_like(v)
-    for n in range(v.size):
-        found[n] = math.tanh(v[n] / REST)
-    return found
+    run_steady(v, dt, c, table, shaft.inertia_rotor, every, steady)
+    run_steady(v, dt, c, table, 0.0, every, weightless)
+    dynamic = 1.0 - shaft.quasi_static - shaft.weightless
+    return dynamic * out + shaft.quasi_static * steady + shaft.weightless * weightless
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
@@ -413,35 +370,33 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
     Parameters
     ----------
     motion : of the line; only the heat of the gas depends on earlier steps
-    direction : (n,) as `directions` gives it, once for all models [1]
+    direction : (n,) as `physics.direction` gives it, once for all models [1]
     torque : (n,) of the clutch, below zero where it drags while the rotor overruns the drum [N m]
     out : (n, 4) is filled with `LINE`
     """
     x, v, a, dt = motion.x, motion.v, motion.a, motion.step
+    winch, gas = c.winch, c.restoring
+    fades = winch.stribeck != 0.0 or gas.stribeck != 0.0
     heat = log_volume = 0.0
     for n in range(v.size):
         sign = direction[n]
         # gas: isothermal, and hotter by the heat of compression that it still holds
-        volume = max(c.volume - c.area * c.lead * x[n] / c.r_motion, MIN_VOLUME * c.volume)
-        gauge = c.pressure * (c.volume / volume) - ATMOSPHERE
-        if c.exponent != 1.0:
-            squeezed = math.log(c.volume / volume)
+        volume = max(gas.volume - gas.area * gas.lead * x[n] / c.r_motion, MIN_VOLUME * gas.volume)
+        gauge = gas.pressure * (gas.volume / volume) - ATMOSPHERE
+        if gas.exponent != 1.0:
+            squeezed = math.log(gas.volume / volume)
             if n > 0:
-                fade = 0.5 * dt / c.cooling
-                heat = (heat * (1.0 - fade) + (c.exponent - 1.0) * (squeezed - log_volume)) / (1.0 + fade)
+                fade = 0.5 * dt / gas.cooling
+                heat = (heat * (1.0 - fade) + (gas.exponent - 1.0) * (squeezed - log_volume)) / (1.0 + fade)
             log_volume = squeezed
             gauge = (gauge + ATMOSPHERE) * math.exp(heat) - ATMOSPHERE
-        thrust = gauge * c.area + c.seal_friction * sign
-        slow = 0.0
-        if c.stribeck != 0.0 or c.seal_stribeck != 0.0:
-            slow = sign * math.exp(-((v[n] / c.stribeck_speed) ** 2))
-        screw = (c.lead * thrust + c.seal_stribeck * slow) * (
-            0.5 * (1.0 + sign) / c.eta_forward + 0.5 * (1.0 - sign) * c.eta_reverse
-        )
-        drag = -c.clutch_drag * 0.5 * (1.0 - sign) * abs(sign)
-        lost = c.line_friction * sign + c.line_drag * v[n] / c.r_motion + c.stribeck * slow
+        slow = physics.near_rest(v[n], sign, winch) if fades else 0.0
+        screw = physics.piston_torque(gauge, gas) + physics.seal_torque(sign, slow, gas)
+        screw *= physics.both_ways(sign, 1.0 / c.eta_forward, c.eta_reverse)
+        drag = physics.open_clutch(sign, c.drivetrain)
         seen = torque[n] + drag if torque[n] >= 0.0 else min(torque[n], drag)
-        force = (screw + seen + lost + c.inertia_drum * a[n] / c.r_motion) / (c.r_drum * (1.0 + c.layering * x[n]))
-        if c.loss_share != 0.0:
-            force *= 0.5 * (1.0 + sign) / (1.0 - c.loss_share) + 0.5 * (1.0 - sign) * (1.0 - c.loss_share)
+        needed = (
+            screw + seen + physics.line_losses(v[n] / c.r_motion, sign, slow, winch) + winch.inertia * a[n] / c.r_motion
+        )
+        force = needed / physics.rope_radius(x[n], winch) * physics.line_over_drum(sign, winch)
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = gauge, force, seen, screw

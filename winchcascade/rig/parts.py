@@ -1,11 +1,15 @@
-"""Parts of a rig with their numbers, and the model that consists of them."""
+"""Parts of a rig with their numbers, and the model that consists of them.
+
+A part is a named tuple, which compiled code takes as it is. A number that is added to a part, with its unit and what it is for,
+reaches simulations, exports and the documentation from here.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import msgspec
 import numpy as np
@@ -16,49 +20,40 @@ if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
 
-class WinchModel(msgspec.Struct, frozen=True):
-    """Drum: radius [m], inertia [kg m2]; absent by default: friction, drag and layers of rope.
+class Number(NamedTuple):
+    """What is known of a number of a part beside its value: its unit, and what it is."""
 
-    `friction` is a constant torque against the motion [N m], `drag` one in proportion to the drum's speed [N m s/rad].
-    `stribeck` is the torque by which the friction between line and torque sensor is larger at standstill [N m]; it fades by
-    exp(-(v / stribeck_speed)^2) with the speed of the line [m/s].
-    `layering` is the relative change of the effective radius of the rope for each metre that is paid out [1/m]. The encoder
-    turns with the drum, so that layering changes the line tension but not the logged motion.
-    `loss_share` is the share of the tension that is lost between crane and drum, in the bending rope, at sheaves [1]: in
-    payout the line pulls F / (1 - s) for a tension F at the drum, in haul-in F (1 - s).
-    """
-
-    r_drum: float
-    inertia: float
-    friction: float = 0.0
-    drag: float = 0.0
-    layering: float = 0.0
-    stribeck: float = 0.0
-    stribeck_speed: float = 0.1
-    loss_share: float = 0.0
+    unit: str
+    what: str
 
 
-class RestoringModel(msgspec.Struct, frozen=True):
-    """Screw, piston and gas.
+class WinchModel(NamedTuple):
+    """Drum, rope, and what acts between line and torque sensor. The encoder turns with the drum."""
 
-    Screw: `lead` [m/rad], `lead_angle` and `half_angle` of the thread [rad], friction `mu` [1]. Piston: `area` [m2]. Gas at
-    zero payout: `pressure`, absolute [Pa], `volume` [m3]. Absent by default: `exponent` of a gas that heats when it is
-    compressed (1: isothermal) and cools back over `cooling` [s], and `seal_friction` of the piston [N].
-    `stribeck` is the torque at the drum, before the losses of the screw, by which that friction is larger at standstill; it
-    fades as that of the winch [N m].
-    """
+    r_drum: Annotated[float, Number("m", "radius of the drum")]
+    inertia: Annotated[float, Number("kg.m2", "inertia at the drum")]
+    friction: Annotated[float, Number("N.m", "constant torque against the motion")] = 0.0
+    drag: Annotated[float, Number("N.m.s/rad", "torque over the speed of the drum")] = 0.0
+    layering: Annotated[float, Number("1/m", "change of the radius of the rope for each metre paid out")] = 0.0
+    stribeck: Annotated[float, Number("N.m", "friction at standstill beyond the constant one")] = 0.0
+    stribeck_speed: Annotated[float, Number("m/s", "speed of the line at which 1/e of that is left")] = 0.1
+    loss_share: Annotated[float, Number("1", "share of the tension lost between crane and drum")] = 0.0
 
-    lead: float
-    lead_angle: float
-    half_angle: float
-    mu: float
-    area: float
-    pressure: float
-    volume: float
-    exponent: float = 1.0
-    cooling: float = 6.0
-    seal_friction: float = 0.0
-    stribeck: float = 0.0
+
+class RestoringModel(NamedTuple):
+    """Screw, piston and gas; pressure and volume are those at zero payout."""
+
+    lead: Annotated[float, Number("m/rad", "lead of the screw")]
+    lead_angle: Annotated[float, Number("rad", "lead angle of the screw")]
+    half_angle: Annotated[float, Number("rad", "half angle of the thread")]
+    mu: Annotated[float, Number("1", "friction coefficient of the screw")]
+    area: Annotated[float, Number("m2", "area of the piston")]
+    pressure: Annotated[float, Number("Pa", "absolute pressure of the gas")]
+    volume: Annotated[float, Number("m3", "volume of the gas")]
+    exponent: Annotated[float, Number("1", "polytropic exponent of a fast motion; 1 is isothermal")] = 1.0
+    cooling: Annotated[float, Number("s", "time in which the gas gives back its heat")] = 6.0
+    seal_friction: Annotated[float, Number("N", "constant friction of the piston")] = 0.0
+    stribeck: Annotated[float, Number("N.m", "friction of the seals at standstill beyond that, at the drum")] = 0.0
 
     @property
     def eta_forward(self) -> float:
@@ -81,29 +76,21 @@ def _thread(half_angle: float, mu: float, tangent: float) -> float:
     return (flank - mu * tangent) / (flank + mu / tangent)
 
 
-class DrivetrainModel(msgspec.Struct, frozen=True):
-    """One-way clutch, shaft spring, gear, and the rotating parts on the fast shaft.
+class DrivetrainModel(NamedTuple):
+    """One-way clutch, shaft spring, gear, and the rotating parts on the fast shaft."""
 
-    `gear` [1], mesh efficiency `eta_mesh` [1], viscous damper `b_rotor` [N m s/rad] and inertia `inertia_rotor` [kg m2] of the
-    fast shaft; `k_shaft` [N m/rad] and `c_shaft` [N m s/rad] of the slow one. Absent by default: `windage` in proportion to
-    speed squared [N m s2/rad2] and constant `friction` [N m] on the fast shaft, and `clutch_drag` [N m], the torque of the
-    overrunning clutch against the drum during haul-in, which the torque sensor measures, and `coast_drag` [N m], the same
-    while the coasting rotor overruns the drum, which brakes the rotor; `quasi_static` and `weightless`, shares of solutions
-    with a stiff shaft and without the capacitor, in the latter also without the inertia of the rotor [1].
-    """
-
-    gear: float
-    eta_mesh: float
-    b_rotor: float
-    k_shaft: float
-    c_shaft: float
-    inertia_rotor: float
-    windage: float = 0.0
-    friction: float = 0.0
-    clutch_drag: float = 0.0
-    coast_drag: float = 0.0
-    quasi_static: float = 0.0
-    weightless: float = 0.0
+    gear: Annotated[float, Number("1", "gear ratio")]
+    eta_mesh: Annotated[float, Number("1", "mesh efficiency")]
+    b_rotor: Annotated[float, Number("N.m.s/rad", "viscous damper of the fast shaft")]
+    k_shaft: Annotated[float, Number("N.m/rad", "stiffness of the PTO shaft")]
+    c_shaft: Annotated[float, Number("N.m.s/rad", "damping of the PTO shaft")]
+    inertia_rotor: Annotated[float, Number("kg.m2", "inertia of the fast shaft")]
+    windage: Annotated[float, Number("N.m.s2/rad2", "drag of the fast shaft over its speed squared")] = 0.0
+    friction: Annotated[float, Number("N.m", "constant drag of the fast shaft")] = 0.0
+    clutch_drag: Annotated[float, Number("N.m", "torque of the open clutch against the drum in haul-in")] = 0.0
+    coast_drag: Annotated[float, Number("N.m", "torque of the open clutch while the rotor overruns the drum")] = 0.0
+    quasi_static: Annotated[float, Number("1", "share of a solution with stiff shaft, without capacitor")] = 0.0
+    weightless: Annotated[float, Number("1", "share of one without the inertia of the rotor as well")] = 0.0
 
 
 ROLLOFF_KNOTS = (0.0, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
@@ -124,25 +111,21 @@ def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
     return PchipInterpolator(ROLLOFF_KNOTS, (1.0, *rolloff))
 
 
-class GeneratorModel(msgspec.Struct, frozen=True):
-    """Machine of constant parameters: `pole_pairs`, back-EMF `k_e` line to line, rms [V/rpm], `r_s` [ohm] and `l_s` [H] of a
-    phase, and `v_diode`, the drop of each of the two conducting diodes [V].
+class GeneratorModel(NamedTuple):
+    """Machine of constant parameters, and the diodes of its bridge, two of which conduct.
 
-    Absent by default: `r_diode`, the slope of a diode's drop over its current, which acts as a resistance of the phase [ohm];
-    `rolloff`, share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1];
-    `averaged` and `uncommutated`, shares of the textbook average in place of the switched bridge, of the latter without the
-    voltage that commutation takes [1].
+    `rolloff` is the share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1].
     """
 
-    pole_pairs: float
-    k_e: float
-    r_s: float
-    l_s: float
-    v_diode: float
-    r_diode: float = 0.0
+    pole_pairs: Annotated[float, Number("1", "pairs of poles")]
+    k_e: Annotated[float, Number("V/rpm", "back-EMF constant, line to line, rms")]
+    r_s: Annotated[float, Number("ohm", "resistance of a phase")]
+    l_s: Annotated[float, Number("H", "inductance of a phase")]
+    v_diode: Annotated[float, Number("V", "drop of a diode")]
+    r_diode: Annotated[float, Number("ohm", "slope of that drop over its current, as a resistance of the phase")] = 0.0
     rolloff: tuple[float, ...] = NO_ROLLOFF
-    averaged: float = 0.0
-    uncommutated: float = 0.0
+    averaged: Annotated[float, Number("1", "share of the textbook average in place of the switched bridge")] = 0.0
+    uncommutated: Annotated[float, Number("1", "share of that average without commutation")] = 0.0
 
     @property
     def r_phase(self) -> float:
@@ -150,19 +133,33 @@ class GeneratorModel(msgspec.Struct, frozen=True):
         return self.r_s + self.r_diode
 
 
-class DcLinkModel(msgspec.Struct, frozen=True):
-    """Capacitor [F], and the resistance that bleeds it where no load is connected [ohm].
+class DcLinkModel(NamedTuple):
+    """Capacitor, and the resistor that bleeds it where no load is connected."""
 
-    `load_change` is the relative deviation of a load from its nominal value, absent by default [1].
-    """
-
-    c_dc: float
-    r_bleed: float
-    load_change: float = 0.0
+    c_dc: Annotated[float, Number("F", "capacitor of the DC link")]
+    r_bleed: Annotated[float, Number("ohm", "load of an open circuit")]
+    load_change: Annotated[float, Number("1", "deviation of a load from its nominal value")] = 0.0
 
     def resistance(self, load: float) -> float:
         """Resistance at the DC link with a nominal load; inf is an open circuit, in which the bleed is the load. [ohm]"""
         return self.r_bleed if math.isinf(load) else load * (1.0 + self.load_change)
+
+
+PARTS: Mapping[str, Any] = {
+    "winch": WinchModel,
+    "restoring": RestoringModel,
+    "drivetrain": DrivetrainModel,
+    "generator": GeneratorModel,
+    "dc_link": DcLinkModel,
+}
+"""Parts of a model by the sections of a rig file."""
+
+
+@cache
+def numbers_of(part: str) -> Mapping[str, Number]:
+    """Every number of a part with its unit and what it is, by name."""
+    hints = get_type_hints(PARTS[part], include_extras=True)
+    return {name: hint.__metadata__[0] for name, hint in hints.items() if hasattr(hint, "__metadata__")}
 
 
 ELECTRICAL = ("vdc", "idc")
@@ -185,21 +182,18 @@ class Sensors(msgspec.Struct, frozen=True):
         """Reading of a sensor for the true values of its channel, (n,) in its unit."""
         return x * (1.0 + self.gain.get(name, 0.0)) + self.zero.get(name, 0.0)
 
-    def late(self, t: Signal) -> Signal:
-        """Times at which Vdc and Idc had the values that are recorded at some stamps, (n,) [s]."""
-        stamps: Signal = np.maximum(t - self.electrical_lag, t[0])
+    def late(self, name: str, t: Signal) -> Signal:
+        """Times at which a channel had the values that are recorded at some stamps, (n,) [s]."""
+        stamps: Signal = np.maximum(t - self.electrical_lag, t[0]) if name in ELECTRICAL else t
         return stamps
-
-    def _delays(self, name: str) -> bool:
-        return name in ELECTRICAL and self.electrical_lag != 0.0
 
     def recorded(self, name: str, t: Signal, x: Signal) -> Signal:
         """Record of a sensor, with its lag, for a channel that is known at the stamps of the log, (n,) in its unit."""
-        return self.read(name, np.interp(self.late(t), t, x) if self._delays(name) else x)
+        return self.read(name, np.interp(self.late(name, t), t, x))
 
     def corrected(self, name: str, t: Signal, x: Signal) -> Signal:
         """A recorded channel without gain, zero and lag of its sensor, (n,) in its unit."""
-        then = np.interp(t + self.electrical_lag, t, x) if self._delays(name) else x
+        then = np.interp(t + self.electrical_lag, t, x) if name in ELECTRICAL else x
         return (then - self.zero.get(name, 0.0)) / (1.0 + self.gain.get(name, 0.0))
 
 
@@ -233,25 +227,9 @@ _CHANGED: Mapping[Operation, Callable[[float, float], float]] = {
     "compound": lambda number, by: (1.0 + number) * (1.0 + by) - 1.0,
 }
 
-CHANGED_AGAIN: Mapping[Operation, Callable[[float, float], float]] = {
-    "add": lambda first, second: first + second,
-    "scale": lambda first, second: (1.0 + first) * (1.0 + second) - 1.0,
-    "compound": lambda first, second: (1.0 + first) * (1.0 + second) - 1.0,
-}
+CHANGED_AGAIN: Mapping[Operation, Callable[[float, float], float]] = {**_CHANGED, "scale": _CHANGED["compound"]}
 """The one change that is as two after each other."""
 
-
-_REQUIRED = {
-    section: {field.name for field in msgspec.structs.fields(kind) if field.required}
-    for section, kind in (
-        ("winch", WinchModel),
-        ("restoring", RestoringModel),
-        ("drivetrain", DrivetrainModel),
-        ("generator", GeneratorModel),
-        ("dc_link", DcLinkModel),
-    )
-}
-"""Numbers that a rig file must state, by part."""
 
 NAMES_IN_RIG = {
     "restoring.mu": "mu_screw",
@@ -273,14 +251,20 @@ def path_in_rig(path: str) -> str:
     return f"{section}.{NAMES_IN_RIG.get(path, name)}"
 
 
+def required(part: str) -> tuple[str, ...]:
+    """Numbers of a part that a rig file must state, as they have no default."""
+    kind = PARTS[part]
+    return tuple(name for name in kind._fields if name not in kind._field_defaults)
+
+
 def stated_path(path: str) -> str:
-    """Section and name of a number that every rig file states, as every part needs it; empty for one that no file has.
+    """Section and name of a number that every rig file states; empty for one that no file has.
 
     >>> stated_path("drivetrain.gear"), stated_path("drivetrain.windage")
     ('drivetrain.gear_ratio', '')
     """
     section, _, name = path.partition(".")
-    return path_in_rig(path) if name in _REQUIRED.get(section, ()) else ""
+    return path_in_rig(path) if section in PARTS and name in required(section) else ""
 
 
 def number_of(model: Model, path: str) -> float:
@@ -291,15 +275,21 @@ def number_of(model: Model, path: str) -> float:
     return number
 
 
+def with_part(model: Model, part: str, **numbers: object) -> Model:
+    """A model of which some numbers of one part are others."""
+    own = getattr(model, part)
+    other = own._replace(**numbers) if part in PARTS else msgspec.structs.replace(own, **numbers)
+    return msgspec.structs.replace(model, **{part: other})
+
+
 def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
     """A model of which one number, by its path, is changed; changes of one kind may come in either order."""
     if not by:
         return model
     number = _CHANGED[operation](number_of(model, path), by)
     part, name, *channel = path.split(".")
-    own = getattr(model, part)
-    value = {**getattr(own, name), channel[0]: number} if channel else number
-    return msgspec.structs.replace(model, **{part: msgspec.structs.replace(own, **{name: value})})
+    value = {**getattr(getattr(model, part), name), channel[0]: number} if channel else number
+    return with_part(model, part, **{name: value})
 
 
 def possible(model: Model) -> Model:
@@ -310,8 +300,4 @@ def possible(model: Model) -> Model:
     mu, eta_mesh = model.restoring.mu, model.drivetrain.eta_mesh
     if mu >= 0.0 and eta_mesh <= 1.0:
         return model
-    return msgspec.structs.replace(
-        model,
-        restoring=msgspec.structs.replace(model.restoring, mu=max(mu, 0.0)),
-        drivetrain=msgspec.structs.replace(model.drivetrain, eta_mesh=min(eta_mesh, 1.0)),
-    )
+    return with_part(with_part(model, "restoring", mu=max(mu, 0.0)), "drivetrain", eta_mesh=min(eta_mesh, 1.0))

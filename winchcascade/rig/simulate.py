@@ -1,12 +1,12 @@
 """Simulate a rig along the motion of a log: a Run in, a Run out, which `write_log` writes as a log.
 
-The line motion is smoothed, so that inertia torques are not noise, and taken at even steps. A ledger records where the energy
-of the line goes: stored, lost in each part, or delivered.
+The line motion is smoothed, so that inertia torques are not noise, and taken at even steps.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -21,21 +21,12 @@ from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
+from winchcascade.rig import physics
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import (
-    COLUMNS,
-    LINE,
-    REST,
-    SHAFT,
-    TURN,
-    LineMotion,
-    constants,
-    directions,
-    run_line,
-    solve_shaft,
-)
+from winchcascade.rig.kernel import COLUMNS, LINE, RPM, SHAFT, LineMotion, constants, run_line, solve_shaft
+from winchcascade.rig.ledger import energies, integral
 from winchcascade.rig.line_velocity import line_velocity
-from winchcascade.rig.parts import ELECTRICAL, Model
+from winchcascade.rig.parts import ELECTRICAL, PARTS, Model, number_of
 
 
 def motion_of(run: Run, step: float) -> LineMotion:
@@ -72,63 +63,7 @@ def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     curve = PchipInterpolator(t, v)
     speed = curve(even)
-    return LineMotion(even, _integral(speed, step), speed, curve(even, 1), step)
-
-
-def _integral(y: Signal, step: float) -> Signal:
-    """Integrate a signal at even steps from the beginning to each step, by the trapezoidal rule."""
-    return np.concatenate(([0.0], np.cumsum(0.5 * step * (y[1:] + y[:-1]))))
-
-
-LEDGER = (
-    "line", "gas", "drum", "shaft", "rotor", "capacitor", "screw", "seal", "line_loss", "clutch", "shaft_loss", "mesh",
-    "damper", "windage", "friction", "copper", "diodes", "dc",
-)  # fmt: skip
-"""Energy of the line; energy stored in gas, drum, shaft spring, rotor and capacitor; energy lost in screw, seals, between line
-and torque sensor, clutch, shaft, gear mesh, on the fast shaft, in copper and diodes; energy that the DC link delivers."""
-
-
-def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[str, Signal]:
-    """Book the energy of a solution from its beginning to each step, (n,) each [J].
-
-    The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it.
-    """
-    c, got = constants(model, load), dict(zip(COLUMNS, out.T, strict=True))
-    omega_drum, omega = motion.v / c.r_motion, got["omega_gen"]
-    direction = np.tanh(motion.v / REST)
-    push = c.lead * omega_drum * got["pressure"] * c.area
-    slow = direction * np.exp(-((motion.v / c.stribeck_speed) ** 2))
-    line = got["force"] * omega_drum * c.r_drum * (1.0 + c.layering * motion.x)
-    kept = 0.5 * (1.0 + direction) * (1.0 - c.loss_share) + 0.5 * (1.0 - direction) / (1.0 - c.loss_share)
-    driven, overrun = np.maximum(got["clutch"], 0.0), np.minimum(got["clutch"], 0.0)
-    seal = (c.lead * c.seal_friction * direction + c.seal_stribeck * slow) * omega_drum
-    watts = {
-        "line": line,
-        "gas": push,
-        "screw": got["screw"] * omega_drum - push - seal,
-        "seal": seal,
-        "line_loss": (c.line_friction * direction + c.line_drag * omega_drum + c.stribeck * slow) * omega_drum
-        + line * (1.0 - kept),
-        "clutch": (got["torque"] - driven) * omega_drum - overrun * omega / c.gear,
-        "mesh": driven * omega / c.gear * (1.0 - c.eta_mesh),
-        "damper": c.b_rotor * omega**2,
-        "windage": c.windage * np.abs(omega) ** 3,
-        "friction": c.friction * np.tanh(omega / TURN) * omega,
-        "copper": 3.0 * model.generator.r_s * got["i_s"] ** 2,
-        "diodes": 2.0 * c.v_diode * got["i_bridge"] + 3.0 * model.generator.r_diode * got["i_s"] ** 2,
-        "dc": got["vdc"] ** 2 / c.load,
-        "shaft_loss": driven * (omega_drum - omega / c.gear),
-    }
-    stores = {
-        "drum": (c.inertia_drum, omega_drum),
-        "shaft": (c.k_shaft, got["twist"]),
-        "rotor": (c.inertia_rotor, omega),
-        "capacitor": (c.c_dc, got["vdc"]),
-    }
-    booked = {name: _integral(watt, motion.step) for name, watt in watts.items()}
-    booked |= {name: 0.5 * number * (state**2 - state[0] ** 2) for name, (number, state) in stores.items()}
-    booked["shaft_loss"] -= booked["shaft"]
-    return {name: booked[name] for name in LEDGER}
+    return LineMotion(even, integral(speed, step), speed, curve(even, 1), step)
 
 
 STEP = 1e-3
@@ -199,10 +134,10 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     _check_model(model)
     _check_travel(run.name, model, motion)
     out, sensors = solve(model, motion, load_of(run)), model.sensors
-    rows, late = (dict(zip(COLUMNS, _between(motion, t, out).T, strict=True)) for t in (run.t, sensors.late(run.t)))
+    now, late = (_between(motion, t, out) for t in (run.t, sensors.late("vdc", run.t)))
     channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
     channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
-    channels |= {name: sensors.read(name, (late if name in ELECTRICAL else rows)[name]) for name in READ}
+    channels |= {name: sensors.read(name, (late if name in ELECTRICAL else now)[name]) for name in READ}
     return Simulation(
         run=Run(
             name=run.name,
@@ -219,50 +154,53 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
             window=run.window,
             cycles=run.cycles,
         ),
-        rpm_gen=rows["omega_gen"] * 30.0 / math.pi,
-        i_s=rows["i_s"],
-        torque_em=rows["torque_em"],
+        rpm_gen=now["omega_gen"] * RPM,
+        i_s=now["i_s"],
+        torque_em=now["torque_em"],
         model=model,
         motion=motion,
         solution=out,
     )
 
 
+POSSIBLE: tuple[tuple[str, str, Callable[[float], bool], str], ...] = (
+    ("drivetrain.eta_mesh", "mesh efficiency", lambda number: 0.0 < number <= 1.0, "above 0 and at most 1"),
+    ("restoring.mu", "friction coefficient of the screw", lambda number: number >= 0.0, "0 or more"),
+    ("restoring.volume", "gas volume [m3]", lambda number: number > 0.0, "above 0"),
+    ("restoring.pressure", "precharge pressure, absolute [Pa]", lambda number: number > 0.0, "above 0"),
+    ("winch.inertia", "inertia at the drum [kg m2]", lambda number: number >= 0.0, "0 or more"),
+)
+"""Numbers that a rig file and several effects together may make impossible, and what is expected of each."""
+
+
 def _check_model(model: Model) -> None:
-    """Reject numbers that no rig can have, as a rig file and several effects together may give them: RigError."""
-    for part in (model.winch, model.restoring, model.drivetrain, model.generator, model.dc_link):
-        for name, value in msgspec.structs.asdict(part).items():
+    """Reject numbers that no rig can have: RigError."""
+    for part in PARTS:
+        for name, value in getattr(model, part)._asdict().items():
             if isinstance(value, float) and math.isnan(value):
                 raise RigError(f"the model's {name} is NaN; expected a number, so check the rig and the effects.")
-    gas = model.restoring
-    for what, value, fits, expected in (
-        ("mesh efficiency", model.drivetrain.eta_mesh, 0.0 < model.drivetrain.eta_mesh <= 1.0, "above 0 and at most 1"),
-        ("friction coefficient of the screw", gas.mu, gas.mu >= 0.0, "0 or more"),
-        ("gas volume [m3]", gas.volume, gas.volume > 0.0, "above 0"),
-        ("precharge pressure, absolute [Pa]", gas.pressure, gas.pressure > 0.0, "above 0"),
-        ("inertia at the drum [kg m2]", model.winch.inertia, model.winch.inertia >= 0.0, "0 or more"),
-    ):
-        if not fits:
+    for path, what, fits, expected in POSSIBLE:
+        if not fits(number := number_of(model, path)):
             raise RigError(
-                f"the model's {what} is {value:.4g}; expected {expected}, so check the rig file and the effects together."
+                f"the model's {what} is {number:.4g}; expected {expected}, so check the rig file and the effects together."
             )
 
 
 def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
     """Reject a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
-    gas, winch = model.restoring, model.winch
+    gas, low, high = model.restoring, float(np.min(motion.x)), float(np.max(motion.x))
     push = gas.area * gas.lead / model.r_motion
-    low, high = float(np.min(motion.x)), float(np.max(motion.x))
     if gas.volume <= push * high:
         raise LogError(
             f"{name}: the line pays out {high:.4g} m, but after {gas.volume / push:.4g} m the piston would have pressed the "
             f"gas of {1e3 * gas.volume:.4g} L to nothing; expected less payout, so check the unit of velocity and "
             "displacement, volume_gas and area_piston of the rig file, and the effects."
         )
-    if 1.0 + min(winch.layering * low, winch.layering * high) <= 0.0:
+    if min(physics.rope_radius(low, model.winch), physics.rope_radius(high, model.winch)) <= 0.0:
         raise LogError(
-            f"{name}: the line moves from {low:.4g} to {high:.4g} m, but at {-1.0 / winch.layering:.4g} m the rope would run "
-            "on a radius of nothing; expected less motion, so check the unit of velocity and displacement, and the effects."
+            f"{name}: the line moves from {low:.4g} to {high:.4g} m, but at {-1.0 / model.winch.layering:.4g} m the rope "
+            "would run on a radius of nothing; expected less motion, so check the unit of velocity and displacement, and "
+            "the effects."
         )
 
 
@@ -275,17 +213,16 @@ def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     """Step a model along a motion, (n, 12): the columns of `kernel.COLUMNS` at every step."""
     numbers = constants(model, load)
     shaft, line = solve_shaft(motion.v, motion.step, numbers), np.empty((motion.t.size, len(LINE)))
-    run_line(motion, directions(motion.v), numbers, shaft[:, SHAFT.index("clutch")].copy(), line)
+    run_line(motion, physics.direction(motion.v), numbers, shaft[:, SHAFT.index("clutch")].copy(), line)
     return np.hstack([shaft, line])
 
 
-def _between(motion: LineMotion, t: Signal, out: Signal) -> Signal:
-    """Rows of a solution at some instants, between two steps by a straight line, (k, columns)."""
+def _between(motion: LineMotion, t: Signal, out: Signal) -> dict[str, Signal]:
+    """Columns of a solution at some instants, between two steps by a straight line, (k,) each."""
     place = np.clip((t - motion.t[0]) / motion.step, 0.0, motion.t.size - 1.0)
     before = np.minimum(place.astype(np.intp), motion.t.size - 2)
     share = (place - before)[:, None]
-    rows: Signal = out[before] * (1.0 - share) + out[before + 1] * share
-    return rows
+    return dict(zip(COLUMNS, (out[before] * (1.0 - share) + out[before + 1] * share).T, strict=True))
 
 
 LOGGED = ("displacement", "velocity", *READ)

@@ -13,10 +13,12 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.run import Mask, Run, Signal
+from winchcascade.rig import physics
 from winchcascade.rig.backemf import RPM_MIN, dc_currents, machine_state
 from winchcascade.rig.bridge import bridge_table, dc_voltages
-from winchcascade.rig.kernel import LINE, REST, TURN, LineMotion, constants, directions, run_line
+from winchcascade.rig.kernel import LINE, RPM, LineMotion, constants, run_line
 from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, Model, rolloff_curve
+from winchcascade.rig.physics import TURN
 from winchcascade.rig.simulate import load_of
 
 Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
@@ -123,7 +125,7 @@ def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] =
 
 def _drive(run: Run, model: Model, course: Along, seen: dict[str, Signal]) -> _Drive:
     unknown = np.full(run.t.size, np.nan)
-    rpm = course.v / model.r_motion * model.drivetrain.gear * 30.0 / math.pi
+    rpm = course.v / model.r_motion * model.drivetrain.gear * RPM
     if "vdc" not in seen:
         return _Drive(rpm, unknown, unknown, unknown)
     bleed, with_capacitor = dc_currents(run, model, seen["vdc"])
@@ -135,43 +137,33 @@ def _pressure(run: Run, model: Model, motion: LineMotion) -> Signal:
     """Gauge pressure of the gas along the motion, (n,) at the stamps [Pa]."""
     line = np.empty((motion.t.size, len(LINE)))
     without_torque = np.zeros(motion.t.size)
-    run_line(motion, directions(motion.v), constants(model, load_of(run)), without_torque, line)
+    run_line(motion, physics.direction(motion.v), constants(model, load_of(run)), without_torque, line)
     return np.interp(run.t, motion.t, line[:, LINE.index("pressure")])
 
 
 def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal) -> Signal:
     """Torque of the PTO shaft that follows from the line tension, (n,) [N m]: the inverse of `kernel.run_line`."""
-    winch, gas = model.winch, model.restoring
-    direction = np.tanh(course.v / REST)
-    slow = direction * np.exp(-((course.v / winch.stribeck_speed) ** 2))
-    screw = gas.lead * (pressure * gas.area + gas.seal_friction * direction) + gas.stribeck * slow
-    thread = 0.5 * (1.0 + direction) / gas.eta_forward + 0.5 * (1.0 - direction) * gas.eta_reverse
-    lost = (
-        winch.friction * direction
-        + winch.stribeck * slow
-        + (winch.drag * course.v + winch.inertia * course.a) / model.r_motion
-    )
-    kept = 0.5 * (1.0 + direction) * (1.0 - winch.loss_share) + 0.5 * (1.0 - direction) / (1.0 - winch.loss_share)
-    torque = force * kept * winch.r_drum * (1.0 + winch.layering * course.x) - screw * thread - lost
+    winch, gas, sign = model.winch, model.restoring, physics.direction(course.v)
+    slow, omega = physics.near_rest(course.v, sign, winch), course.v / model.r_motion
+    screw = physics.piston_torque(pressure, gas) + physics.seal_torque(sign, slow, gas)
+    screw *= physics.both_ways(sign, 1.0 / gas.eta_forward, gas.eta_reverse)
+    lost = physics.line_losses(omega, sign, slow, winch) + winch.inertia * course.a / model.r_motion
+    torque = force / physics.line_over_drum(sign, winch) * physics.rope_radius(course.x, winch) - screw - lost
     return np.where(np.abs(course.v) > MOVING, torque, np.nan)
 
 
 def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
     """Torque of the PTO shaft that the fast shaft needs, (n,) [N m]; in haul-in that of the open clutch.
 
-    The torque of the machine is that of the power across the air gap (Vdc + 2 V_d) I + 3 r_s i_s^2: neither k_e nor its
-    roll-off enters.
+    The torque of the machine follows from the power across the air gap: neither k_e nor its roll-off enters.
     """
     shaft, machine = model.drivetrain, model.generator
-    direction = np.tanh(course.v / REST)
-    open_clutch = -shaft.clutch_drag * 0.5 * (1.0 - direction) * np.abs(direction)
-    torque = np.where(course.v < -MOVING, open_clutch, np.nan)
+    torque = np.where(course.v < -MOVING, physics.open_clutch(physics.direction(course.v), shaft), np.nan)
     known = course.engaged & (drive.rpm > RPM_MIN) & np.isfinite(drive.i_bridge)
-    omega, vdc = drive.rpm[known] * math.pi / 30.0, drive.vdc[known]
-    current = np.maximum(drive.i_bridge[known], 0.0)
+    omega, vdc, current = drive.rpm[known] / RPM, drive.vdc[known], np.maximum(drive.i_bridge[known], 0.0)
     _, i_s = machine_state(model, drive.rpm[known], vdc, current)
-    torque_em = ((vdc + 2.0 * machine.v_diode) * current + 3.0 * machine.r_phase * i_s**2) / omega
-    drag = shaft.b_rotor * omega + shaft.windage * omega**2 + shaft.friction * np.tanh(omega / TURN)
+    torque_em = physics.air_gap_power(vdc, current, i_s, machine) / omega
+    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, TURN), shaft))
     speeding = shaft.inertia_rotor * course.a[known] / model.r_motion * shaft.gear
     torque[known] = shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding)
     return torque
@@ -186,10 +178,13 @@ def _voltage(model: Model, course: Along, drive: _Drive) -> Signal:
     known = course.engaged & (drive.rpm > RPM_MIN) & (drive.i_bridge > 0.0)
     known &= drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0)
     rpm, share = drive.rpm[known], np.ones(int(known.sum()))
-    reactance = machine.pole_pairs * rpm * math.pi / 30.0 * machine.l_s
     for _ in range(1 if machine.rolloff == NO_ROLLOFF else ROUNDS):
         v_total, i_s = dc_voltages(
-            machine.k_e * rpm * share, drive.i_bridge[known], machine.r_phase, reactance, bridge_table()
+            machine.k_e * rpm * share,
+            drive.i_bridge[known],
+            machine.r_phase,
+            physics.reactance(rpm / RPM, machine),
+            bridge_table(),
         )
         share = rolloff_curve(machine.rolloff)(np.minimum(i_s, ROLLOFF_KNOTS[-1]))
     found = np.full(known.size, np.nan)

@@ -1,14 +1,14 @@
 """Compare a published table with the attainable ranges of a rig, and search the effects that could explain a difference.
 
 The rows of the table are simulated with effects in the model. Over one field, a monotone cubic through a few simulations gives
-the efficiencies; over several fields their logarithms add up, near enough to rank sets, which are then fitted by simulations.
+the efficiencies; over several fields of one effect their logarithms add up, near enough to begin from. Sets are searched as
+causes are in a diagnosis.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
@@ -17,6 +17,8 @@ import numpy as np
 from winchcascade.core.jobs import Nobody, Watch, all_at_once
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
+from winchcascade.diagnosis.marginal import Columns
+from winchcascade.diagnosis.search import neighbours, search
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.effect import ActiveEffect, Effect, Parameter
@@ -51,11 +53,8 @@ DIFFERENCE = 0.02
 HOPELESS = 0.02
 """A set that leaves more outside the attainable range in all than this is not fitted by simulations. [1]"""
 
-MAX_EFFECTS = 3
-"""Effects of a set at most: more would explain anything."""
-
-SIMULATED, MAX_SETS = 12, 8
-"""Sets of a size that are simulated, and of these those that are named and that the next size is grown from."""
+MAX_SIMULATED, MAX_SETS = 12, 8
+"""Sets of the size with the most evidence that are simulated, and of these those that are named."""
 
 Verdict = Literal["explains", "beyond_plausible", "no"]
 """Whether one value of the effect brings all rows within the attainable range: a plausible one, an implausible one, none."""
@@ -119,7 +118,7 @@ class AttainableRanges(msgspec.Struct, frozen=True):
 
     `not_judged` holds rows that cannot be held against the rig, `notes` say what was assumed. `scatter` is the largest
     deviation of a cycle's efficiency that counts [1]. `sets` are the smallest that bring the whole table within the attainable
-    range at plausible values, best fit first; where no set of up to `MAX_EFFECTS` will do, `closest` comes nearest.
+    range at plausible values, best fit first; where no set of that size will do, `closest` comes nearest.
     """
 
     rig: Rig
@@ -191,6 +190,8 @@ class TableProblem:
         self.below, self.above = self.nominal - low, high - self.nominal
         self.sigma: Signal = np.sqrt((0.5 * self.allowed) ** 2 + u**2 + (0.5 * (high - low) - u) ** 2 / 3.0)
         self.speeds = [row.speed for row in rows]
+        self.groups = np.repeat(np.arange(len(rows)), len(ETAS))
+        self.begins: Mapping[str, Sequence[float]] = {}
         self.curves: dict[str, list[PchipInterpolator | None]] = {}
 
     def fields(self, names: Sequence[str]) -> list[Parameter]:
@@ -205,10 +206,10 @@ class TableProblem:
             for name, part in zip(names, np.split(x, ends), strict=True)
         ]
 
-    def efficiencies(self, names: Sequence[str], x: Signal) -> Signal:
+    def efficiencies(self, effects: Sequence[ActiveEffect]) -> Signal:
         """Efficiencies along each row's middle payout at its printed power, simulated; all NaN where the model has none."""
         model = baseline(self.rig)
-        for effect in self.active(names, x):
+        for effect in effects:
             model = effect.apply(model)
         jobs = [
             partial(meet, self.rig, model, row.payout, row.load, row.target, guess)
@@ -235,9 +236,19 @@ class TableProblem:
         total = np.nansum(self.excess(eta), axis=-2)
         return np.where(total < DUST, 0.0, total)
 
-    def residual(self, names: Sequence[str], x: Signal) -> Signal:
-        """Printed minus simulated efficiencies in standard uncertainties, (n,), nothing where the table prints nothing."""
-        return self.misfit(self.efficiencies(names, x))
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
+        """Printed minus simulated efficiencies in standard uncertainties with each of several lists of effects, (n, k)."""
+        return np.stack([self.misfit(self.efficiencies(effects)) for effects in several], axis=1)
+
+    def price(self, name: str) -> float:  # noqa: ARG002
+        """No suspect is less probable than another."""
+        return 0.0
+
+    def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:  # noqa: ARG002
+        """No nuisance: the standard uncertainties hold the tolerances of the rig."""
+        from scipy.sparse import csr_array
+
+        return Columns(np.zeros((self.printed.size, 1)), csr_array((self.printed.size, 0)))
 
     def misfit(self, eta: Signal) -> Signal:
         """Printed minus such efficiencies in standard uncertainties, (n,)."""
@@ -283,7 +294,7 @@ def make_curves(problem: TableProblem, name: str) -> None:
                 value = float(np.clip(field.absent + share * (end - field.absent), *field.possible))
                 if value in nodes or not (helps or share < 1.0):
                     continue
-                eta = problem.efficiencies([name], np.where(np.arange(absent.size) == k, value, absent))
+                eta = problem.efficiencies(problem.active([name], np.where(np.arange(absent.size) == k, value, absent)))
                 if np.isnan(eta).all():
                     continue
                 nodes[value] = np.nan_to_num(np.log(eta / problem.nominal))
@@ -323,57 +334,38 @@ def fit(residual: Callable[[Signal], Signal], start: Signal, bounds: tuple[Signa
 def _explained(
     ranges: AttainableRanges, suspects: Mapping[str, Effect], on_progress: Callable[[str], None]
 ) -> AttainableRanges:
-    """Look at every suspect alone, then at the smallest sets of those that move something."""
+    """Look at every suspect alone, then search the sets of those that move something by their evidence.
+
+    Sets of the size of the one with the most evidence are named if they bring all rows within the attainable range.
+    """
     problem, results = TableProblem(ranges.rows, ranges.rig, suspects), []
     for name in suspects:
         make_curves(problem, name)
         results.append(_alone(problem, name))
         on_progress(name)
-    active = [name for name, curves in problem.curves.items() if any(curve is not None for curve in curves)]
-    closest: Values | None = None
-    sets: tuple[Values, ...] = ()
-    grown: list[tuple[str, ...]] = [(name,) for name in active]
-    for size in range(1, MAX_EFFECTS + 1):
-        ranked = _ranked(problem, grown)
-        found = [_improved(problem, names, x) for names, x in ranked[:SIMULATED]]
-        closest = min((*found, *([closest] if closest else [])), key=lambda one: one.out_of_reach, default=None)
-        enough = sorted((one for one in found if one.enough), key=lambda one: one.misfit)
-        if enough:
-            sets = tuple(enough[:MAX_SETS])
-            break
-        if size == 1:
-            grown = list(combinations(active, 2))
-        else:
-            seeds = [names for names, _ in ranked[:MAX_SETS]]
-            grown = sorted({tuple(sorted({*seed, name})) for seed in seeds for name in active if name not in seed})
-    return msgspec.structs.replace(ranges, suspects=tuple(results), sets=sets, closest=None if sets else closest)
-
-
-def _ranked(problem: TableProblem, sets: Sequence[tuple[str, ...]]) -> list[tuple[tuple[str, ...], Signal]]:
-    """Sets with plausible values on the curves: the smallest excess first, then the best fit."""
-    found = []
-    for names in sets:
-        start = np.array([field.absent for field in problem.fields(names)])
-        x = fit(
-            lambda x, names=names: problem.out_of_range(problem.on_curves(names, x)),  # type: ignore[misc]
-            start, problem.bounds(names, wide=False), 12,
-        )  # fmt: skip
-        eta = problem.on_curves(names, x)
-        rank = float(problem.by_metric(eta).sum()), float(np.sum(problem.misfit(eta) ** 2))
-        found.append((rank, names, x))
-    return [(names, x) for _, names, x in sorted(found, key=lambda one: one[0])]
+    problem.suspects = {one.effect: suspects[one.effect] for one in results if one.best is not None}
+    if not problem.suspects:
+        return msgspec.structs.replace(ranges, suspects=tuple(results))
+    found = search(problem)
+    size = max(len(found.best.names), 1)
+    near = [names for names in neighbours(found.expansion, found.best.names) if len(names) == size][:MAX_SIMULATED]
+    values = [_improved(problem, names, found.fit(names).x) for names in near]
+    sets = tuple(sorted((one for one in values if one.enough), key=lambda one: one.misfit)[:MAX_SETS])
+    closest = None if sets else min(values, key=lambda one: one.out_of_reach)
+    return msgspec.structs.replace(ranges, suspects=tuple(results), sets=sets, closest=closest)
 
 
 def _improved(problem: TableProblem, names: Sequence[str], x: Signal) -> Values:
-    """A set with its values, which simulations improve where it is near enough."""
+    """A set with plausible values, which simulations improve where it is near enough."""
 
     def residual(values: Signal) -> Signal:
-        return problem.out_of_range(problem.efficiencies(names, values))
+        return problem.out_of_range(problem.efficiencies(problem.active(names, values)))
 
-    values = _values(problem, names, x)
+    bounds = problem.bounds(names, wide=False)
+    values = _values(problem, names, np.clip(x, *bounds))
     if values.enough or values.out_of_reach > HOPELESS:
         return values
-    return _values(problem, names, fit(residual, x, problem.bounds(names, wide=False), 3))
+    return _values(problem, names, fit(residual, x, bounds, 3))
 
 
 def _alone(problem: TableProblem, name: str) -> SuspectResult:
@@ -419,13 +411,14 @@ def _best_excess(problem: TableProblem, name: str, k: int, *, wide: bool) -> flo
     bounds = problem.bounds([name], wide=wide)
     start = np.array([field.absent for field in problem.suspects[name].fields])
     x = fit(lambda x: problem.out_of_range(problem.on_curves([name], x), k), start, bounds, 30)
-    found = [problem.by_metric(problem.efficiencies([name], values))[k] for values in (x, *bounds)]
+    found = [problem.by_metric(problem.efficiencies(problem.active([name], values)))[k] for values in (x, *bounds)]
     return float(np.min(found))
 
 
 def _values(problem: TableProblem, names: Sequence[str], x: Signal) -> Values:
     """What values of the fields leave, simulated."""
-    eta, made = problem.efficiencies(names, x), problem.active(names, x)
+    made = problem.active(names, x)
+    eta = problem.efficiencies(made)
     (low, high), (minimum, maximum) = problem.bounds(names, wide=False), problem.bounds(names, wide=True)
     near = np.minimum(x - minimum, maximum - x) < 1e-3 * (maximum - minimum)
     fields = [(name, field) for name in names for field in problem.suspects[name].fields]

@@ -1,7 +1,7 @@
 """Consistency of a published table with itself, without any log.
 
 Every row: is there a set of unrounded values behind the printed ones (`feasible`)? Do columns follow from others
-(`column_laws`)? Every sum, every claim of the text. And the integration windows that the table does not print, recovered from
+(`column_laws`)? Every claim of the text. And the integration windows that the table does not print, recovered from
 its energies and powers.
 """
 
@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -65,11 +65,10 @@ class Contradiction(msgspec.Struct, frozen=True):
     """A smallest set of cells that cannot all be true, whatever the rounding and the scatter of the cycles.
 
     `printed` is the cell `metric`, `allowed` what the others of the set allow of it and `missed_by` the gap between, both in
-    the unit printed. `row` is None for the row of sums.
+    the unit printed.
     """
 
-    kind: Literal["row", "total"]
-    row: TableRow | None
+    row: TableRow
     cells: tuple[str, ...]
     metric: str
     printed: Printed
@@ -77,11 +76,6 @@ class Contradiction(msgspec.Struct, frozen=True):
     missed_by: float
     sentence: str
     repairs: tuple[Repair, ...] = ()
-
-    @property
-    def load(self) -> float | None:
-        """Load of the row; None for sums, and in a table of operating points. [ohm]"""
-        return None if self.row is None else self.row.load
 
 
 class RecoveredWindow(msgspec.Struct, frozen=True):
@@ -102,7 +96,7 @@ class SharedWindow(msgspec.Struct, frozen=True):
 class Audit(msgspec.Struct, frozen=True):
     """Contradictions within a table and its text, and the windows that follow from it.
 
-    `contradictions` are of rows and sums; `faults` of whole columns mend others, which are in `explained`. `claims` holds a
+    `contradictions` are of rows; `faults` of whole columns mend others, which are in `explained`. `claims` holds a
     verdict for every claim of the text. `uses` states in how many rows each law was evaluated, `compared` how many cells were
     compared with laws of columns. `physics` is what a rig can attain, where that was requested.
     """
@@ -179,7 +173,7 @@ def audit(
         raise OptionError(f"physics: {name} is a table of operating points; expected one of loads; leave physics out.")
     known, ends = repeatability(table), cell_ends(table)
     found, fault = _contradictions(table, ends, known), None
-    rows = {item.row.number for item in found if item.row is not None}
+    rows = {item.row.number for item in found}
     if len(rows) >= max(MIN_ROWS, 0.5 * len(table.rows)):
         suspects = {name for item in found for cell in item.cells for name in (cell, *made_of(cell, table.columns))}
         before = _contradicted(table, ends, known)
@@ -190,7 +184,7 @@ def audit(
     return Audit(
         table=table,
         known=known,
-        contradictions=kept + _of_sums(table),
+        contradictions=kept,
         faults=() if fault is None else (fault,),
         explained=() if fault is None else found,
         claims=tuple(claim_verdict(claim, table, known) for claim in table.claims),
@@ -207,8 +201,8 @@ def _physics(
 ) -> AttainableRanges:
     """What a rig can attain of the efficiencies of a table."""
     from winchcascade.core.rig_toml import DEFAULT_RIG
+    from winchcascade.rig.baseline import load_rig
     from winchcascade.rig.effects.catalogue import OF_THE_RIG
-    from winchcascade.rig.open_rig import load_rig
     from winchcascade.tables.attainable import attainable_ranges
 
     of = rig if isinstance(rig, Rig) else load_rig(rig or DEFAULT_RIG)
@@ -250,7 +244,7 @@ def _of_law(table: PublishedTable, row: TableRow, name: str, limits: Span) -> Co
     else:
         limits_words = f"{span.low:.6g} to {span.high:.6g}{unit_suffix(column.unit)}"
         sentence, others = f"{place}, but {column.law.text} allows {limits_words} after rounding.", column.law.names
-    return Contradiction("row", row, (name, *others), name, printed, span, _missed(span, printed), sentence)
+    return Contradiction(row, (name, *others), name, printed, span, _missed(span, printed), sentence)
 
 
 def _of_cells(
@@ -266,9 +260,9 @@ def _of_cells(
     by = " and ".join(f"{name} {row.cells[name].words}" for name in others) or "conservation of energy"
     sentence = (
         f"{row.name}, {metric}: {printed.words} is printed, but {by} allow{'s' if len(others) < 2 else ''} "
-        f"{printed.range(limits)}, missed by {_fine(missed, printed)} after rounding: {_law(set(names), known)}."
+        f"{printed.range(limits)}, missed by {missed:.2g}{unit_suffix(printed.unit)} after rounding: {_law(set(names), known)}."
     )
-    return Contradiction("row", row, names, metric, printed, span, missed, sentence, changes)
+    return Contradiction(row, names, metric, printed, span, missed, sentence, changes)
 
 
 def _law(cells: set[str], known: Repeatability) -> str:
@@ -302,25 +296,6 @@ def _repairs(row: TableRow, spans: Mapping[str, Span]) -> tuple[Repair, ...]:
     return tuple(repair for _, repair in sorted(found, key=lambda item: item[0]))
 
 
-def _of_sums(table: PublishedTable) -> tuple[Contradiction, ...]:
-    """Sums of energies that the rows, each within its rounding, cannot give."""
-    found = []
-    for metric, printed in () if table.total is None else table.total.cells.items():
-        cells = [row.cells[metric] for row in table.rows if metric in row.cells]
-        total, slack = sum(cell.value for cell in cells), sum(cell.rounding for cell in cells)
-        whole = len(cells) == len(table.rows)  # rows without the cell can only add to the sum
-        span = Span(total - slack, total + slack if whole else math.inf)
-        missed = _missed(span, printed)
-        if missed > 1e-9 * printed.value:
-            limits = Span(span.low * printed.factor, span.high * printed.factor)
-            sentence = (
-                f"total of {metric}: {printed.words} is printed, but the {len(cells)} rows add up to "
-                f"{printed.range(limits)}; missed by {_fine(missed, printed)}."
-            )
-            found.append(Contradiction("total", None, (metric,), metric, printed, span, missed, sentence))
-    return tuple(found)
-
-
 def percent(share: float) -> str:
     """A share in percent, with two decimals.
 
@@ -335,27 +310,15 @@ def _missed(span: Span, printed: Printed) -> float:
     return max(span.low - (printed.value + printed.rounding), printed.value - printed.rounding - span.high, 0.0)
 
 
-def _fine(value: float, printed: Printed) -> str:
-    """A gap with two digits, in the unit printed."""
-    decimals = max(0, 1 - math.floor(math.log10(value))) if value > 0 else 0
-    return f"{value:.{decimals}f}{unit_suffix(printed.unit)}"
-
-
 # ------------------------------------------------------------------------------------------------------ laws and windows
 def _uses_by_load(table: PublishedTable) -> tuple[LawUse, ...]:
-    """In how many rows each law of the cascade was evaluated, and what the others lack; the sums where the table has them."""
+    """In how many rows each law of the cascade was evaluated, and what the others lack."""
     rows = [lacking(row.spans) for row in table.rows]
     found = []
     for law in lacking(()):
         without = [row[law] for row in rows if row[law]]
         count, missing = len(rows) - len(without), tuple(dict.fromkeys(itertools.chain(*without)))
         found.append(LawUse(law, "evaluated" if count else "not_evaluated", count, missing))
-    if table.total is not None:
-        missing = tuple(m for m in table.total.cells if not any(m in row.cells for row in table.rows))
-        summed = len(missing) < len(table.total.cells)
-        found.append(
-            LawUse("total = sum of the rows", "evaluated" if summed else "not_evaluated", int(summed), missing)
-        )
     return tuple(found)
 
 

@@ -29,13 +29,11 @@ from winchcascade.core.cascade import field_of
 from winchcascade.core.errors import OptionError, WinchcascadeError
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.quantity import unit_suffix
-from winchcascade.core.run import Signal
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
 from winchcascade.tables.published_table import (
     DIMENSIONS,
     RESULTS_AT,
     Printed,
-    PrintedColumn,
     PublishedTable,
     TableError,
     TableRow,
@@ -299,21 +297,18 @@ def _metrics(numbers: Numbers) -> Numbers:
 
 def _at(cycles: Sequence[CycleRecord]) -> Numbers:
     """Speed and torque of the shaft, plateau speed and travel of the payouts: means over the cycles, by their lengths."""
-    lengths = [cycle.window["duration_s"] for cycle in cycles]
-    columns: dict[str, list[float | None]] = {"speed": [], "torque": [], "velocity": [], "travel": []}
-    for summary in (cycle.phase_summary for cycle in cycles):
-        plateau, point = summary.payout.plateau, summary.point or None
-        rpm = None if point is None else point.rpm_shaft
-        columns["speed"].append(None if rpm is None else rpm * math.pi / 30.0)
-        columns["torque"].append(point.torque if point is not None else None if plateau is None else plateau.torque)
-        columns["velocity"].append(None if plateau is None else plateau.speed)
-        columns["travel"].append(summary.payout.travel)
-    whole = sum(lengths)
+    rows = []
+    for cycle in cycles:
+        payout, point = cycle.phase_summary.payout, cycle.phase_summary.point or None
+        plateau, rpm = payout.plateau, point and point.rpm_shaft
+        torque = point.torque if point is not None else plateau and plateau.torque
+        rows.append((rpm, torque, plateau and plateau.speed, payout.travel, cycle.window["duration_s"]))
+    table = np.array(rows, dtype=np.float64).reshape(-1, 5)  # None is NaN
+    means = table[:, :4].T @ table[:, 4] / table[:, 4].sum() if table[:, 4].sum() > 0.0 else np.full(4, math.nan)
+    values = (means * (math.pi / 30.0, 1.0, 1.0, 1.0)).tolist()
     return {
-        name: None
-        if None in column or not whole > 0.0
-        else sum(x * s for x, s in zip(column, lengths, strict=True) if x is not None) / whole
-        for name, column in columns.items()
+        n: x if math.isfinite(x) else None
+        for n, x in zip(("speed", "torque", "velocity", "travel"), values, strict=True)
     }
 
 
@@ -336,13 +331,6 @@ def _compared(table: PublishedTable, results: Sequence[Measured], notes: list[st
 
 def _assigned(results: Sequence[Measured], table: PublishedTable, notes: list[str]) -> dict[int, list[Measured]]:
     """Results by the row that each belongs to, the nearest one; a note is added on results that belong to none."""
-    for name in table.keys:
-        key = table.columns[name].measured
-        if results and key not in ("file", "load") and all(result.values.get(key) is None for result in results):
-            raise CheckError(
-                f"{table.name}: the key {name} is none of the results: they have no {key}. Take another key column, or "
-                f'state measured = "..." for it; known are {", ".join(RESULTS_AT)} and the metrics.'
-            )
     found: dict[int, list[Measured]] = {}
     without = []
     for result, nearest in zip(results, _nearest_rows(results, table), strict=True):
@@ -353,15 +341,9 @@ def _assigned(results: Sequence[Measured], table: PublishedTable, notes: list[st
     if not found:
         raise CheckError(
             f"no result belongs to a row of {table.name}: {'; '.join(without[:3]) or 'no log has a complete cycle'}. Its "
-            f"rows are {first_of([row.name for row in table.rows], MAX_NAMED)}; correct the key or its units, or state the "
-            "load of the log (load_ohm in campaign.toml, or --load-ohm)."
+            f"rows are {first_of([row.name for row in table.rows], MAX_NAMED)}; correct the key or its units (a key may be "
+            f"{', '.join(RESULTS_AT)} or a metric), or state the load of the log (load_ohm in campaign.toml, or --load-ohm)."
         )
-    for k, of_row in found.items():
-        logs = sorted({result.log for result in of_row})
-        if len(logs) > 1 and any(table.columns[name].measured == "file" for name in table.keys):
-            raise CheckError(
-                f"{table.rows[k].name}: belongs to {' and '.join(logs[:3])}; expected one log, so write its file name there."
-            )
     notes += [f"without a row, left out: {first_of(without, MAX_NAMED)}."] if without else []
     return found
 
@@ -372,40 +354,33 @@ def _nearest_rows(results: Sequence[Measured], table: PublishedTable) -> Iterato
     A number may differ by the rounding of the cell and a share of the largest number of its column, the number of a cycle by
     the rounding alone, the load of a table by load not at all; a name of a log has to be that of the log.
     """
-    keys = [(table.columns[name], [row.cells.get(name) for row in table.rows]) for name in table.keys]
-    numbers = [(column, *_printed(column, cells, table)) for column, cells in keys if column.measured != "file"]
-    named: dict[str, set[int]] = {}
-    for column, cells in keys:
-        for k, cell in enumerate(cells) if column.measured == "file" else ():
-            text = "" if cell is None else cell.text.casefold()
-            named.setdefault(f"{int(text)}" if text.isdecimal() else text, set()).add(k)
+    keys = []
+    for name in table.keys:
+        cells, column = [row.cells.get(name) for row in table.rows], table.columns[name]
+        value, near = (
+            np.array([math.nan if c is None else getattr(c, part) * column.factor for c in cells], dtype=np.float64)
+            for part in ("value", "rounding")
+        )
+        if table.by_load:
+            near = _SAME_LOAD * np.abs(value)
+        elif column.measured != "cycle":
+            near = near + table.key_share * max((abs(x) for x in value.tolist() if math.isfinite(x)), default=0.0)
+        texts = ["" if c is None else c.text.casefold() for c in cells]
+        keys.append((column.measured, value, near, [text.lstrip("0") if text.isdecimal() else text for text in texts]))
     for result in results:
         square = np.zeros(len(table.rows))
-        for column, printed, near in numbers:
-            found = result.values.get(column.measured)
-            value = math.nan if found is None else found
+        for measured_, printed, near, texts in keys:
+            found, names = result.values.get(measured_), log_names(result.log)
+            here = math.nan if found is None else found
             with np.errstate(invalid="ignore"):
-                share = np.abs(value - printed) / near
-            if column.measured == "load":
-                share = np.where(np.isclose(value, printed, rtol=_SAME_LOAD, atol=0.0), 0.0, share)
+                share = np.abs(here - printed) / near
+            if measured_ == "load":
+                share = np.where(np.isclose(here, printed, rtol=_SAME_LOAD, atol=0.0), 0.0, share)
+            if measured_ == "file":
+                share = np.array([0.0 if text in names else math.inf for text in texts])
             square = np.where(share <= 1.0, square + share**2, math.inf)
-        if named:
-            rows = set().union(*(named.get(name, set()) for name in log_names(result.log)))
-            square[[k for k in range(square.size) if k not in rows]] = math.inf
         nearest = int(np.argmin(square)) if square.size else 0
         yield nearest if square.size and math.isfinite(square[nearest]) else None
-
-
-def _printed(column: PrintedColumn, cells: Sequence[Printed | None], table: PublishedTable) -> tuple[Signal, Signal]:
-    """Key cells of a column and what a measured key may differ by, (rows,) each, SI units, NaN for none."""
-    value, rounding = (
-        np.array([math.nan if c is None else getattr(c, name) * column.factor for c in cells], dtype=np.float64)
-        for name in ("value", "rounding")
-    )
-    if table.by_load:
-        return value, _SAME_LOAD * np.abs(value)
-    largest = max((abs(x) for x in value.tolist() if math.isfinite(x)), default=0.0)
-    return value, rounding + (0.0 if column.measured == "cycle" else table.key_share * largest)
 
 
 def log_names(log: str) -> list[str]:
@@ -416,7 +391,7 @@ def log_names(log: str) -> list[str]:
     """
     name = PurePath(log).name.casefold()
     stem = name.partition(".")[0]
-    return [name, stem, *(f"{int(digits)}" for digits in re.findall(r"\d+", stem)[-1:])]
+    return [name, stem, *(digits.lstrip("0") for digits in re.findall(r"\d+", stem)[-1:])]
 
 
 def _place(result: Measured, table: PublishedTable) -> str:

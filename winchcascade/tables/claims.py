@@ -11,7 +11,7 @@ import msgspec
 from winchcascade.core.quantity import load_text
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.tables.feasible import Repeatability, allowed, is_feasible
-from winchcascade.tables.published_table import DEVIATIONS, SHARES, Claim, PublishedTable, Span, TableRow
+from winchcascade.tables.published_table import DEVIATIONS, SHARES, Claim, PublishedTable
 
 Verdict = Literal["confirmed", "contradicted", "not_checkable"]
 
@@ -26,65 +26,47 @@ class ClaimVerdict(msgspec.Struct, frozen=True):
 
 def claim_verdict(claim: Claim, table: PublishedTable, known: Repeatability) -> ClaimVerdict:
     """Compare one claim with the rows."""
-    names = " out of ".join(claim.metrics) if claim.kind == "part" else ", ".join(claim.metrics)
+    loads, joint = [*map(load_text, claim.loads)], " out of " if claim.kind == "part" else ", "
     if claim.kind in ("largest_at_ohm", "rises_from_ohm"):
-        what = "largest at" if claim.kind == "largest_at_ohm" else "rising from"
-        joint = " and " if claim.kind == "largest_at_ohm" else " to "
-        said, judge = f"{what} {joint.join(map(load_text, claim.loads))}", _order
+        rises = claim.kind == "rises_from_ohm"
+        said, judge = f"rising from {' to '.join(loads)}" if rises else f"largest at {' and '.join(loads)}", _order
     elif claim.kind.startswith("at_"):
         said, judge = f"{claim.kind.replace('_', ' ')} {claim.number.words}", _bound
     else:
-        said, judge = f"{claim.number.words} at {load_text(claim.loads[0])}", _share if claim.kind == "part" else _value
+        said, judge = f"{claim.number.words} at {loads[0]}", _value
     verdict, reason = judge(claim, table, known)
-    return ClaimVerdict(claim, verdict, f"{names}: the text states {said}; {reason}.")
+    return ClaimVerdict(claim, verdict, f"{joint.join(claim.metrics)}: the text states {said}; {reason}.")
 
 
 def _value(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    """A value at a load, against its cell and what the rest of the row allows."""
-    row, metric, span = table.row(claim.loads[0]), claim.metrics[0], claim.number.span
+    """A value at a load, against its cell and what the rest of the row allows; a share may also be that of the means."""
+    row, metric, said = table.row(claim.loads[0]), SHARES.get(claim.metrics, claim.metrics[0]), claim.number
     if row is None:
         return "not_checkable", "the table has no row of this load"
-    rest = {name: cell for name, cell in row.spans.items() if name != metric}
-    left = allowed(rest, known, metric)
-    if metric not in row.spans:
-        if left is None or (left.low <= 0.0 and math.isinf(left.high)):
-            return "not_checkable", "the table has no such cell, and its row does not confine it"
-        return "confirmed" if left.meets(span) else "contradicted", f"the row allows {claim.number.range(left)}"
-    cell = row.cells[metric]
-    if cell.span.meets(span):
-        return "confirmed", f"the table prints {cell.words}"
-    leaves = "" if left is None else f", which leaves {cell.range(left)}"
-    fits = {words: is_feasible(rest | {metric: one}, known)
-            for words, one in ((cell.words, cell.span), (claim.number.words, span))}  # fmt: skip
-    consistent = [words for words, fit in fits.items() if fit]
-    which = f"{consistent[0]} is" if len(consistent) == 1 else "both are" if consistent else "neither is"
-    return "contradicted", f"the table prints {cell.words}; {which} consistent with the rest of the row{leaves}"
-
-
-def _share(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    """A share of an energy or a power that arrives at a later stage, against the efficiency between the two."""
-    row, meant = table.row(claim.loads[0]), SHARES[claim.metrics]
-    readings = {} if row is None else {eta: span for eta in RATIOS if (span := _reading(eta, row, known)) is not None}
-    if meant not in readings:
-        return "not_checkable", f"the table does not state {meant} there"
-    gives = f"the row gives {claim.number.range(readings[meant])} ({meant})"
-    fitting = [eta for eta, span in readings.items() if claim.number.span.meets(span)]
-    if meant in fitting:
-        return "confirmed", gives
-    others = " or ".join(f"{eta} ({claim.number.range(readings[eta])})" for eta in fitting)
-    return "contradicted", f"{gives}; {claim.number.words} is {others}" if others else gives
-
-
-def _reading(eta: str, row: TableRow, known: Repeatability) -> Span | None:
-    """What a row gives for a share, as mean of ratios and as ratio of means together. [1]"""
-    spans, (out, into) = row.spans, RATIOS[eta]
-    found = [spans[eta]] if eta in spans else []
-    if is_feasible(spans, known):
-        quotient = allowed(spans, known, out, into)
-        found += [] if quotient is None or math.isinf(quotient.high) else [quotient]
-    elif out in spans and into in spans and spans[into].low > 0:
-        found.append(spans[out].over(spans[into]))
-    return Span(min(s.low for s in found), max(s.high for s in found)) if found else None
+    cell, rest = row.cells.get(metric), {name: span for name, span in row.spans.items() if name != metric}
+    left = allowed(rest, known, *claim.metrics)
+    if cell is not None and cell.span.meets(said.span):
+        return "confirmed", f"the table prints {metric} {cell.words}"
+    bounded = left is not None and (left.low > 0.0 or math.isfinite(left.high))
+    if left is not None and bounded and (cell is None or claim.kind == "part") and left.meets(said.span):
+        return "confirmed", f"the row allows {said.range(left)}"
+    if cell is None:
+        allows = (
+            "and its row does not confine it"
+            if left is None or not bounded
+            else f"and the row allows {said.range(left)}"
+        )
+        return "contradicted" if bounded else "not_checkable", f"the table has no such cell, {allows}"
+    others = [name for name in RATIOS if metric in RATIOS and name in row.spans and row.spans[name].meets(said.span)]
+    hint = f"; {said.words} is {' or '.join(others)}" if others else ""
+    if claim.kind == "part":
+        means = f", its means {cell.range(left)}" if left is not None else ""
+        return "contradicted", f"the table prints {metric} {cell.words}{means}{hint}"
+    fits = [one.words for one in (cell, said) if is_feasible(rest | {metric: one.span}, known)]
+    which = f"{fits[0]} is" if len(fits) == 1 else "both are" if fits else "neither is"
+    leaves = f", which leaves {cell.range(left)}" if left is not None else ""
+    reason = f"the table prints {metric} {cell.words}; {which} consistent with the rest of the row{leaves}{hint}"
+    return "contradicted", reason
 
 
 def _bound(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:

@@ -177,7 +177,7 @@ def find_column_fault(
         good = [one for one in counted if one.broken_after <= left]
         good.sort(key=lambda one: (one.broken_after, one.kind == "unit" and not one.unit, len(one.columns)))
         if good:
-            return replace(good[0], sentence=_sentence(good[0], table, good))
+            return replace(good[0], sentence=_sentence(good[0], table))
     return None
 
 
@@ -234,18 +234,11 @@ def mended(table: PublishedTable, fault: ColumnFault) -> PublishedTable:
     return replace(table, columns=columns, rows=tuple(map(moved, table.rows)))
 
 
-def _sentence(fault: ColumnFault, table: PublishedTable, others: list[ColumnFault]) -> str:
-    """The fault in words, with another one of a known unit that the table cannot distinguish from it."""
+def _sentence(fault: ColumnFault, table: PublishedTable) -> str:
+    """The fault in words."""
     heads = " and ".join(repr(table.columns[name].head) for name in fault.columns)
     counts = f"{fault.broken_before} cells contradict others as printed, {fault.broken_after or 'none'}"
     if fault.kind == "swapped":
         return f"columns {heads} are swapped: {counts} with the two heads exchanged."
-    printed = table.columns[fault.columns[0]].unit
-    sentence = (
-        f"unit of {heads}: {counts} if the numbers are taken times {fault.factor:g}; the unit, printed as {printed}, is wrong"
-        + (f"; {fault.unit} fits." if fault.unit else ".")
-    )
-    alike = [o for o in others if o.unit and len(o.columns) == 1 and set(o.columns).isdisjoint(fault.columns)]
-    if fault.unit and alike:
-        sentence += f" {alike[0].unit} for column {table.columns[alike[0].columns[0]].head!r} fits too."
-    return sentence
+    printed, fits = table.columns[fault.columns[0]].unit, f"; {fault.unit} fits" if fault.unit else ""
+    return f"unit of {heads}: {counts} if taken times {fault.factor:g}; the unit, printed as {printed}, is wrong{fits}."

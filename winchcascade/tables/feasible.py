@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cache
 
 import msgspec
@@ -128,30 +128,25 @@ def window(spans: Mapping[str, Span], stages: Collection[str] = STAGES) -> Span 
 def lacking(cells: Collection[str]) -> dict[str, tuple[str, ...]]:
     """Metrics that a row lacks for each law of a row, by the law; none where its cells can contradict the law.
 
-    A stage with energy and power gives the window, and with it the energy of every stage that has a power alone.
-
-    >>> lacking(["energy_line", "power_line", "power_mech", "eta_trans"])["eta_trans = energy_mech / energy_line"]
+    >>> lacking(["power_line", "power_mech", "eta_trans"])["eta_trans = energy_mech / energy_line"]
     ()
     """
-    whole = [stage for stage in STAGES if {f"energy_{stage}", f"power_{stage}"} <= set(cells)]
-    apart = [{stage for stage in STAGES if f"{kind}_{stage}" in cells} for kind in ("energy", "power")]
-    known = [apart[0] | apart[1]] if whole else apart
-    without = {
-        eta: min(([m for m in pair if m.removeprefix("energy_") not in stages] for stages in known), key=len)
-        for eta, pair in RATIOS.items()
-    }
-    lone = [f"{kind}_{s}" for s in STAGES if s not in whole for kind in ("energy", "power")]
-    given = [eta for eta in RATIOS if eta in cells]
-    unknown = tuple(eta for eta in RATIOS if eta not in given and without[eta])
-    return {
-        "energy = power * window": tuple(m for m in lone if m not in cells) if len(whole) < 2 else (),
-        **{
-            f"{eta} = {out} / {into}": (*(() if eta in cells else (eta,)), *without[eta])
-            for eta, (out, into) in RATIOS.items()
-        },
-        "eta_pto = eta_trans * eta_gen": unknown if given else tuple(RATIOS),
-        "no stage delivers more than its input": () if given or not all(without.values()) else tuple(RATIOS),
-    }
+
+    def missing(*names: str) -> tuple[str, ...]:
+        return tuple(name for name in names if name not in cells)
+
+    stages = sorted((missing(f"energy_{stage}", f"power_{stage}") for stage in STAGES), key=len)
+    found = {"energy = power * window": (*stages[0], *stages[1])}  # two stages share the window
+    pairs = {eta: min(missing(*pair), missing(*powers_of(pair)), key=len) for eta, pair in RATIOS.items()}
+    found |= {f"{eta} = {out} / {into}": (*missing(eta), *pairs[eta]) for eta, (out, into) in RATIOS.items()}
+    found["eta_pto = eta_trans * eta_gen"] = missing(*RATIOS)
+    bounded = any(eta in cells or not pairs[eta] for eta in RATIOS)
+    return found | {"no stage delivers more than its input": () if bounded else tuple(RATIOS)}
+
+
+def powers_of(energies: Iterable[str]) -> tuple[str, ...]:
+    """The powers of the stages of some energies."""
+    return tuple(name.replace("energy", "power") for name in energies)
 
 
 def contradictory_sets(cells: Mapping[str, Span], known: Repeatability) -> Iterator[tuple[str, ...]]:

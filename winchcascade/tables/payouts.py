@@ -93,13 +93,6 @@ class PayoutMetrics(msgspec.Struct, frozen=True):
     metrics: Mapping[str, float | None]
 
 
-class Target(msgspec.Struct, frozen=True):
-    """A printed power or energy that a payout has to give, SI units."""
-
-    metric: str
-    value: float
-
-
 class Cell(msgspec.Struct, frozen=True):
     """One efficiency of a row beside its attainable range. [1]
 
@@ -132,7 +125,7 @@ class Cell(msgspec.Struct, frozen=True):
 class AttainableRow(msgspec.Struct, frozen=True):
     """One row: its window [s] (None: by the rig's rule), the plateau speeds that its powers imply [m/s], its efficiencies.
 
-    `payout` is the middle one, `speed` its plateau [m/s]; a change of the model keeps to `target`.
+    `payout` is the middle one, `speed` its plateau [m/s]; a change of the model keeps to `target`, a printed power or energy.
     """
 
     load: float
@@ -141,7 +134,7 @@ class AttainableRow(msgspec.Struct, frozen=True):
     cells: tuple[Cell, ...]
     payout: Payout
     speed: float
-    target: Target
+    target: tuple[str, float]
 
 
 class NotJudged(msgspec.Struct, frozen=True):
@@ -193,27 +186,30 @@ def measure(rig: Rig, model: Model, payout: Payout, speed: float, load: float) -
         return None
 
 
-def meet(rig: Rig, model: Model, payout: Payout, load: float, target: Target, guess: float) -> PayoutMetrics | None:
+def meet(
+    rig: Rig, model: Model, payout: Payout, load: float, target: tuple[str, float], guess: float
+) -> PayoutMetrics | None:
     """Find the plateau speed at which a payout gives a printed power or energy; None where none does.
 
     Parameters
     ----------
+    target : metric and its value, SI units
     guess : of the speed [m/s]
     """
-    speed, before = guess, None
+    (metric, wanted), speed, before = target, guess, None
     for _ in range(TRIES):
         here = measure(rig, model, payout, speed, load)
         if here is None or speed > FASTEST:
             return None
-        value = here.metrics[target.metric]
+        value = here.metrics[metric]
         if value is None or value <= 0.0:
             speed, before = 2.0 * speed, None
             continue
-        miss, slope = math.log(target.value / value), SLOPE
+        miss, slope = math.log(wanted / value), SLOPE
         if abs(miss) < CLOSE:
             return here
         if before is not None:
-            rise = math.log(value / (before.metrics[target.metric] or value))
+            rise = math.log(value / (before.metrics[metric] or value))
             if abs(miss) < NEAR and abs(miss) < abs(rise) < APART:
                 return _between(before, here, miss / rise)
             slope = rise / math.log(speed / before.speed)
@@ -253,8 +249,8 @@ def attainable_row(
     points = [point for payout in payouts(window) for point in _points(rig, load, payout, targets)]
     middle, whole = points[0], [point for point in points if point is not None]
     if middle is None:
-        what = f"{targets[0].metric} of {targets[0].value:.5g}"
-        return NotJudged(load, f"no payout of this rig gives the printed {what}, whatever its speed")
+        metric, value = targets[0]
+        return NotJudged(load, f"no payout of this rig gives the printed {metric} of {value:.5g}, whatever its speed")
     u = _standard_uncertainties(rig, load, payouts(window)[0], middle)
     cells = []
     for eta, (span, derived) in printed.items():
@@ -292,7 +288,12 @@ def printed_efficiencies(row: TableRow) -> dict[str, tuple[Span, bool]]:
 
 def row_windows(table: PublishedTable) -> tuple[list[float | None], tuple[str, ...]]:
     """Window of each row [s], from its energies and powers; a row without one takes that of the others, with a note."""
-    known = [_window(row.spans) for row in table.rows]
+    known: list[float | None] = []
+    for spans in (row.spans for row in table.rows):
+        pairs = (
+            (spans[f"energy_{s}"], spans[f"power_{s}"]) for s in STAGES if {f"energy_{s}", f"power_{s}"} <= set(spans)
+        )
+        known.append(next(((e.low + e.high) / (p.low + p.high) for e, p in pairs if p.low > 0.0), None))
     lengths = [seconds for seconds in known if seconds is not None and WINDOWS[0] <= seconds <= WINDOWS[1]]
     lacking = [row.name for row, seconds in zip(table.rows, known, strict=True) if seconds is None]
     if not lacking:
@@ -304,26 +305,18 @@ def row_windows(table: PublishedTable) -> tuple[list[float | None], tuple[str, .
     return [usual if seconds is None else seconds for seconds in known], (note,)
 
 
-def _window(spans: Mapping[str, Span]) -> float | None:
-    for stage in STAGES:
-        energy, power = spans.get(f"energy_{stage}"), spans.get(f"power_{stage}")
-        if energy is not None and power is not None and power.low > 0.0:
-            return (energy.low + energy.high) / (power.low + power.high)
-    return None
-
-
-def _targets(row: TableRow) -> list[Target]:
+def _targets(row: TableRow) -> list[tuple[str, float]]:
     """Powers that a row prints, or energies where it prints none; in open circuit the DC link gives none."""
     middles = {name: 0.5 * (span.low + span.high) for name, span in row.spans.items()}
     stages = STAGES[:2] if row.load == math.inf else STAGES
     powers, energies = (
-        [Target(name, middles[name]) for stage in stages if middles.get(name := f"{kind}_{stage}", 0.0) > 0.0]
+        [(name, middles[name]) for stage in stages if middles.get(name := f"{kind}_{stage}", 0.0) > 0.0]
         for kind in ("power", "energy")
     )
     return powers or energies
 
 
-def _points(rig: Rig, load: float, payout: Payout, targets: Sequence[Target]) -> list[PayoutMetrics | None]:
+def _points(rig: Rig, load: float, payout: Payout, targets: Sequence[tuple[str, float]]) -> list[PayoutMetrics | None]:
     """One payout at the speeds at which it gives each of the printed powers."""
     guess, points = 1.0, list[PayoutMetrics | None]()
     for target in targets:

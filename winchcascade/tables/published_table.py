@@ -240,10 +240,9 @@ class PublishedTable(msgspec.Struct, frozen=True):
     """A published table, whose rows are found by the columns `keys`.
 
     Rows `by_load` are means over `cycles` of one motion: the laws of the cascade hold between them. `deviations` are the
-    largest deviations of a cycle that the source prints [%], `total` is a row of sums. `tolerance` is the share by which means
-    of products may differ from products of means, `key_share` what a measured key may differ by from a printed one, as a share
-    of the largest printed one. `unread` names cells that hold a text where a number was expected. `path` and `csv` are the
-    files of the table, empty for none.
+    largest deviations of a cycle that the source prints [%]. Means of products may differ from products of means by the share
+    `tolerance`, a measured key from a printed one by the share `key_share` of the largest printed one. `unread` names cells
+    that hold a text where a number was expected. `path` and `csv` are the files of the table, empty for none.
     """
 
     name: str
@@ -255,7 +254,6 @@ class PublishedTable(msgspec.Struct, frozen=True):
     by_load: bool = False
     cycles: int | None = None
     deviations: Mapping[str, Printed] = msgspec.field(default_factory=dict)
-    total: TableRow | None = None
     claims: tuple[Claim, ...] = ()
     tolerance: float = 0.0
     key_share: float = 0.02

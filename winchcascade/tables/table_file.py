@@ -132,19 +132,19 @@ def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable
     if csv:
         rows, unread = _csv_rows(Path(csv), columns, keys, where)
     else:
-        rows = _toml_rows(text, file.row or file.point or (), columns, keys, where, by_load=by_load)
-    sums = [row for row in rows if not row.number]
+        rows = _toml_rows(text, file.row or file.point or (), columns, keys, where, by_load)
+    if not rows:
+        raise TableError(f"{where}: it has no row; expected at least one.")
     return PublishedTable(
         name=name,
         title=file.title,
         source=file.source,
         columns=columns,
-        rows=tuple(row for row in rows if row.number),
+        rows=rows,
         keys=keys,
         by_load=by_load,
         cycles=file.cycles,
         deviations={d: _deviation(raw[f"{d}_percent"]) for d in DEVIATIONS if f"{d}_percent" in raw},
-        total=sums[0] if sums else None,
         claims=_claims(text, file.claim, where),
         tolerance=file.tolerance_percent / 100.0,
         key_share=file.key_percent / 100.0,
@@ -252,36 +252,24 @@ def _toml_rows(
     columns: Mapping[str, PrintedColumn],
     keys: Sequence[str],
     where: str,
-    *,
     by_load: bool,
-) -> list[TableRow]:
-    """Rows of a file; a row of sums has the number 0."""
-    kind, rows, sums = "row" if by_load else "point", list[TableRow](), list[TableRow]()
+) -> tuple[TableRow, ...]:
+    """Rows of a file, those by load with `load_ohm`."""
+    kind, rows = "row" if by_load else "point", list[TableRow]()
     for k, (raw, lines) in enumerate(zip(tables, _lines(text, kind, len(tables)), strict=True), 1):
-        place, total = f"{where}: {kind} {k}", by_load and "total" in raw
-        if total and raw["total"] is not True:
-            raise TableError(f"{place} total is {shown(raw['total'])}; expected true, or load_ohm.")
-        of_row = {name: value for name, value in raw.items() if name != "total" or not by_load}
-        check_keys(of_row, columns, f"{place} has no unit under [columns]:", TableError)
+        place = f"{where}: {kind} {k}"
+        check_keys(raw, columns, f"{place} has no unit under [columns]:", TableError)
         cells = {
             name: _toml_cell(value, columns[name], f"{place} {name}", lines.get(name), strict=by_load and name != _LOAD)
-            for name, value in of_row.items()
+            for name, value in raw.items()
         }
-        summable = all(columns[name].dimension == "energy" for name in cells)
-        if not cells or (total and not summable) or (by_load and total == (_LOAD in cells)) or set(cells) == {_LOAD}:
-            raise TableError(f"{place}: expected load_ohm with its cells, or total = true with sums of energies alone.")
-        if total:
-            sums.append(TableRow(0, "total", cells, None, lines.get("")))
-            continue
-        if by_load and not is_load(cells[_LOAD].value):
-            raise TableError(f"{place} load_ohm is {cells[_LOAD].text}; expected a resistance above 0, or inf.")
-        rows.append(_row(len(rows) + 1, cells, keys, by_load=by_load, line=lines.get("")))
+        if by_load and (_LOAD not in cells or len(cells) < 2 or not is_load(cells[_LOAD].value)):
+            raise TableError(f"{place}: expected load_ohm, a resistance above 0 or inf, with its cells.")
+        rows.append(_row(k, cells, keys, by_load=by_load, line=lines.get("")))
     for one, other in combinations(rows if by_load else (), 2):
         if same_load(one.load or 0.0, other.load or 0.0):
             raise TableError(f"{where}: {one.name} has two rows; expected one.")
-    if by_load and (not rows or len(sums) > 1):
-        raise TableError(f"{where}: expected a [[row]] with load_ohm for each load, and one of sums at most.")
-    return rows + sums
+    return tuple(rows)
 
 
 def _toml_cell(value: object, column: PrintedColumn, place: str, line: int | None, *, strict: bool) -> Printed:
@@ -331,7 +319,7 @@ def _cell(text: str, decimal: str, column: PrintedColumn, line: int | None = Non
 
 def _csv_rows(
     file: Path, columns: Mapping[str, PrintedColumn], keys: Sequence[str], where: str
-) -> tuple[list[TableRow], tuple[str, ...]]:
+) -> tuple[tuple[TableRow, ...], tuple[str, ...]]:
     """Rows of a CSV whose first line holds the heads, and the cells that hold a text instead of a number."""
     try:
         content = file.read_bytes()
@@ -363,4 +351,4 @@ def _csv_rows(
         )
         unread += [f"row {k} {name} {given[name].strip()!r}" for name in lost]
         rows += [_row(len(rows) + 1, cells, keys)] if cells else []
-    return rows, tuple(unread)
+    return tuple(rows), tuple(unread)

@@ -7,28 +7,29 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal
 
+import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import student
 from winchcascade.diagnosis.block_means import BLOCK, PHASES
-from winchcascade.diagnosis.causes import COVERED, LAW
+from winchcascade.diagnosis.causes import AS_GOOD, COVERED, LAW, parameters_of, posterior_of, swap
 from winchcascade.diagnosis.diagnosis_result import (
     Alternative,
     Experiment,
     NamedCause,
     Names,
-    Reported,
     RunValue,
     Spot,
     Stability,
 )
-from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, RANGED, Lines, columns_of, reported_number
-from winchcascade.diagnosis.line.line_fit import Choice, LineFit, folds_of, noise_of
+from winchcascade.diagnosis.line.line_data import POWER, Lines, power_columns
+from winchcascade.diagnosis.line.line_fit import FOLDS, LineFit, LineNoise, LineProblem, noise_of
+from winchcascade.diagnosis.marginal import Marginal
+from winchcascade.diagnosis.search import columns_of
 from winchcascade.diagnosis.stability import trends_of
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.search import Fit
 
 MATERIAL = 0.01
 """Share of the power of the winch, root mean squares, that a cause must take to be named: in logs of an hour far smaller ones
@@ -47,141 +48,102 @@ TOP = 0.97
 """Quantile of the speed in payout that a planned motion takes for its top."""
 
 
-def line_causes(fit: LineFit, choice: Choice, suspects: Suspects) -> tuple[NamedCause, ...]:
-    """Every suspect of the chosen set with its numbers, the one that closes most first."""
-    numbers, noise = reported(fit, choice.chosen), noise_of(fit.lines.rows)
-    every = LineFit(fit.lines, fit.lines.rows, noise, noise.gram(noise.within))
-    gap, causes = max(float(np.sum(fit.lines.judged.gap**2)), 1e-300), []
-    for name in choice.chosen:
-        without = tuple(n for n in choice.chosen if n != name)
-        alike = _look_alikes(fit, choice, name)
+def line_causes(fit: LineFit) -> tuple[NamedCause, ...]:
+    """Every suspect of the best set with its numbers, the one that closes most first."""
+    found, suspects, noise = fit.found, fit.lines.suspects, noise_of(fit.lines.rows)
+    posterior, gap = posterior_of(found, found.best), max(float(np.sum(fit.lines.judged.gap**2)), 1e-300)
+    closed, causes = 1.0 - float(np.sum(fit.residual(found.best) ** 2)) / gap, []
+    for name in found.best.names:
+        without = found.fit(tuple(n for n in found.best.names if n != name))
+        ablation, alike = 1.0 - float(np.sum(fit.residual(without) ** 2)) / gap, _look_alikes(fit, name)
         causes.append(
             NamedCause(
                 effect=name,
                 stage=suspects[name].stage,
-                probability=min(choice.share_with(name), AMBIGUOUS if alike else 1.0),
-                parameters={NUMBERS[name][0]: numbers[name]},
-                weight=choice.errors[without] - choice.errors[choice.chosen],
-                stability=_stability(every, choice.chosen, name),
+                probability=min(share_with(fit, name), AMBIGUOUS if alike else 1.0),
+                parameters=parameters_of(posterior, suspects[name], name),
+                weight=closed - ablation,
+                stability=_stability(fit, noise, name),
                 look_alikes=alike,
-                ablation=1.0 - float(np.sum(fit.judged_residual(without) ** 2)) / gap,
+                ablation=ablation,
             )
         )
     return tuple(sorted(causes, key=lambda cause: -cause.weight))
 
 
-def is_material(fit: LineFit, names: Names, cause: str) -> bool:
+def share_with(fit: LineFit, name: str) -> float:
+    """Probability of all sets that contain a suspect. [1]"""
+    return sum(p for names, p in fit.probability.items() if name in names)
+
+
+def is_material(fit: LineFit, cause: str) -> bool:
     """Whether the power that a cause takes is a share of that of the winch that matters."""
-    k = fit.lines.names.index(cause)
-    power = np.linalg.norm(fit.rows.columns[:, k] * fit.coefficients(names)[k])
-    return bool(power >= MATERIAL * np.linalg.norm(fit.rows.gap + fit.rows.given))
+    rows, number = fit.lines.fitted, fit.numbers(fit.found.best)[cause]
+    power = np.linalg.norm(fit.power(rows, {cause: number}))
+    return bool(power >= MATERIAL * np.linalg.norm(rows.gap + rows.given))
 
 
-def reported(fit: LineFit, names: Names) -> dict[str, Reported]:
-    """The number of each suspect of a set with its 95 % interval; Student's t for few folds."""
-    lines, x = fit.lines, fit.coefficients(names)
-    half = np.hypot(np.sqrt(np.diag(fit.covariance(names))), LAW * x) * student(fit.folds - 1)
-    ends = np.array([x, np.maximum(x - half, lines.low), np.minimum(x + half, lines.high)])
-    gain = reported_number("force_gain", float(x[lines.names.index("force_gain")])) if "force_gain" in names else 0.0
-    inside, found = fit.inside(names), {}
-    for name in names:
-        k = lines.names.index(name)
-        value, *interval = (
-            reported_number(name, end) * (1.0 + gain if name == "force_zero" else 1.0) for end in ends[:, k].tolist()
-        )
-        low, high = lines.plausible[:, k]
-        side: Literal["low", "high"] = "low" if x[k] <= lines.low[k] + 1e-9 * lines.span[k] else "high"
-        found[name] = Reported(
-            value,
-            min(interval),
-            max(interval),
-            NUMBERS[name][1],
-            None if name in inside else side,
-            beyond_range=name in RANGED and not low <= x[k] <= high,
-        )
-    return found
-
-
-def _look_alikes(fit: LineFit, choice: Choice, name: str) -> tuple[Alternative, ...]:
+def _look_alikes(fit: LineFit, name: str) -> tuple[Alternative, ...]:
     """Suspects of the smallest sets without a cause for which the evidence is not clearly lower, the most likely first."""
-    good = [names for names in choice.evidence if name not in names and choice.as_good(names)]
+    chosen, least = fit.found.best.names, fit.probability[fit.found.best.names] * math.exp(-AS_GOOD)
+    good = [names for names, p in fit.probability.items() if name not in names and p >= least]
     smallest = [names for names in good if not any(set(other) < set(names) for other in good)]
     best: dict[str, Names] = {}
-    for names in sorted(smallest, key=lambda names: -choice.evidence[names]):
+    for names in sorted(smallest, key=lambda names: -fit.probability[names]):
         for other in names:
-            if other not in choice.chosen:
+            if other not in chosen:
                 best.setdefault(other, names)
-    return tuple(
-        Alternative(other, choice.share_with(other), _difference(fit, choice.chosen, names))
-        for other, names in best.items()
-    )
+    return tuple(Alternative(other, share_with(fit, other), _difference(fit, names)) for other, names in best.items())
 
 
-def _difference(fit: LineFit, one: Names, other: Names) -> Spot:
-    """In which phase two sets differ most, as a root mean square."""
+def _difference(fit: LineFit, other: Names) -> Spot:
+    """In which phase the best set and another one differ most, as a root mean square."""
     rows = fit.lines.rows
-    squares = (rows.columns @ (fit.coefficients(one) - fit.coefficients(other))) ** 2
+    squares = (fit.power(rows, fit.numbers(fit.found.best)) - fit.power(rows, fit.numbers(fit.found.fit(other)))) ** 2
     sums, counts = (np.bincount(rows.blocks.phase, x, len(PHASES)) for x in (squares, np.ones(squares.size)))
     worst = int(np.argmax(sums))
     return Spot(POWER, PHASES[worst], bias=math.sqrt(float(sums[worst] / counts[worst])))
 
 
 # --------------------------------------------------------------------------------------------------------- cycle by cycle
-def _stability(fit: LineFit, names: Names, cause: str) -> Stability:
-    """Estimate the number of one cause from every cycle, the other numbers common to the cycles.
+def _stability(fit: LineFit, noise: LineNoise, cause: str) -> Stability:
+    """The number of one cause from every cycle alone, the other numbers as the joint fit has them.
 
     The noise within the phases, not the scatter of their means, is the uncertainty: the scatter is what is looked for.
 
     Parameters
     ----------
-    fit : of all cycles, the withheld ones too: they only show here whether the numbers are the same
-    names : the set of the fit
+    noise : of all cycles, the withheld ones too: they only show here whether the numbers are the same
     """
-    lines, cycle = fit.lines, fit.rows.blocks.cycle
-    first_row, number = np.unique(cycle, return_index=True)[1], np.unique(cycle, return_inverse=True)[1]
-    of_fold = number[np.unique(folds_of(cycle), return_index=True)[1]]
-    gram = np.zeros((first_row.size, *fit.gram.shape[1:]))
-    np.add.at(gram, of_fold, fit.gram)
-    k, others = lines.names.index(cause), fit.own(tuple(name for name in names if name != cause))
-    # each cycle has a coefficient of its own, in the last rows; those of the other suspects are common, in the first ones
-    common, size = gram.sum(axis=0), others.size
-    whole = np.diag(np.concatenate([np.zeros(size), gram[:, k, k]]))
-    whole[:size, :size] = common[np.ix_(others, others)]
-    whole[:size, size:] = gram[:, others, k].T
-    whole[size:, :size] = gram[:, others, k]
-    silent = gram[:, k, k] <= 1e-9 * gram[:, k, k].max(initial=1e-300)
-    whole[size:, size:] += np.diag(1.0 * silent)
-    covariance = np.linalg.pinv(whole, hermitian=True)
-    x = (covariance @ np.concatenate([common[others, -1], gram[:, k, -1]]))[size:]
-    joint = float(fit.coefficients(names)[k])
-    spread = covariance[size:, size:] + np.diag(np.full(x.size, (LAW * joint) ** 2))
-    half = COVERED * np.sqrt(np.diag(spread))
-    known = ~silent & (2.0 * half < lines.span[k])
-    runs = []
-    for row in range(x.size):
-        ends = [reported_number(cause, float(end)) for end in (x[row], x[row] - half[row], x[row] + half[row])]
-        runs.append(RunValue(row, ends[0], min(ends), max(ends)) if known[row] else RunValue(row))
-    slope = -1.0 / (1.0 + joint) ** 2 if cause == "force_gain" else 1.0  # of the reported number over the coefficient
-    order = np.flatnonzero(known) / max(float(np.ptp(np.flatnonzero(known))) if known.any() else 1.0, 1.0)
-    trends, _ = trends_of(slope * x[known], slope**2 * spread[np.ix_(known, known)], {"order": order})
+    lines, best = fit.lines, fit.found.best
+    problem, k = LineProblem(lines.suspects, noise.whitened(noise.within), noise.fold), best.names.index(cause)
+    cycles = np.unique(lines.rows.blocks.cycle)
+    cycle = noise.fold // -(-FOLDS // cycles.size)  # the folds of a cycle together
+    here = msgspec.structs.replace(best, given=problem.residuals([best.effects(lines.suspects)])[:, 0])
+    column = columns_of(problem, Marginal(problem.nuisance_columns([])), here, (cause,))[:, 0]
+    height = np.maximum(np.bincount(cycle, column**2, cycles.size), 1e-300)
+    own = best.x[k] - np.bincount(cycle, column * here.given, cycles.size) / height
+    u, runs = np.hypot(height**-0.5, LAW * best.x[k]), []
+    known = COVERED * u < 2.0 * best.free.sd[k]
+    for row, (value, half) in enumerate(zip(own.tolist(), (COVERED * u).tolist(), strict=True)):
+        runs.append(RunValue(row, value, value - half, value + half) if known[row] else RunValue(row))
+    order = np.flatnonzero(known)
+    order = (order - order.min(initial=0)) / max(int(np.ptp(order)) if order.size else 1, 1)
+    trends, _ = trends_of(own[known], np.diag(u[known] ** 2), {"order": order})
     return Stability(tuple(runs), tuple(trends))
 
 
 # ------------------------------------------------------------------------------------------------------------ the next run
-def plan(fit: LineFit, choice: Choice, causes: tuple[NamedCause, ...]) -> Experiment | None:
+def plan(fit: LineFit, causes: tuple[NamedCause, ...]) -> Experiment | None:
     """Choose the motion in which the causes and the set that comes nearest with one of them swapped differ most."""
-    others = [name for name in fit.lines.names if name not in choice.chosen]
-    swaps = [
-        (choice.evidence[swapped], cause.effect, other, swapped)
-        for cause in causes
-        for other in others
-        for swapped in [tuple(n for n in fit.lines.names if n in {*choice.chosen, other} - {cause.effect})]
-    ]
+    chosen = fit.found.best.names
+    others = [name for name in fit.lines.names if name not in chosen]
+    swaps = [(swap(chosen, cause.effect, other), cause.effect, other) for cause in causes for other in others]
     if not swaps:
         return None
-    _, name, other, swapped = max(swaps)
+    swapped, name, other = max(swaps, key=lambda one: fit.probability[one[0]])
     motions, pull = _motions(fit.lines)
-    scores = {motion: _significance(fit, choice.chosen, swapped, *made) for motion, made in motions.items()}
+    scores = {motion: _significance(fit, fit.found.fit(swapped), *made) for motion, made in motions.items()}
     best = max(scores, key=lambda motion: scores[motion])
     return Experiment(best, float(motions[best][1].max()), (name, other), scores[best], force=pull)
 
@@ -209,13 +171,14 @@ def _motions(lines: Lines) -> tuple[dict[Motion, tuple[Signal, Signal, Signal]],
     }, pull
 
 
-def _significance(fit: LineFit, one: Names, other: Names, t: Signal, v: Signal, f: Signal) -> float:
-    """Significance with which a motion distinguishes two sets; the numbers of the second may adapt within the logs. [sigma]"""
-    noise = math.sqrt(max(float(np.mean(fit.residual(one) ** 2)), 1e-18))
-    made = columns_of(t, v, f)
+def _significance(fit: LineFit, other: Fit, t: Signal, v: Signal, f: Signal) -> float:
+    """Significance with which a motion distinguishes the best set from another one, whose numbers may adapt. [sigma]"""
+    best, rows = fit.found.best, fit.lines.fitted
+    noise = math.sqrt(max(float(np.mean((rows.gap - fit.power(rows, fit.numbers(best))) ** 2)), 1e-18))
+    made = power_columns(t, v, f)
     columns = np.column_stack([made[name] for name in fit.lines.names]) / noise
-    own = fit.own(other)
-    z, j = columns @ (fit.coefficients(one) - fit.coefficients(other)), columns[:, own]
-    precision = np.linalg.pinv(fit.covariance(other)[np.ix_(own, own)], hermitian=True)
-    pull = j.T @ z
+    planned = msgspec.structs.replace(rows, columns=columns, t=t)
+    z = fit.power(planned, fit.numbers(best)) - fit.power(planned, fit.numbers(other))
+    j = fit.by_number(planned, other)
+    pull, precision = j.T @ z, np.linalg.pinv(fit.covariance(other), hermitian=True)
     return math.sqrt(max(float(z @ z - pull @ np.linalg.pinv(j.T @ j + precision, hermitian=True) @ pull), 0.0))

@@ -18,10 +18,11 @@ from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK, Index, Mask, Run, Signal
 from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row
-from winchcascade.rig.kernel import REST
+from winchcascade.rig.effects.effect import Display, Effect, Parameter
+from winchcascade.rig.physics import REST
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnosis_result import Entries
@@ -34,17 +35,17 @@ POWER = "power_mech"
 """Channel in which a winch without a model shows its gap."""
 
 NUMBERS = {
-    "drum_inertia": ("mass_extra", "kg"),
-    "line_friction": ("force", "N"),
-    "line_drag": ("b_line", "N.s/m"),
-    "load_proportional_loss": ("share", "1"),
-    "force_gain": ("gain_error", "relative"),
-    "force_zero": ("offset", "N"),
+    "drum_inertia": ("mass_extra", "kg", Display("inertia, as a mass on the line", 1.0, "kg", signed=False)),
+    "line_friction": ("force", "N", Display("constant friction", 1.0, "N", signed=False)),
+    "line_drag": ("b_line", "N.s/m", Display("drag over speed", 1.0, "N·s/m", signed=False)),
 }
-"""Suspects that act between line and shaft: the number that is reported of each, in line units as no drum is known."""
+"""Suspects whose number is in units of the line, as no drum is known: its name, unit and display."""
 
-RANGED = ("load_proportional_loss", "force_gain", "force_zero")
-"""Suspects whose number is a field of the catalogue, and its range that of the field."""
+ACTING = (*NUMBERS, "load_proportional_loss", "force_gain", "force_zero")
+"""Suspects that act between line and shaft."""
+
+FAR = 100.0
+"""Bound of a number in line units, as a multiple of what would take all power. [1]"""
 
 MIN_BLOCKS = 30
 """Minimum number of blocks of a log: five for each coefficient."""
@@ -86,21 +87,16 @@ class LineRows(msgspec.Struct, frozen=True):
 
 
 class Lines(msgspec.Struct, frozen=True):
-    """All rows of a campaign, the suspects by `names`, and of their coefficients the bounds `low` and `high`, (suspects,), and
-    the `plausible` range, (2, suspects).
-    """
+    """All rows of a campaign, and the suspects with their numbers in units of the line."""
 
-    names: tuple[str, ...]
+    suspects: Suspects
     parts: tuple[LinePart, ...]
     rows: LineRows
-    low: Signal
-    high: Signal
-    plausible: Signal
 
     @property
-    def span(self) -> Signal:
-        """Length of the plausible range of each coefficient, (suspects,)."""
-        return np.asarray(self.plausible[1] - self.plausible[0])
+    def names(self) -> tuple[str, ...]:
+        """Names of the suspects, in the order of the columns."""
+        return tuple(self.suspects)
 
     @property
     def withheld(self) -> Mask:
@@ -133,11 +129,11 @@ def lines_of(entries: Entries, rig: Rig, suspects: Suspects) -> Lines:
     LogError, CampaignError : a log lacks a channel, or an entry the cycles that it names
     OptionError : no suspect acts between line and shaft
     """
-    names = tuple(name for name in NUMBERS if name in suspects)
+    names = tuple(name for name in ACTING if name in suspects)
     if not names:
         raise OptionError(
             f"none of the suspects ({', '.join(suspects)}) acts between line and shaft, all that this rig has; suspect "
-            f"{', '.join(NUMBERS)}."
+            f"{', '.join(ACTING)}."
         )
     cycles, parts, tables = entries.cycles or [None] * len(entries.runs), list[LinePart](), list[LineRows]()
     for k, (run, asked) in enumerate(zip(entries.runs, cycles, strict=True)):
@@ -156,7 +152,7 @@ def lines_of(entries: Entries, rig: Rig, suspects: Suspects) -> Lines:
         **{name: np.concatenate([getattr(table, name) for table in tables]) for name in rest},
     )
     fitted = rows.some(~np.array([part.withheld for part in parts])[rows.part])
-    return Lines(names, tuple(parts), rows, *_bounds(suspects, names, fitted))
+    return Lines(_in_line_units(suspects, names, fitted), tuple(parts), rows)
 
 
 def _rows_of(run: Run, rig: Rig, names: Sequence[str], asked: tuple[int, int] | None, number: int) -> LineRows:
@@ -167,24 +163,21 @@ def _rows_of(run: Run, rig: Rig, names: Sequence[str], asked: tuple[int, int] | 
     for channel in (CLOCK, "velocity", "force", POWER, "torque"):
         for a, b in run.gaps.get(channel, np.zeros((0, 2))).tolist():
             good &= ~((run.t > a - step) & (run.t < b + step))
-    made = columns_of(run.t, v, f)
+    made = power_columns(run.t, v, f)
     blocks = blocks_of(run, rig, asked)
     known = blocks.mean(good.astype(np.float64))
     signals = [run.t, v * f, power - v * f, v, f, *(made[name] for name in names)]
     means = np.array([blocks.mean(np.where(good, x, 0.0)) for x in signals])[:, known > 0.5] / known[known > 0.5]
-    width = np.gradient(run.t)
-    width = blocks.count * blocks.mean(
-        np.minimum(width, 2.0 * step)
-    )  # a lost row counts as a step, a longer gap does not
+    width = blocks.count * blocks.mean(np.minimum(np.gradient(run.t), 2.0 * step))  # not that of a gap
+    own = np.maximum(blocks.cycle, 1)[known > 0.5]  # rest before the first payout belongs to its cycle
     kept = Blocks(*(field[known > 0.5] for field in msgspec.structs.astuple(blocks)))
-    t, given, gap = means[:3]
-    own = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
-    kept = msgspec.structs.replace(kept, cycle=own)
-    part = np.full(kept.size, number)
-    return LineRows(part, kept, own, t, width[known > 0.5], given, gap, means[5:].T, means[3:5].T)
+    kept, (t, given, gap) = msgspec.structs.replace(kept, cycle=own), means[:3]
+    return LineRows(
+        np.full(kept.size, number), kept, own, t, width[known > 0.5], given, gap, means[5:].T, means[3:5].T
+    )  # fmt: skip
 
 
-def columns_of(t: Signal, v: Signal, f: Signal) -> dict[str, Signal]:
+def power_columns(t: Signal, v: Signal, f: Signal) -> dict[str, Signal]:
     """Power at the shaft that one unit of the coefficient of each suspect adds, (n,) each, from line speed and tension. [W]"""
     return {
         "drum_inertia": -np.gradient(0.5 * v**2, t),
@@ -219,29 +212,29 @@ def measured_power(run: Run, rig: Rig) -> Signal:
     return power
 
 
-def reported_number(name: str, coefficient: float) -> float:
-    """Number that is reported of a coefficient; F_read = (1 + g) F reverses h = 1 / (1 + g) - 1.
+def coefficients_of(names: Sequence[str], numbers: Mapping[str, float]) -> Signal:
+    """Coefficients of the columns of some suspects, (suspects,), for the numbers of some of them.
 
-    >>> round(reported_number("force_gain", -0.2), 12), reported_number("line_drag", 300.0)
-    (0.25, 300.0)
+    >>> coefficients_of(("line_drag", "force_gain", "force_zero"), {"force_gain": 0.25, "force_zero": 50.0}).round(9).tolist()
+    [0.0, -0.2, 40.0]
     """
-    return -coefficient / (1.0 + coefficient) if name == "force_gain" else coefficient
+    gain = 1.0 + numbers.get("force_gain", 0.0)
+    made = {"force_gain": 1.0 / gain - 1.0, "force_zero": numbers.get("force_zero", 0.0) / gain}
+    return np.array([made.get(name, numbers.get(name, 0.0)) for name in names])
 
 
-def _bounds(suspects: Suspects, names: Sequence[str], rows: LineRows) -> tuple[Signal, Signal, Signal]:
-    """Bounds of the coefficients, (suspects,) each, and their plausible ranges, (2, suspects).
+def _in_line_units(suspects: Suspects, names: Sequence[str], rows: LineRows) -> dict[str, Effect]:
+    """The suspects with the number that a winch without a drum has of each.
 
     No loss is a source of power. In units of the line no range of an inertia, a friction or a drag is known beforehand: at most
     it takes as much power as the winch has.
     """
     size = np.linalg.norm(rows.gap + rows.given) / np.maximum(np.linalg.norm(rows.columns, axis=0), 1e-300)
-    found = []
+    found = {name: suspects[name] for name in names}
     for name, most in zip(names, size.tolist(), strict=True):
-        field = suspects[name].fields[0]
-        if name == "force_gain":
-            ends = [1.0 / (1.0 + g) - 1.0 for g in (field.possible[1], field.possible[0], field.high, field.low)]
-        else:
-            ends = [*field.possible, field.low, field.high] if name in RANGED else [0.0, np.inf, 0.0, most]
-        found.append(ends)
-    low, high, *plausible = np.array(found).T
-    return low, high, np.array(plausible)
+        if name in NUMBERS:
+            number, unit, display = NUMBERS[name]
+            fields = (Parameter(number, unit, 0.0, most, (0.0, FAR * most)),)
+            own = {"fields": fields, "parameter": number, "unit": unit, "display": display, "law": None}
+            found[name] = msgspec.structs.replace(found[name], **own)
+    return found

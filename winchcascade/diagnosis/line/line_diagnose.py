@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import linear_algebra_on_one_thread
-from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
+from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT, PHASES, scatter_about_course
 from winchcascade.diagnosis.closure import DRAWS, ROUGH
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
@@ -19,7 +19,6 @@ from winchcascade.diagnosis.diagnosis_result import (
     DiagnosisResult,
     Entries,
     GapClosure,
-    Names,
     Place,
     Remainder,
     Shrunk,
@@ -30,7 +29,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.gap_map import weigh
 from winchcascade.diagnosis.line.line_causes import is_material, line_causes, plan
 from winchcascade.diagnosis.line.line_data import POWER, LineRows, Lines, lines_of
-from winchcascade.diagnosis.line.line_fit import Choice, LineFit, choose, fit_of, folds_of
+from winchcascade.diagnosis.line.line_fit import LineFit, fit_of, folds_of
 from winchcascade.diagnosis.stability import CHANCE
 
 if TYPE_CHECKING:
@@ -80,7 +79,6 @@ class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
 
     lines: Lines
     fit: LineFit
-    choice: Choice
     closure: LineClosure | None = None
     energies: tuple[CycleEnergy, ...] = ()
 
@@ -112,15 +110,14 @@ def diagnose_line(
     lines = lines_of(entries, rig, suspects)
     on_progress("leaving each cycle out in turn")
     fit = fit_of(lines)
-    choice = choose(fit)
-    closure = _closure(fit, choice.chosen, seed)
+    closure = _closure(fit, seed)
     on_progress("looking for alternative explanations")
-    fitted = line_causes(fit, choice, suspects)
-    causes = tuple(cause for cause in fitted if is_material(fit, choice.chosen, cause.effect))
-    energies, alarms = _energies(fit, choice.chosen, closure.after)
+    fitted, chosen = line_causes(fit), fit.found.best.names
+    causes = tuple(cause for cause in fitted if is_material(fit, cause.effect))
+    energies, alarms = _energies(fit, closure.after)
     remainder = _remainder(closure, alarms)
     verdict = _verdict(closure, remainder, named=bool(causes))
-    places, experiment = _places(lines.rows), plan(fit, choice, causes)
+    places, experiment = _places(lines.rows), plan(fit, causes)
     causes, no_gap = () if verdict == "unexplained" else causes, verdict == "no_gap"
     largest = max(places, key=lambda place: place.share)
     return LineDiagnosis(
@@ -128,19 +125,18 @@ def diagnose_line(
         rig=rig,
         seed=seed,
         runs=tuple(part.run for part in lines.parts),
-        suspects={name: suspects[name] for name in lines.names},
+        suspects=lines.suspects,
         verdict=verdict,
         where=None if no_gap else Where(causes[0].stage if causes else "transmission", largest),
-        chosen=choice.chosen,
+        chosen=chosen,
         causes=causes,
         fitted=fitted,
-        closure=closure if choice.chosen and not no_gap else None,
+        closure=closure if chosen and not no_gap else None,
         remainder=None if no_gap else remainder,
         experiment=experiment,
-        sets=dict(choice.probability),
+        sets=fit.probability,
         lines=lines,
         fit=fit,
-        choice=choice,
         places=places,
         energies=energies,
     )
@@ -176,9 +172,9 @@ def _places(rows: LineRows) -> tuple[Place, ...]:
     return tuple(found)
 
 
-def _closure(fit: LineFit, names: Names, seed: int) -> LineClosure:
+def _closure(fit: LineFit, seed: int) -> LineClosure:
     """Predict every judged row from a fit without it, and resample the cycles for the interval of the share."""
-    rows, after = fit.lines.judged, fit.judged_residual(names)
+    rows, after = fit.lines.judged, fit.residual(fit.found.best)
     fold = folds_of(rows.blocks.cycle)
     old, new = np.bincount(fold, rows.gap**2), np.bincount(fold, after**2)
     draws = np.random.default_rng(seed).integers(old.size, size=(DRAWS, old.size))
@@ -216,12 +212,12 @@ def _remainder(closure: LineClosure, energies: tuple[Alarm, ...]) -> Remainder:
 
 
 # ---------------------------------------------------------------------------------------------------------------- energies
-def _energies(fit: LineFit, names: Names, after: Signal) -> tuple[tuple[CycleEnergy, ...], tuple[Alarm, ...]]:
+def _energies(fit: LineFit, after: Signal) -> tuple[tuple[CycleEnergy, ...], tuple[Alarm, ...]]:
     """Energies of the judged cycles by phase, and an alarm for each phase whose energies the causes do not explain.
 
     The residuals of a phase are an alarm where their root mean square, or their sum, is more than a small share of the energy,
-    and more than the noise within the phases and the uncertainty of the coefficients allow. At rest the energy of the payout is
-    the yardstick. The uncertainty that is reported contains the scatter of cycles, too.
+    and more than the noise within the phases and the uncertainty of the coefficients allow. The uncertainty that is reported
+    contains the scatter of cycles, too.
     """
     from scipy.special import chdtrc
 
@@ -229,30 +225,27 @@ def _energies(fit: LineFit, names: Names, after: Signal) -> tuple[tuple[CycleEne
     code, row, place = np.unique(
         rows.blocks.cycle * len(PHASES) + rows.blocks.phase, return_index=True, return_inverse=True
     )
-    cycle, phase = np.divmod(code, len(PHASES))
+    phase = code % len(PHASES)
 
     def energy(power: Signal) -> Signal:
         return np.bincount(place, power * rows.width).astype(np.float64)
 
     measured, before, residual = map(energy, (rows.gap + rows.given, rows.given, after))
-    columns = np.column_stack([energy(column) for column in rows.columns.T])
-    of_numbers = columns @ fit.covariance(names) @ columns.T
-    scale = float(np.median(rows.width)) * energy(
-        np.ones(rows.t.size)
-    )  # a sum of n rows has n times the variance of a mean
+    columns = np.array([energy(column) for column in fit.by_number(rows, fit.found.best).T]).reshape(-1, code.size).T
+    of_numbers = columns @ fit.covariance(fit.found.best) @ columns.T
+    # a sum of n rows has n times the variance of a mean
+    scale = float(np.median(rows.width)) * energy(np.ones(rows.t.size))
     within, between = (np.diag(scale * variance[phase, -1]) for variance in (fit.noise.within, fit.noise.variance))
-    working = {int(c): x for c, p, x in zip(cycle, phase, measured, strict=True) if p == PAYOUT}
-    yardstick = [working.get(int(c), x) if p == HOLD else x for c, p, x in zip(cycle, phase, measured, strict=True)]
     alarms = []
-    for p, name in enumerate(PHASES):
+    for p in (PAYOUT, HAUL_IN):
         here = np.flatnonzero(phase == p)
         for sums, noise in ((np.eye(here.size), within), (np.ones((1, here.size)), between)):  # each cycle, then all
-            left, ruler = sums @ residual[here], sums @ np.array(yardstick)[here]
+            left, ruler = sums @ residual[here], sums @ measured[here]
             spread = sums @ (noise + of_numbers)[np.ix_(here, here)] @ sums.T
             size = float(np.linalg.norm(left)) / max(float(np.linalg.norm(ruler)), 1e-300)
             squares = max(float(left @ np.linalg.pinv(spread, hermitian=True) @ left), 0.0)
             if size > SMALL_ENERGY and float(chdtrc(left.size, squares)) < CHANCE:
-                alarms.append(Alarm("energy", Spot(POWER, name), size, SMALL_ENERGY))
+                alarms.append(Alarm("energy", Spot(POWER, PHASES[p]), size, SMALL_ENERGY))
     u = np.sqrt(np.diag(between + of_numbers))
     energies = [
         CycleEnergy(lines.parts[rows.part[k]].run.name, int(rows.own_cycle[k]), PHASES[p], "mech", *numbers)

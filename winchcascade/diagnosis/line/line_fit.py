@@ -1,4 +1,4 @@
-"""Fit of a winch without a model: the noise of its power, every set of suspects by its evidence, and their covariance.
+"""Fit of a winch without a model: the noise of its power, and the search for the suspects that explain it.
 
 The residual of a fit is no white noise: losses that vary make it last. Haar's orthonormal transform of each phase of each cycle
 separates the two: a coefficient compares the means of two neighbouring stretches of 1, 2, 4 ... blocks, and the last one is the
@@ -9,22 +9,27 @@ Walden 1996), so that weights by their variances make generalised least squares:
 from __future__ import annotations
 
 import math
-from itertools import combinations, pairwise
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from scipy.sparse import csr_array
 
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.causes import AS_GOOD
-from winchcascade.diagnosis.evidence import CLEARLY
+from winchcascade.diagnosis.causes import posterior_of
+from winchcascade.diagnosis.line.line_data import coefficients_of
+from winchcascade.diagnosis.marginal import Columns, weights
+from winchcascade.diagnosis.search import Fit, Found, columns_of, search
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Sequence
 
     from winchcascade.core.run import Index, Signal
     from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.line.line_data import LineRows, Lines
+    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import ActiveEffect
 
 LEVELS = 24
 """Columns of a table of variances: differences of 1, 2, 4 ... blocks, and in the last column the means of stretches."""
@@ -32,7 +37,7 @@ LEVELS = 24
 FEW = 4.0
 """Number of coefficients as which the variance of the next shorter length counts where a length has few of its own."""
 
-FOLDS = 8
+FOLDS = 10
 """Minimum number of folds: fewer cycles are cut into about as many pieces in order of time."""
 
 QUIET = 1e-8
@@ -89,11 +94,9 @@ class LineNoise(msgspec.Struct, frozen=True):
     level: Index
     variance: Signal
 
-    def gram(self, variance: Signal) -> Signal:
-        """Products of the coefficients of each fold, weighted by the inverse of a variance, (G, k + 1, k + 1)."""
-        weighted = self.values / np.sqrt(variance[self.phase, self.level])[:, None]
-        ends = np.searchsorted(self.fold, np.arange(int(self.fold.max()) + 2))
-        return np.array([weighted[a:b].T @ weighted[a:b] for a, b in pairwise(ends)])
+    def whitened(self, variance: Signal) -> Signal:
+        """The coefficients in units of a noise by phase and level, (n, k + 1)."""
+        return np.asarray(self.values / np.sqrt(variance[self.phase, self.level])[:, None])
 
     @property
     def within(self) -> Signal:
@@ -140,150 +143,105 @@ def noise_of(rows: LineRows) -> LineNoise:
     return LineNoise(values, fold, phase, level, variance)
 
 
-class LineFit(msgspec.Struct, frozen=True):
-    """The weighted squares of a winch as a quadratic of its coefficients: `gram` (G, k + 1, k + 1) of columns and gap by fold.
-
-    `scale` is the number of coefficients for each independent one, at least 1: scores of whole folds against the curvature
-    show how far they depend on each other (the composite likelihood of Pauli, Racugno and Ventura 2011).
+class LineProblem(msgspec.Struct, frozen=True):
+    """The power of a winch as a problem of `search`: whitened coefficients of columns and gap, `rows` (n, k + 1) [1], in groups
+    of one fold each, (n,). It has no nuisances.
     """
 
-    lines: Lines
-    rows: LineRows
-    noise: LineNoise
-    gram: Signal
-    scale: float = 1.0
+    suspects: Suspects
+    rows: Signal
+    groups: Index
 
     @property
-    def folds(self) -> int:
-        """How many there are."""
-        return len(self.gram)
+    def begins(self) -> dict[str, tuple[float, ...]]:
+        """None: the problem is nearly linear."""
+        return {}
 
-    def own(self, names: Names) -> Index:
-        """Numbers of the coefficients of some suspects."""
-        return np.array([self.lines.names.index(name) for name in names], dtype=np.intp)
+    def price(self, _name: str) -> float:
+        """Logarithm of the number of suspects [1]."""
+        return math.log(max(len(self.suspects), 2))
 
-    def curvature(self, names: Names, gram: Signal) -> Signal:
-        """Curvature of the negative logarithm of the posterior; half of a plausible range is one standard deviation."""
-        own = self.own(names)
-        prior = np.diag((0.5 * self.lines.span[own]) ** -2.0)
-        curve: Signal = gram[np.ix_(own, own)] / self.scale + prior
-        return curve
-
-    def coefficients(self, names: Names, without: int | None = None) -> Signal:
-        """Coefficients of a set within their bounds, (suspects,), 0 outside the set.
-
-        Parameters
-        ----------
-        without : a fold that is left out
-        """
-        from scipy.optimize import lsq_linear
-
-        gram = self.gram.sum(axis=0) - (0.0 if without is None else self.gram[without])
-        own, found = self.own(names), np.zeros(len(self.lines.names))
-        if not names:
-            return found
-        curve, slope = self.curvature(names, gram), gram[own, -1] / self.scale
-        low, high = self.lines.low[own], self.lines.high[own]
-        x = np.linalg.solve(curve, slope)
-        if np.any((x < low) | (x > high)):
-            lower = np.linalg.cholesky(curve)
-            x = lsq_linear(lower.T, np.linalg.solve(lower, slope), bounds=(low, high), method="bvls").x
-        found[own] = x
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
+        """Measured minus predicted coefficients of several sets of effects, (n, sets)."""
+        numbers = [{one.effect.name: one.values[0] for one in effects} for effects in several]
+        coefficients = np.array([coefficients_of(tuple(self.suspects), each) for each in numbers])
+        found: Signal = self.rows[:, -1:] - self.rows[:, :-1] @ coefficients.reshape(len(several), -1).T
         return found
 
-    def inside(self, names: Names) -> list[str]:
-        """Suspects of a set whose coefficients lie at no bound."""
-        x, lines = self.coefficients(names), self.lines
-        eps = 1e-9 * lines.span
-        free = (x > lines.low + eps) & (x < lines.high - eps)
-        return [name for name in names if free[lines.names.index(name)]]
+    def nuisance_columns(self, _effects: Sequence[ActiveEffect]) -> Columns:
+        """None."""
+        return Columns(np.zeros((len(self.rows), 0)), csr_array((len(self.rows), 0)))
 
-    def residual(self, names: Names) -> Signal:
-        """Measured minus predicted power of the rows of the fit, each by a fit without its fold, (m,) [W]."""
-        fits = np.array([self.coefficients(names, without=g) for g in range(self.folds)])
-        left: Signal = self.rows.gap - np.sum(self.rows.columns * fits[folds_of(self.rows.blocks.cycle)], axis=1)
-        return left
 
-    def judged_residual(self, names: Names) -> Signal:
-        """Measured minus predicted power of the judged rows by a fit without them, (m,) [W]."""
-        if not self.lines.withheld.any():
-            return self.residual(names)
-        judged = self.lines.judged
-        left: Signal = judged.gap - judged.columns @ self.coefficients(names)
-        return left
+class LineFit(msgspec.Struct, frozen=True):
+    """What a search found for the rows that take part in choice and fit, and the probability of every set of suspects."""
 
-    def evidence(self, names: Names) -> float:
-        """Logarithm of the evidence for a set, up to a constant, by Laplace (MacKay 2003, ch. 28).
+    lines: Lines
+    noise: LineNoise
+    found: Found
+    probability: dict[Names, float]
 
-        It is minus half of the weighted squares, less what the freedom of the numbers costs over their plausible ranges, less
-        the logarithm of the number of suspects for each cause.
-        """
-        gram, x, sd = self.gram.sum(axis=0), self.coefficients(names), 0.5 * self.lines.span
-        with_gap = np.append(-x, 1.0)
-        squares = float(with_gap @ gram @ with_gap) / self.scale + float(np.sum((x / sd) ** 2))
-        free = tuple(self.inside(names))
-        widths = sd[self.own(free)]
-        occam = float(np.linalg.slogdet(self.curvature(free, gram) * np.outer(widths, widths))[1]) if free else 0.0
-        return -0.5 * squares - 0.5 * occam - len(names) * math.log(max(len(self.lines.names), 2))
+    def numbers(self, fit: Fit) -> dict[str, float]:
+        """The number of each suspect of a fit."""
+        return dict(zip(fit.names, fit.x.tolist(), strict=True))
 
-    def covariance(self, names: Names) -> Signal:
-        """Covariance of the coefficients of a set, (suspects, suspects), 0 for those outside it or at a bound.
-
-        For each coefficient the larger one of Laplace's and that of the sums of the scores of each fold, whose rows depend on
-        each other (Liang and Zeger 1986), with G / (G - k) for G folds and k coefficients.
-        """
-        free, found = tuple(self.inside(names)), np.zeros((len(self.lines.names),) * 2)
-        if free:
-            own, gram = self.own(free), self.gram
-            scores = (gram[:, :-1, -1] - gram[:, :-1, :-1] @ self.coefficients(names))[:, own] / self.scale
-            inverse = np.linalg.inv(self.curvature(free, gram.sum(axis=0)))
-            spread = self.folds / max(self.folds - own.size, 1.0) * inverse @ scores.T @ scores @ inverse
-            more = np.sqrt(np.maximum(np.diag(spread) / np.diag(inverse), 1.0))
-            found[np.ix_(own, own)] = inverse * np.outer(more, more)
+    def power(self, rows: LineRows, numbers: dict[str, float]) -> Signal:
+        """What some numbers add to the power of the line, (m,). [W]"""
+        found: Signal = rows.columns @ coefficients_of(self.lines.names, numbers)
         return found
+
+    def by_number(self, rows: LineRows, fit: Fit) -> Signal:
+        """Derivative of the power over the numbers of a fit, (m, k). [W per unit]"""
+        numbers, made = self.numbers(fit), []
+        for name, sd in zip(fit.names, fit.free.sd.tolist(), strict=True):
+            step = 1e-6 * sd
+            more = self.power(rows, {**numbers, name: numbers[name] + step})
+            made.append((more - self.power(rows, numbers)) / step)
+        return np.array(made).reshape(len(made), rows.t.size).T
+
+    def covariance(self, fit: Fit) -> Signal:
+        """Covariance of the numbers of a fit, (k, k)."""
+        return posterior_of(self.found, fit).covariance
+
+    def residual(self, fit: Fit) -> Signal:
+        """Measured minus predicted power of the judged rows, (m,) [W].
+
+        Withheld ones by the fit as it is, others by that without their fold, which follows from the quadratic about the fit.
+        """
+        rows, numbers = self.lines.judged, self.numbers(fit)
+        left: Signal = rows.gap - self.power(rows, numbers)
+        if self.lines.withheld.any() or not fit.names:
+            return left
+        columns = columns_of(self.found.problem, self.found.marginal, fit, fit.names)
+        weighted, groups = columns * weights(fit.r)[:, None], self.found.problem.groups
+        whole, fold = weighted.T @ columns + np.diag(fit.free.sd**-2.0), folds_of(rows.blocks.cycle)
+        for g in range(int(fold.max()) + 1):
+            own = groups == g
+            change = np.linalg.solve(whole - weighted[own].T @ columns[own], weighted[own].T @ fit.r[own])
+            x = np.clip(fit.x + change, fit.free.minimum, fit.free.maximum)
+            here = rows.some(fold == g)
+            left[fold == g] = here.gap - self.power(here, dict(zip(fit.names, x.tolist(), strict=True)))
+        return left
 
 
 def fit_of(lines: Lines) -> LineFit:
-    """The quadratic of the rows that take part in choice and fit."""
+    """Search the suspects that explain the rows that take part in choice and fit, and weigh every set."""
     noise = noise_of(lines.fitted)
-    fit = LineFit(lines, lines.fitted, noise, noise.gram(noise.variance))
-    x = fit.coefficients(lines.names)
-    scores = fit.gram[:, :-1, -1] - fit.gram[:, :-1, :-1] @ x
-    inverse = np.linalg.pinv(fit.gram.sum(axis=0)[:-1, :-1], hermitian=True)
-    spread = fit.folds / (fit.folds - 1.0) * float(np.sum(scores @ inverse * scores)) / x.size
-    return msgspec.structs.replace(fit, scale=max(spread, 1.0))
+    rows = noise.whitened(noise.variance)
+    found = search(LineProblem(lines.suspects, rows / math.sqrt(_dependence(rows, noise.fold)), noise.fold))
+    every = [tuple(sorted(s)) for size in range(len(lines.names) + 1) for s in combinations(lines.names, size)]
+    evidence = np.array([found.expansion.rated(names) for names in every])
+    odds = np.exp(evidence - evidence.max())
+    return LineFit(lines, noise, found, dict(zip(every, (odds / odds.sum()).tolist(), strict=True)))
 
 
-class Choice(msgspec.Struct, frozen=True):
-    """Every set of suspects: its `evidence`, its squared error in folds left out of its fit, over that without any cause, and
-    its `probability`. `chosen` is the smallest set that no larger one beats clearly.
+def _dependence(rows: Signal, fold: Index) -> float:
+    """Number of whitened coefficients for each independent one, at least 1: scores of whole folds against the curvature (the
+    composite likelihood of Pauli, Racugno and Ventura 2011).
     """
-
-    evidence: Mapping[Names, float]
-    errors: Mapping[Names, float]
-    probability: Mapping[Names, float]
-    chosen: Names
-
-    def as_good(self, names: Names) -> bool:
-        """Whether the evidence for a set is not clearly below that for the chosen one."""
-        return self.evidence[names] >= self.evidence[self.chosen] - AS_GOOD
-
-    def share_with(self, name: str) -> float:
-        """Probability of all sets that contain a suspect. [1]"""
-        return sum(p for names, p in self.probability.items() if name in names)
-
-
-def choose(fit: LineFit) -> Choice:
-    """Weigh every set of suspects, and choose the smallest that no larger one beats by `CLEARLY` for each further cause."""
-    suspects = fit.lines.names
-    every = [names for size in range(len(suspects) + 1) for names in combinations(suspects, size)]
-    evidence = {names: fit.evidence(names) for names in every}
-    gap, most = max(float(np.sum(fit.rows.gap**2)), 1e-300), max(evidence.values())
-    weights = {names: math.exp(value - most) for names, value in evidence.items()}
-    whole = sum(weights.values())
-    return Choice(
-        evidence=evidence,
-        errors={names: float(np.sum(fit.residual(names) ** 2)) / gap for names in every},
-        probability={names: weight / whole for names, weight in weights.items()},
-        chosen=max(every, key=lambda names: evidence[names] - CLEARLY * len(names)),
-    )
+    columns, gap = rows[:, :-1], rows[:, -1]
+    inverse = np.linalg.pinv(columns.T @ columns, hermitian=True)
+    scores = np.zeros((int(fold.max()) + 1, columns.shape[1]))
+    np.add.at(scores, fold, columns * (gap - columns @ (inverse @ (columns.T @ gap)))[:, None])
+    spread = float(np.sum(scores @ inverse * scores))
+    return max(len(scores) / (len(scores) - 1.0) * spread / int(columns.shape[1]), 1.0)

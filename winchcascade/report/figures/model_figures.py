@@ -197,7 +197,7 @@ def segments_of(budgets: Sequence[LossBudget]) -> dict[str, list[float]]:
     every = {name: [100.0 * budget.shares[name] for budget in budgets] for name in GROUPS}
     ranked = sorted(every, key=lambda name: -sum(map(abs, every[name])))
     own = {*ranked[: SEGMENTS - 1]}
-    found = {GROUPS[name].name: shares for name, shares in every.items() if name in own}
+    found = {name: shares for name, shares in every.items() if name in own}
     rest = [shares for name, shares in every.items() if name not in own]
     return {**found, OTHER: [sum(each) for each in zip(*rest, strict=True)]}
 

@@ -64,7 +64,7 @@ def _by_load(audit: Audit) -> dict[str, Any]:
         "contradictions": [
             *(_contradiction("column", _example(audit, fault.columns)) | {"cells": fault.columns, "line": None,
               "sentence": fault.sentence, "repairs": []} for fault in audit.faults),
-            *(_contradiction(item.kind, item) | load_record(item.load) for item in audit.contradictions),
+            *(_contradiction("row", item) | load_record(item.row.load) for item in audit.contradictions),
         ],
         "claims": [
             {"verdict": one.verdict, **picked(one.claim, "says", "where"), "sentence": one.sentence, "line": one.claim.line}
@@ -113,8 +113,8 @@ def _by_point(audit: Audit) -> dict[str, Any]:
         ],
         "contradictions": [
             {
-                "row": row.number,
-                "key": {name: row.cells[name].value for name in table.keys if name in row.cells},
+                "row": item.row.number,
+                "key": {name: item.row.cells[name].value for name in table.keys if name in item.row.cells},
                 "column": item.metric,
                 "printed": item.printed.value,
                 "unit": item.printed.unit,
@@ -122,7 +122,6 @@ def _by_point(audit: Audit) -> dict[str, Any]:
                 "sentence": item.sentence,
             }
             for item in audit.contradictions
-            if (row := item.row) is not None
         ],
     }
 

@@ -10,7 +10,7 @@ from winchcascade.report.content import Column, Measured, Note, Report, Section,
 from winchcascade.report.glossary import upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
 from winchcascade.rig.effects.effect import Parameter
-from winchcascade.tables.attainable import MAX_EFFECTS, Ability, AttainableRanges, SuspectResult, Values
+from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult, Values
 from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow, percent
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.column_laws import ColumnFault, LawUse
@@ -29,7 +29,7 @@ CLOSED_MIN = 0.005
 """An effect that removes less than this share of the excess over the attainable range does nothing. [1]"""
 
 CONTRADICTED: tuple[Column[Contradiction], ...] = (
-    Column("row", lambda c: "total" if c.row is None else c.row.name, brief=False),
+    Column("row", lambda c: c.row.name, brief=False),
     Column("cell", lambda c: c.metric, brief=False),
     Column("printed", lambda c: Measured(c.printed.value, PRINTED * c.printed.rounding), brief=False, own_digits=True),
     Column(
@@ -316,9 +316,7 @@ def _sets(ranges: AttainableRanges) -> Section:
         Column("outside in all", lambda values: 100.0 * values.out_of_reach or None, "points", 1),
         *(_left(metric) for metric in dict.fromkeys(m for one in listed for m in one.left_rms)),
     ]
-    none = (
-        f"No set of up to {MAX_EFFECTS} effects brings all within the range at plausible values; this one is closest."
-    )
+    none = "No set of few effects brings all within the range at plausible values; this one is closest."
     return section(
         "sets", "Smallest sets of effects within the attainable range",
         None if ranges.sets or not listed else Note(none),

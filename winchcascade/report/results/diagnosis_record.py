@@ -24,6 +24,7 @@ SCHEMA = "winchcascade/diagnosis/1"
 DIGITS, SUMMED, ALL = 6, 12, 17
 """Significant digits of numbers, of those that add up, and all that a number has."""
 
+_LOADS = ("load", "load_ohm")
 _PART = ("cycles", "withheld", "samples")
 _PLACE = ("channel", "phase", "load", "blocks", "bias", "rms", "noise", "u_noise", "u_repeat", "u_tolerance", "z")
 _ENERGY = ("measured", "before", "after", "u")
@@ -44,7 +45,9 @@ def plain(x: object, digits: int = DIGITS) -> Any:
     if isinstance(x, Mapping):
         names = {"load": "load_ohm"}
         return {
-            names.get(name, name): _load(value) if name in ("load", "load_ohm") else plain(value, digits)
+            names.get(name, name): _load(value)
+            if name in _LOADS and not isinstance(value, msgspec.Struct)
+            else plain(value, digits)
             for name, value in x.items()
         }
     if isinstance(x, list | tuple):
@@ -230,7 +233,6 @@ def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
 
 def _line_record(found: LineDiagnosis) -> dict[str, Any]:
     """Of a winch without a model, the energies of the judged cycles, and every set of suspects."""
-    choice = found.choice
     return {
         "energies": [
             _some(one, "run", "cycle", "phase", "stage") | _some(one, *_ENERGY, end="_j") for one in found.energies
@@ -238,12 +240,10 @@ def _line_record(found: LineDiagnosis) -> dict[str, Any]:
         "sets": [
             {
                 "effects": names,
-                "error": choice.errors[names],
-                "evidence": choice.evidence[names] - choice.evidence[choice.chosen],
-                "probability": choice.probability[names],
-                "as_good_as_the_best": choice.as_good(names),
+                "evidence": math.log(max(probability, 1e-300) / found.sets[found.chosen]),
+                "probability": probability,
             }
-            for names in sorted(choice.errors, key=lambda names: -choice.evidence[names])
+            for names, probability in sorted(found.sets.items(), key=lambda one: -one[1])
         ],
     }
 

@@ -63,7 +63,7 @@ MANY_DEVIATIONS = 100.0
 def judged_words(found: DiagnosisResult) -> str:
     """On what the gap is closed: on held-out data, or by leaving parts out of the fit in turn."""
     if isinstance(found, LineDiagnosis):
-        folds, held_out = found.fit.folds, "cycles"
+        folds, held_out = int(found.fit.noise.fold.max()) + 1, "cycles"
         parts = [part for part in found.lines.parts if part.withheld]
         held = [f"{part.cycles[0]} to {part.cycles[1]} of {part.run.name}" for part in parts]
         whole = len(found.lines.cycle_names) >= folds

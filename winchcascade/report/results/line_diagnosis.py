@@ -19,11 +19,11 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import (
-    LINE_NUMBERS,
     origins_of,
     phase_words,
     probability_words,
     set_words,
+    shown_as,
     word_of,
 )
 from winchcascade.report.figures import line_figures as figures
@@ -84,7 +84,7 @@ def _others_table(found: LineDiagnosis) -> Table[EffectNumber] | None:
     """Numbers of the effects that were fitted and are not named."""
     named = {cause.effect for cause in found.causes}
     rows = [
-        EffectNumber(one.effect, LINE_NUMBERS[one.effect], next(iter(one.parameters.values())), "in the fit, not named")
+        EffectNumber(one.effect, shown_as(found, one), next(iter(one.parameters.values())), "in the fit, not named")
         for one in found.fitted
         if one.effect not in named
     ]
@@ -177,21 +177,17 @@ def _how_far(found: LineDiagnosis, word: str) -> Section:
 
 
 def _tried(found: LineDiagnosis) -> Section:
-    choice, chosen = found.choice, found.choice.evidence[found.chosen]
-    ranked = sorted(choice.evidence, key=lambda names: -choice.evidence[names])
     return section(
         "tried", "What was tried",
         Note(words.not_needed_words(found), brief=False) if found.causes else None,
         table(
-            "sets", "Sets of suspects by their evidence.",
+            "sets", "Sets of suspects by their probability.",
             [
                 Column("set", set_words),
-                Column("error", lambda names: 100.0 * choice.errors[names], "% of the gap", 2),
-                Column("evidence", lambda names: choice.evidence[names] - chosen, "nats", 1, signed=True),
-                Column("probability", lambda names: probability_words(choice.probability[names])),
+                Column("probability", lambda names: probability_words(found.sets[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],
-            ranked[:LISTED_SETS],
+            sorted(found.sets, key=lambda names: -found.sets[names])[:LISTED_SETS],
             brief=False,
         ),
         folded=True,

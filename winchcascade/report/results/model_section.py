@@ -137,7 +137,7 @@ def _differences_table(given: Sequence[Named]) -> Table[Difference] | None:
     )  # fmt: skip
 
 
-ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "diodes", "dc")
+ALWAYS = ("stored gas", "screw", "line losses", "inertia", "mesh", "damper", "copper", "diodes", "DC link")
 """Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
 
 GROUP_SHARE_MIN = 5e-4
@@ -165,7 +165,7 @@ def _budget(logs: Sequence[Named], word: str) -> list[Block | None]:
     def energy(budget: LossBudget, name: str) -> Column[str]:
         return Column(name, lambda g: budget.groups[g], "J", 1 if budget.line < DECIMAL_BELOW else 0)
 
-    columns: list[Column[str]] = [Column("part", lambda g: GROUPS[g].name), *map(energy, budgets, names)]
+    columns: list[Column[str]] = [Column("part", str), *map(energy, budgets, names)]
     line: list[Cell] = ["from the line", *(budget.line for budget in budgets)]
     if len(budgets) == 1:
         columns.append(Column("share of the line", lambda g: 100.0 * budgets[0].shares[g], "%", 2))

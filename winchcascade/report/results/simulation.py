@@ -19,29 +19,8 @@ from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import STAGE_PLACES
 from winchcascade.report.results.common import data_note, histories, provenance, samples_row
 from winchcascade.report.wording import banner, load_words
+from winchcascade.rig.ledger import LEDGER
 from winchcascade.rig.simulate import Simulation
-
-ENTRY_WORDS = {
-    "line": "delivered by the line",
-    "gas": "stored in the gas",
-    "drum": "stored in the drum",
-    "shaft": "stored in the torsion of the shaft",
-    "rotor": "stored in the rotor",
-    "capacitor": "stored in the capacitor of the DC link",
-    "screw": "lost to friction of the screw",
-    "seal": "lost to friction of the seals",
-    "line_loss": "lost between line and torque sensor",
-    "clutch": "lost in the clutch",
-    "shaft_loss": "lost in the shaft",
-    "mesh": "lost in the gear mesh",
-    "damper": "lost in the damper of the fast shaft",
-    "windage": "lost to windage of the fast shaft",
-    "friction": "lost to friction of the fast shaft",
-    "copper": "lost in the copper of the generator",
-    "diodes": "lost in the diodes",
-    "dc": "delivered by the DC link",
-}
-"""Entries of `rig.simulate.LEDGER` in words."""
 
 ENTRY_SHARE_MIN = 5e-4
 """Entries below this share of the energy of the line are left out: they round to 0.0 %, as shares have one decimal. [1]"""
@@ -116,7 +95,7 @@ def _tiles(joule: Mapping[str, float]) -> list[Tile]:
     return [
         Tile(
             entry,
-            ENTRY_WORDS[entry],
+            LEDGER[entry].words,
             f"{shown(joule[entry], 0)} J",
             "" if share is None else f"{share:.1f} % of the line",
         )
@@ -130,7 +109,7 @@ def _ledger_table(joule: Mapping[str, float]) -> Table[str] | None:
         Column("energy", str),
         Column("value", joule.__getitem__, "J", 0),
         Column("share", lambda entry: _percent_of_line(entry, joule), "%", 1),
-        Column("what it is", ENTRY_WORDS.__getitem__),
+        Column("what it is", lambda entry: LEDGER[entry].words),
     ]
     return table("ledger", "Energies when that of the line is largest.", columns, _significant(joule))
 

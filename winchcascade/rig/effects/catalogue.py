@@ -1,24 +1,76 @@
-"""The catalogue of effects that the baseline leaves out, in the order of the energy cascade from its end."""
+"""The catalogue of effects that the baseline leaves out, in the order of the energy cascade from its end.
+
+The effects are declared in `catalogue.toml`, and what they do beyond changing numbers in `laws.py`. Simplifications are what a
+simulation of the owner may leave out; they are no suspects of a log, as no rig is simplified.
+"""
 
 import difflib
 import math
+import tomllib
 from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import msgspec
 
 from winchcascade.core.arguments import NUMBER, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
-from winchcascade.rig.effects.gearbox import GEARBOX
-from winchcascade.rig.effects.generator import GENERATOR
-from winchcascade.rig.effects.restoring import RESTORING
-from winchcascade.rig.effects.sensor import SENSOR
-from winchcascade.rig.effects.transmission import TRANSMISSION
-from winchcascade.rig.effects.wrong_entries import ENTRY
+from winchcascade.rig.effects.laws import ACTS, shared_radius
 
-OF_THE_RIG = {effect.name: effect for effect in (*GENERATOR, *GEARBOX, *TRANSMISSION, *RESTORING, *SENSOR)}
+ENTRY, SIMPLIFICATION = "entry", "simplification"
+
+DEFAULTS: Mapping[str, Mapping[str, object]] = {
+    ENTRY: {
+        "low": -0.55,
+        "high": 1.1,
+        "possible": [-0.9, 9.0],
+        "source": "plausible range: from half to twice the stated number",
+        "operation": "scale",
+        "role": "entry",
+        "usual": [ratio - 1.0 for ratio in (1 / 2, 2 / 3, 3 / 2, 2.0)],  # diameter for radius, both for one of two
+    },
+    SIMPLIFICATION: {"low": 0.0, "high": 1.0, "possible": [0.0, 1.0], "source": "from the law of the model to its own"},
+}
+"""What the fields of a kind of effects have unless a declaration says otherwise."""
+
+
+def _declared(kind: str, name: str, table: dict[str, object], fields: list[dict[str, object]]) -> Effect:
+    """Make an effect of its table: stage and name are its place, line breaks of a text are blanks."""
+    texts = {key: " ".join(value.split()) if isinstance(value, str) else value for key, value in table.items()}
+    own = [{**DEFAULTS.get(kind, {}), **field} for field in fields]
+    effect: Effect = msgspec.convert({"stage": kind, **texts, "name": name, "fields": own}, Effect)
+    return msgspec.structs.replace(effect, **ACTS.get(name, {}))
+
+
+_TABLES = tomllib.loads(Path(__file__).with_name("catalogue.toml").read_text(encoding="utf-8"))
+
+_ALL = {
+    kind: {name: _declared(kind, name, table, table["fields"]) for name, table in tables.items()}
+    for kind, tables in _TABLES.items()
+}
+
+SIMPLIFICATIONS = _ALL.pop(SIMPLIFICATION)
+"""What a simulation of the owner may leave out, by name."""
+
+EFFECTS = {name: effect for effects in _ALL.values() for name, effect in effects.items()}
+"""Every effect by its name."""
+
+ENTRIES = _ALL.pop(ENTRY)
+"""Wrong entries by name: numbers that the rig file or the campaign states wrongly. The logged motion of the line is the input
+of the model, so that a radius that deviates changes the speed of the drum, unless the logger computes the motion with it."""
+
+OF_THE_RIG = {name: effect for name, effect in EFFECTS.items() if name not in ENTRIES}
 """Effects of the rig, its sensors and its logger by name: every effect but wrong entries."""
 
-EFFECTS = OF_THE_RIG | {effect.name: effect for effect in ENTRY}
-"""Every effect by its name."""
+SHARED_RADIUS = msgspec.structs.replace(
+    ENTRIES["drum_radius"],
+    summary="The rig file and the logger use another drum radius than the drum has; the encoder sits at the drum.",
+    shows_as="force alone, by the same share in every phase.",
+    taken_for="a gain error of the force cell (force_gain), which looks the same.",
+    law=shared_radius,
+    same_as=("force_gain", "load_proportional_loss"),
+)
+"""The drum radius where encoder and logger share it: a second form of `drum_radius`, no effect of its own in the catalogue."""
 
 
 def find_effect(name: str) -> Effect:

@@ -12,11 +12,20 @@ from winchcascade.rig.parts import CHANGED_AGAIN, Model, Operation, changed, sta
 Values = tuple[float, ...]
 """Values of the fields of an effect, in their order."""
 
-ANY = (-0.9, 9.0)
-"""Values at which a number that is changed by a share of itself has a physical meaning. [1]"""
+Law = Callable[[Model, Values], Model]
+"""Model with an effect, of a model and the values of the effect."""
+
+Together = Callable[[Values, Values], Values]
+"""Values that act as earlier ones and further ones do after each other."""
+
+Report = Callable[[Values], float]
+"""Number that is reported of some values."""
+
+InRun = Callable[[Values, RunPlace], Values]
+"""Values with which an effect acts in one run of a campaign."""
 
 
-class Parameter(msgspec.Struct, frozen=True):
+class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A deviation of the model from a rig: a field of an effect, or what every fit allows within a tolerance.
 
     Parameters
@@ -37,11 +46,11 @@ class Parameter(msgspec.Struct, frozen=True):
     """
 
     name: str
-    unit: str
+    unit: str = "1"
     low: float = -math.inf
     high: float = math.inf
     possible: tuple[float, float] = (-math.inf, math.inf)
-    source: str = ""
+    source: str = "plausible range"
     path: str = ""
     operation: Operation = "add"
     absent: float = 0.0
@@ -63,7 +72,7 @@ class Parameter(msgspec.Struct, frozen=True):
         return CHANGED_AGAIN[self.operation](earlier / self.per, value / self.per) * self.per if self.path else value
 
 
-class Display(msgspec.Struct, frozen=True):
+class Display(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How reports show a number: its description, the factor from its unit to the shown `unit`, and whether a plus is shown."""
 
     what: str
@@ -83,7 +92,7 @@ class Stated(msgspec.Struct, frozen=True):
     source: str = ""
 
 
-class Effect(msgspec.Struct, frozen=True):
+class Effect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Declaration of one effect.
 
     Parameters
@@ -115,17 +124,17 @@ class Effect(msgspec.Struct, frozen=True):
     stage: str
     summary: str
     shows_as: str
-    taken_for: str
-    source: str
     fields: tuple[Parameter, ...]
     display: Display
-    law: Callable[[Model, Values], Model] | None = None
-    together: Callable[[Values, Values], Values] | None = None
+    taken_for: str = ""
+    source: str = "plausible range"
+    law: Law | None = None
+    together: Together | None = None
     parameter: str = ""
     unit: str = ""
-    reported_from: Callable[[Values], float] | None = None
+    reported_from: Report | None = None
     beside: tuple[str, ...] = ()
-    over_runs: Callable[[Values, RunPlace], Values] | None = None
+    over_runs: InRun | None = None
     same_as: tuple[str, ...] = ()
     unlisted: str = ""
     entry: Stated | None = None

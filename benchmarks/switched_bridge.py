@@ -3,15 +3,12 @@
 The circuit is solved switch by switch and exactly: between two commutations the current of every conducting phase is a
 sinusoid, a constant and an exponential, so only the instants of commutation are searched for. In units of the line-to-line
 voltage V_LL (rms) and of the reactance w_e L a steady state depends on two numbers alone: u = (Vdc + 2 Vd) / (sqrt(2) V_LL)
-and rho = R / (w_e L). `solve_grid` solves a grid of them; the grid that ships beside this file was written by
+and rho = R / (w_e L). The grid of them that `winchcascade/rig/bridge.py` interpolates was written by
 
-    python -m winchcascade.rig.switched
-
-and is what `bridge.py` interpolates.
+    python benchmarks/switched_bridge.py
 """
 
 import math
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,15 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from winchcascade.core.run import Signal
-
-TABLE = Path(__file__).with_name("bridge_table.npy")
-"""The solved grid, (s, phi, 2): mean DC current and rms phase current, times Z / V_LL with Z = sqrt(R^2 + (w_e L)^2)."""
-
-S_POINTS, PHI_POINTS = 257, 65
-"""Points of the grid, even in s = sqrt(1 - u) and in phi = atan(rho): both currents are closest to straight over these."""
-
-PHI_LOW, PHI_HIGH = 0.03, 1.56
-"""Ends of the grid: R 3 % of the reactance, as of a short circuit at speed, and the reactance 1 % of R, as at a crawl."""
+from winchcascade.rig.bridge import PHI_HIGH, PHI_LOW, PHI_POINTS, S_POINTS, TABLE
 
 _STEPS = 720
 """Searches for a commutation in one period; its instant is then found by bisection."""
