@@ -2,17 +2,14 @@
 
 import json
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
-from winchcascade.blind.cases import Case, campaign_toml, write_campaign
+from winchcascade.blind.cases import Case, campaign_toml
 from winchcascade.blind.injected import PARTS
 from winchcascade.blind.trial import DIAGNOSES, SEALED, TRIAL, Answer, SealedAnswers, seal
 from winchcascade.core.files import json_bytes
@@ -58,19 +55,6 @@ def cases_by(maker: Callable[[Case, Path], None]) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as changed:
         changed.setattr("winchcascade.blind.trial.write_campaign", maker)
         yield
-
-
-def once(case: Case, folder: Path) -> None:
-    """Write logs of the twin, made once for each case."""
-    for name, content in _made(msgspec.json.encode(case)).items():
-        (folder / name).write_bytes(content)
-
-
-@cache
-def _made(case: bytes) -> dict[str, bytes]:
-    with tempfile.TemporaryDirectory() as folder:
-        write_campaign(msgspec.json.decode(case, type=Case), Path(folder))
-        return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
 
 
 def shipped(case: Case, folder: Path) -> None:

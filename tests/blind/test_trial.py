@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from calls import call
 from scratches import left_scratch
-from small_trials import answer, cases_by, fail_on_the_second, find_no_room, guess, once, sealed_trial, shipped
+from small_trials import cases_by, fail_on_the_second, find_no_room, guess, shipped
 
 from winchcascade.blind.cases import plan_cases
 from winchcascade.blind.injected import OUTSIDERS, PARTS
@@ -52,8 +52,7 @@ def content(folder: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def dealt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("trial") / "cases"
-    with cases_by(once):
-        assert deal(folder, CASES, SEED).faults == {}
+    assert deal(folder, CASES, SEED).faults == {}
     return folder
 
 
@@ -94,12 +93,11 @@ def test_a_dealt_case_is_a_campaign_of_seven_logs_that_says_nothing_of_what_it_h
 
 def test_a_call_that_was_cut_short_is_taken_up_and_ends_in_the_same_bytes(dealt: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
-    with cases_by(once), pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt):
         deal(out, CASES, SEED, watch=Interrupt(1))
     assert {p.name for p in out.iterdir()} == {"case-0001", SEALED, TRIAL}
     left_scratch(out, as_folder=True)
-    with cases_by(once):
-        assert deal(out, CASES, SEED).kept == 1
+    assert deal(out, CASES, SEED).kept == 1
     assert content(out) == content(dealt)
     assert not list(out.glob(".*"))
 
@@ -116,11 +114,6 @@ def test_another_trial_is_not_dealt_over_one_unless_forced(trial: Path, tmp_path
 
 
 # -------------------------------------------------------------------------------------------------------------- the seal
-def test_sealed_answers_are_read_as_they_were_written(tmp_path: Path) -> None:
-    put = (answer("case-0001", "ke_shift"), answer("case-0002"))
-    assert open_seal(sealed_trial(tmp_path / "trial", *put))[1].answers == put
-
-
 def test_changed_or_missing_answers_are_rejected(trial: Path) -> None:
     shutil.rmtree(trial / "case-0002")
     (trial / SEALED).write_text((trial / SEALED).read_text().replace('"seed": ', '"seed": 1'))

@@ -8,7 +8,7 @@ import pytest
 from diagnosed import diagnosed
 
 from winchcascade.core.campaign_file import Origin
-from winchcascade.diagnosis import causes, closure, evidence, nuisances
+from winchcascade.diagnosis import causes, closure, nuisances, search
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, Reported
 from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
@@ -124,7 +124,7 @@ def test_the_documentation_states_the_numbers_of_the_code() -> None:
     assert f"over all logs | {closure.ROUGH:g} |" in text
     assert f"rings) | {closure.RESTLESS:g} |" in text
     assert f"in its standard uncertainties | {closure.PULLED:g} |" in text
-    assert f"costs less than {evidence.CLEARLY:g}" in text
+    assert f"costs less than {search.CLEARLY:g}" in text
     assert f"falls short by less than {causes.AS_GOOD:g}" in text
     assert f"from {closure.DRAWS} sets of cycles" in text
     assert all(f"{sd:g} N" in text for sd, _ in nuisances.ABSENT.values())

@@ -68,7 +68,7 @@ def test_the_budget_table_sums_to_the_energy_of_the_line(sections: dict[str, Sec
         assert whole[2] == pytest.approx(100.0)
         names = [row[0] for row in parts]
         wanted = ["stored gas", "screw", "line losses", "inertia", "mesh", "damper", "copper", "diodes", "DC link"]
-        assert [name for name in names if name in wanted] == wanted
+        assert set(wanted) <= set(names)
 
 
 @pytest.mark.parametrize("missing", ["torque", "pressure", "vdc", "displacement"])
@@ -118,7 +118,7 @@ def test_bars_hold_seven_segments_at_most_and_sum_to_the_energy_of_the_line(
     assert max(bar.get_x() + bar.get_width() for bar in bars) == pytest.approx(100.0, abs=0.1)
     simulated, logged, *_ = (np.asarray(line.get_xdata()) for line in ax.lines)
     log = budgets[0].log
-    assert simulated[0] == pytest.approx(100.0 * budgets[0].shares["dc"])
+    assert simulated[0] == pytest.approx(100.0 * budgets[0].shares["DC link"])
     assert logged[0] == pytest.approx(100.0 * log["gen"] / log["line"])
 
 

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 from circuit import NGSPICE, R_S, solved, solved_by_ngspice
 
+from winchcascade.core.rig_toml import built_in
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import back_emfs, bridge_state, bridge_table, dc_voltages
+from winchcascade.rig.physics import RPM, reactance
 
 WITHIN = {"vdc": 0.003, "irms": 0.01, "pem": 0.007}
 """Shares that the model may be off from the stored points, whose diodes are not ideal and whose capacitor ripples."""
@@ -45,23 +48,28 @@ def test_nothing_flows_where_the_back_emf_does_not_reach_and_more_voltage_never_
 
 
 # ------------------------------------------------------------------------------------------------------ the other way round
-RPM = np.repeat(np.array([200.0, 700.0, 1500.0, 2500.0, 3500.0]), 40)
-V_LL, REACTANCE = 0.062 * RPM, 2.0 * RPM * np.pi / 30.0 * 3.35e-3
-V_TOTAL = np.tile(np.linspace(0.05, 0.999, 40), 5) * np.sqrt(2.0) * V_LL
+MACHINE = baseline(built_in()).generator._replace(v_diode=0.0)
+OMEGA = np.repeat(np.array([200.0, 700.0, 1500.0, 2500.0, 3500.0]), 40) / RPM
+V_LL, REACTANCE = MACHINE.k_e * OMEGA * RPM, reactance(OMEGA, MACHINE)
+V_DC = np.tile(np.linspace(0.05, 0.999, 40), 5) * np.sqrt(2.0) * V_LL
 I_DC, I_S = np.array(
-    [bridge_state(v, e, R_S, x, bridge_table())[:2] for v, e, x in zip(V_TOTAL, V_LL, REACTANCE, strict=True)]
+    [bridge_state(v, e, MACHINE.r_s, x, bridge_table())[:2] for v, e, x in zip(V_DC, V_LL, REACTANCE, strict=True)]
 ).T
 
 
 def test_the_inverse_gives_back_what_went_in() -> None:
-    for found, known in ((dc_voltages(V_LL, I_DC, R_S, REACTANCE, bridge_table()), V_TOTAL),
-                         (back_emfs(V_TOTAL, I_DC, R_S, REACTANCE, bridge_table()), V_LL)):  # fmt: skip
-        assert found[0] == pytest.approx(known, rel=1e-7)
-        assert found[1] == pytest.approx(I_S, rel=1e-6, abs=1e-9)
+    load = float(V_DC[20] / I_DC[20])
+    for found, known, where in (
+        (dc_voltages(MACHINE, OMEGA, I_DC, bridge_table()), V_DC, slice(None)),
+        (dc_voltages(MACHINE, OMEGA, 0.0 * OMEGA, bridge_table(), 1.0 / load), V_DC, slice(20, 21)),
+        (back_emfs(MACHINE, OMEGA, V_DC, I_DC), V_LL, slice(None)),
+    ):
+        assert found[0][where] == pytest.approx(known[where], rel=1e-7)
+        assert found[1][where] == pytest.approx(I_S[where], rel=1e-6, abs=1e-9)
 
 
 def test_without_a_current_the_link_is_charged_to_the_peak_and_a_short_circuit_leaves_none() -> None:
     nothing = np.zeros_like(V_LL)
-    assert dc_voltages(V_LL, nothing, R_S, REACTANCE, bridge_table())[0] == pytest.approx(np.sqrt(2.0) * V_LL)
-    assert back_emfs(V_TOTAL, nothing, R_S, REACTANCE, bridge_table())[0] == pytest.approx(V_TOTAL / np.sqrt(2.0))
-    assert np.all(dc_voltages(V_LL, nothing + 1e4, R_S, REACTANCE, bridge_table())[0] < 1e-6 * V_LL)
+    assert dc_voltages(MACHINE, OMEGA, nothing, bridge_table())[0] == pytest.approx(np.sqrt(2.0) * V_LL)
+    assert back_emfs(MACHINE, OMEGA, V_DC, nothing)[0] == pytest.approx(V_DC / np.sqrt(2.0))
+    assert np.all(dc_voltages(MACHINE, OMEGA, nothing + 1e4, bridge_table())[0] < 1e-6 * V_LL)

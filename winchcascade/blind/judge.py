@@ -114,7 +114,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
 
 
 class ParameterScore(msgspec.Struct, frozen=True):
-    """A true parameter beside the diagnosed one; no value where the diagnosis does not report it."""
+    """A true parameter beside the diagnosed one, see `Number`; no value where the diagnosis does not report it."""
 
     effect: str
     parameter: str
@@ -122,7 +122,13 @@ class ParameterScore(msgspec.Struct, frozen=True):
     value: float | None = None
     low: float | None = None
     high: float | None = None
-    two_sided: bool = True
+    at_limit: str | None = None
+    beyond_range: bool = False
+
+    @property
+    def two_sided(self) -> bool:
+        """Whether both ends of the interval are free."""
+        return self.at_limit is None and not self.beyond_range
 
     @property
     def covered(self) -> bool:
@@ -233,12 +239,8 @@ def _parameters(truth: Truth, found: Diagnosis) -> Iterator[ParameterScore]:
     """True parameters of the injected effects that are named as causes, beside the diagnosed ones."""
     for cause in found.causes if found.claims else ():
         for name, value in truth.parameters.get(cause.effect, {}).items():
-            n = cause.parameters.get(name)
-            if n is None:
-                yield ParameterScore(cause.effect, name, value)
-            else:
-                two_sided = n.at_limit is None and not n.beyond_range
-                yield ParameterScore(cause.effect, name, value, n.value, n.low, n.high, two_sided)
+            number = msgspec.structs.asdict(cause.parameters[name]) if name in cause.parameters else {}
+            yield ParameterScore(cause.effect, name, value, **number)
 
 
 def _names(causes: Sequence[Cause], truth: Truth) -> bool:

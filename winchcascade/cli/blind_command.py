@@ -94,15 +94,16 @@ def blind_score_command(
     diagnosis are diagnosed first.
     """
     from winchcascade.blind.score import score
-    from winchcascade.blind.trial import DIAGNOSES, TRIAL, case_names
-    from winchcascade.report.results.trials import progress_report, trial_report
+    from winchcascade.blind.trial import DIAGNOSES, SEALED, TRIAL, case_names
+    from winchcascade.blind.truth import TRUTH_FILE
+    from winchcascade.report.results.trials import trial_report
 
     place = diagnoses or trial / DIAGNOSES
-    outputs.check([*trial.glob("*.json"), *trial.glob("*/*.json"), *place.glob("*.json")])
+    outputs.check([trial / TRIAL, trial / SEALED, *trial.glob(f"*/{TRUTH_FILE}"), *place.glob("*.json")])
     if not (trial / TRIAL).exists():
         missing = [name for name in case_names(trial) if not (place / f"{name}.json").exists()]
-        done = _diagnosed(trial, diagnoses, Workers(jobs or processes()), only=missing) if missing else None
-        if done is not None and done.faults:
-            present(lambda: progress_report(done, "diagnosed"), NO_OUTPUTS)
+        faults = _diagnosed(trial, diagnoses, Workers(jobs or processes()), only=missing).faults if missing else {}
+        for name, fault in faults.items():
+            typer.echo(f"{name}: {fault}", err=True)
     found = score(trial, diagnoses)
     present(lambda: trial_report(found), outputs, record=lambda: found)

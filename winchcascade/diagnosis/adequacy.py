@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.diagnosis.diagnosis_result import Alarm, Drift, EnergySpot, Spot
+from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
@@ -41,9 +41,9 @@ def drifts(causes: Iterable[NamedCause]) -> list[Alarm]:
     for cause in causes:
         for trend in cause.stability.trends if cause.stability else ():
             size = -math.log10(max(trend.chance, 1e-300))
-            found.append(Alarm("drift", Drift((cause.effect,)), size, 3.0))
+            found.append(Alarm("drift", Spot(effects=(cause.effect,)), size, 3.0))
         if any(number.beyond_range or number.at_limit for number in cause.parameters.values()):
-            found.append(Alarm("range", Drift((cause.effect,)), 1.0, 0.0))
+            found.append(Alarm("range", Spot(effects=(cause.effect,)), 1.0, 0.0))
     return found
 
 
@@ -69,7 +69,9 @@ def cancelling(data: Fitted, moved: Mapping[str, Signal]) -> list[Alarm]:
             smaller, both = min(_rms(a), _rms(b)), _rms(a + b)
             if smaller > CANCELLED_SHARE and both < CANCELLED * smaller:
                 found.append(
-                    Alarm("cancelling", Drift((one, other), channel), smaller / max(both, 1e-12), 1.0 / CANCELLED)
+                    Alarm(
+                        "cancelling", Spot(channel, effects=(one, other)), smaller / max(both, 1e-12), 1.0 / CANCELLED
+                    )
                 )
     return found
 
@@ -82,7 +84,9 @@ def unbalanced(energies: Iterable[PhaseEnergy]) -> list[Alarm]:
     """Energies by run, phase and stage that the fit leaves beyond their uncertainty."""
     sizes = ((one, abs(one.measured - one.after) / one.u) for one in energies if one.u > 0.0)
     return [
-        Alarm("energy", EnergySpot(one.stage, one.phase, one.run), size, WITHIN) for one, size in sizes if size > WITHIN
+        Alarm("energy", Spot(f"energy_{one.stage}", one.phase, run=one.run), size, WITHIN)
+        for one, size in sizes
+        if size > WITHIN
     ]
 
 

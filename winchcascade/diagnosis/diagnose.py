@@ -32,7 +32,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Verdict,
 )
 from winchcascade.diagnosis.entries import bound_to
-from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
+from winchcascade.diagnosis.gap_map import arises, compare, deviating_stage, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.next_run import plan_run
 from winchcascade.diagnosis.nuisances import before_calibration
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of the owner's own simulation
-    where there is one, `fitted_blocks` those of the fit with its causes, `alone` those with the only suspect.
+    where there is one and `fitted_blocks` those of the fit with its causes.
     `rig` is as its file states it; `data.rig` has the numbers before their calibration, which the causes are found against.
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
@@ -68,7 +68,6 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     stages: tuple[Place, ...]
     predicted: Signal
     fitted_blocks: Signal
-    alone: Signal | None = None
     own_simulation: OwnSimulation | None = None
     contributions: tuple[Contribution, ...] = ()
     energies: tuple[PhaseEnergy, ...] = ()
@@ -141,7 +140,6 @@ def diagnose(
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
-        alone=_alone(data, found),
         sets=probabilities(found.fits, found.evidence),
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(found),
@@ -151,14 +149,6 @@ def diagnose(
 
 DISPENSABLE = 0.005
 """Share of the gap that a cause whose number differs from run to run must close, or it is none. [1]"""
-
-
-def _alone(data: Fitted, found: Found) -> Signal | None:
-    """Blocks with the only suspect at its fitted numbers, all else as in the rig file, (M, 5); None where more are given."""
-    suspects = found.problem.suspects
-    if len(suspects) != 1:
-        return None
-    return data.predict(np.zeros(len(data.nuisances)), found.fit(tuple(suspects)).effects(suspects))
 
 
 def without_imitators(data: Fitted, found: Found) -> Found:
@@ -242,7 +232,7 @@ def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> Model
         causes = tuple(msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in kept)
     on_progress("planning the next run")
     own, lead = arises(result.stages), causes[0].stage if causes else None
-    stage = lead if verdict == "explained" else own.stage or lead
+    stage = lead if verdict == "explained" else deviating_stage(own) or lead
     shown = [alarm for alarm in signs if alarm.kind != "nuisance"] or signs
     gone = {one.effect for one in result.causes} - {one.effect for one in causes}
     return msgspec.structs.replace(

@@ -28,9 +28,6 @@ Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 Names = tuple[str, ...]
 """A set of suspects."""
 
-CALLED = {"load": "generator"}
-"""Stage of the catalogue that a stage belongs to, where it is not called the same: load and bridge make one module."""
-
 NAMED = 2
 """Maximum number of causes that are named where much stays unexplained."""
 
@@ -46,18 +43,20 @@ RIVALS = 2
 
 # ------------------------------------------------------------------------------------------------------ where a gap lies
 class Spot(msgspec.Struct, frozen=True):
-    """A spot of the gap: a channel, in one phase and at one load where these are stated.
+    """A spot of the gap: a channel or a metric, in one phase, at one load and in one run where these are stated.
 
     `bias` is a difference there, and `z` one in standard deviations; NaN where it is not stated. `within_blocks` is about the
-    samples within blocks and not about the means of blocks.
+    samples within blocks and not about the means of blocks. Of `effects` it is about their numbers, or how they cancel there.
     """
 
-    channel: str
+    channel: str = ""
     phase: str | None = None
     load: float | None = None
     bias: float = math.nan
     z: float = math.nan
     within_blocks: bool = False
+    run: int | None = None
+    effects: Names = ()
 
 
 class Place(msgspec.Struct, frozen=True, kw_only=True):
@@ -87,23 +86,11 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
     share: float = math.nan
 
 
-class Arises(msgspec.Struct, frozen=True):
-    """Where a gap arises: the stages that are `off` by themselves, most first, and the `worst` place of the first."""
-
-    off: tuple[str, ...]
-    worst: Place | None
-
-    @property
-    def stage(self) -> str | None:
-        """Stage of the catalogue; None where no stage deviates by itself."""
-        return CALLED.get(self.off[0], self.off[0]) if self.off else None
-
-
 class Where(msgspec.Struct, frozen=True):
     """Where a gap lies: the stage and the place of the map that shows it most.
 
     With a model `rpm` and `i_dc` span the blocks with a significant gap [rpm, A], `size` is the largest bias there. `arises`
-    is where the gap arises with logged inputs to each stage.
+    are the stages that deviate with logged inputs to each, the worst first, each with its worst place; None without a model.
     """
 
     stage: str
@@ -111,7 +98,7 @@ class Where(msgspec.Struct, frozen=True):
     rpm: tuple[float, float] = (math.nan, math.nan)
     i_dc: tuple[float, float] = (math.nan, math.nan)
     size: float = math.nan
-    arises: Arises | None = None
+    arises: tuple[Place, ...] | None = None
 
 
 # ------------------------------------------------------------------------------------------------------------ the causes
@@ -293,28 +280,13 @@ class GapClosure(msgspec.Struct, frozen=True):
     high: float
 
 
-class Drift(msgspec.Struct, frozen=True):
-    """Causes whose number differs from run to run or is beyond its plausible range, or that cancel each other in a channel."""
-
-    effects: tuple[str, ...]
-    channel: str = ""
-
-
-class EnergySpot(msgspec.Struct, frozen=True):
-    """An energy of one stage, over one phase of one run."""
-
-    stage: str
-    phase: str
-    run: int
-
-
 class Alarm(msgspec.Struct, frozen=True):
     """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
 
     kind: Literal[
         "structure", "scatter", "ripple", "nuisance", "drift", "range", "cancelling", "worse", "energy", "residual"
     ]  # fmt: skip
-    about: Spot | Nuisance | Drift | EnergySpot
+    about: Spot | Nuisance
     size: float
     limit: float
 
@@ -324,7 +296,7 @@ class Remainder(msgspec.Struct, frozen=True):
 
     share: float
     alarms: tuple[Alarm, ...]
-    worst: Spot | Nuisance | Drift | EnergySpot | None
+    worst: Spot | Nuisance | None
 
 
 class Experiment(msgspec.Struct, frozen=True):

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.diagnosis_result import Arises, Place, Where
+from winchcascade.diagnosis.diagnosis_result import Place, Where
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.misfit import Fitted, Log
+    from winchcascade.diagnosis.misfit import Fitted
 
 ZERO_REACH = 3.0
 """Bound of a zero, in its standard uncertainties; more is a gap."""
@@ -71,25 +71,21 @@ def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: floa
     )
 
 
-def zero_of(log: Log, residual: Signal, u_zero: Signal) -> Signal:
-    """Zeros of the sensors of a log from its blocks, (5,): weighted means within `ZERO_REACH` of their tolerance.
+def without_zeros(data: Fitted, residual: Signal) -> Signal:
+    """Residual blocks of every log, (M, 5), without the zeros of each log: weighted means, at most `ZERO_REACH` tolerances.
 
     Parameters
     ----------
-    residual : (m, 5) measured minus predicted blocks, no zero taken off
-    u_zero : (5,) standard uncertainty of each zero, 0 where a sensor has none
+    residual : (M, 5) measured minus predicted blocks, no zero taken off
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
-        prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
-        mean = np.sum(weight * residual, axis=0) / (np.sum(weight, axis=0) + prior)
-    return np.asarray(np.nan_to_num(mean)).clip(-ZERO_REACH * u_zero, ZERO_REACH * u_zero)
-
-
-def without_zeros(data: Fitted, residual: Signal) -> Signal:
-    """Residual blocks of every log, (M, 5), the zeros of each log taken off."""
-    each = zip(data.rows, data.logs, data.zeros(np.ones(len(data.nuisances))), strict=True)
-    return np.concatenate([residual[rows] - zero_of(log, residual[rows], u) for rows, log, u in each])
+    left = residual.copy()
+    for rows, log, u_zero in zip(data.rows, data.logs, data.zeros(np.ones(len(data.nuisances))), strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
+            prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
+            mean = np.sum(weight * residual[rows], axis=0) / (np.sum(weight, axis=0) + prior)
+        left[rows] -= np.nan_to_num(mean).clip(-ZERO_REACH * u_zero, ZERO_REACH * u_zero)
+    return left
 
 
 def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place, ...]:
@@ -116,17 +112,26 @@ def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place,
     )
 
 
-def arises(places: Sequence[Place]) -> Arises:
-    """Find the stages that deviate by themselves in the map of `stagewise`, the worst first."""
+def arises(places: Sequence[Place]) -> tuple[Place, ...]:
+    """The worst place of each stage that deviates by itself in the map of `stagewise`, the worst of all first."""
     worst: dict[str, Place] = {}
     for place in sorted(places, key=lambda p: -abs(p.z)):
         if abs(place.z) > STANDS_OUT:
             worst.setdefault(place.stage, place)
-    return Arises(tuple(worst), next(iter(worst.values()), None))
+    return tuple(worst.values())
+
+
+def deviating_stage(own: Sequence[Place]) -> str | None:
+    """Stage of the catalogue that deviates most by itself, None where none does; load and bridge make one module there."""
+    return {"load": "generator"}.get(own[0].stage, own[0].stage) if own else None
 
 
 def locate(
-    data: Fitted, residual: Signal, places: Sequence[Place], stage: str | None = None, own: Arises | None = None
+    data: Fitted,
+    residual: Signal,
+    places: Sequence[Place],
+    stage: str | None = None,
+    own: tuple[Place, ...] | None = None,
 ) -> Where:
     """Find where a gap lies.
 

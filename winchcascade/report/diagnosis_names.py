@@ -13,8 +13,6 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
     DiagnosisResult,
-    Drift,
-    EnergySpot,
     NamedCause,
     Reported,
     Spot,
@@ -172,7 +170,7 @@ def spot_words(spot: Spot, names: Mapping[str, str] = NAMES) -> str:
     return f"{channel} {'within blocks of' if spot.within_blocks else 'during'} {phase_words(spot.phase)}"
 
 
-About = Spot | Nuisance | Drift | EnergySpot
+About = Spot | Nuisance
 
 
 def about_words(about: About, files: Sequence[str], names: Mapping[str, str] = NAMES) -> str:
@@ -183,13 +181,13 @@ def about_words(about: About, files: Sequence[str], names: Mapping[str, str] = N
     files : names of the logs, in their order
     names : of the channels; empty for the names of the JSON
     """
-    if isinstance(about, Drift):
+    if not isinstance(about, Spot):
+        return nuisance_words(about, files) if names else str(about)
+    if about.effects:
         return " and ".join(about.effects) + (f" in {about.channel}" if about.channel else "")
-    if isinstance(about, EnergySpot):
-        return f"energy_{about.stage} in {phase_words(about.phase)} of {files[about.run]}"
-    if isinstance(about, Spot):
-        return spot_words(about, names)
-    return nuisance_words(about, files) if names else str(about)
+    if about.run is not None:
+        return f"{about.channel} in {phase_words(about.phase or '')} of {files[about.run]}"
+    return spot_words(about, names)
 
 
 def at_words(load: float | None) -> str:

@@ -9,11 +9,10 @@ import numpy as np
 from winchcascade.core.errors import LogError
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.rig import physics
-from winchcascade.rig.bridge import back_emfs, bridge_table
-from winchcascade.rig.kernel import RPM
+from winchcascade.rig.bridge import back_emfs
 from winchcascade.rig.line_velocity import SMOOTHING
 from winchcascade.rig.parts import Model
+from winchcascade.rig.physics import RPM
 
 RPM_MIN = 1000.0
 """The regression begins at this generator speed (Sec. 4.2). [rpm]"""
@@ -81,7 +80,7 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
             f"back-EMF constant needs at least {MIN_SAMPLES}: pay out faster, or for longer."
         )
     slope, rpm, vdc = np.gradient(rpm, run.t)[used], rpm[used], vdc[used]
-    v_ll, _ = machine_state(model, rpm, vdc, current[used])
+    v_ll, _ = back_emfs(model.generator, rpm / RPM, vdc, current[used])
     k_e, u_fit, lag, u_lag, r2 = _through_zero(run.t[used], rpm, slope, v_ll)
     u = math.hypot(u_fit, k_e * u_gain)
     return BackEmf(
@@ -105,13 +104,6 @@ def dc_currents(run: Run, model: Model, vdc: Signal) -> tuple[Signal, Signal]:
     smooth = local_quadratic(run.t, vdc, SMOOTHING)
     bleed: Signal = smooth / model.dc_link.r_bleed
     return bleed, bleed + model.dc_link.c_dc * np.gradient(smooth, run.t)
-
-
-def machine_state(model: Model, rpm: Signal, vdc: Signal, current: Signal) -> tuple[Signal, Signal]:
-    """Back-EMF, line to line, rms [V], and stator current [A] at which the bridge carries a current into a voltage, (n,)."""
-    machine = model.generator
-    v_total, ohm = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode, physics.reactance(rpm / RPM, machine)
-    return back_emfs(v_total, np.maximum(current, 0.0), machine.r_phase, ohm, bridge_table())
 
 
 def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:

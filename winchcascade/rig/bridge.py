@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 
 from winchcascade.core.run import Signal
-from winchcascade.rig.physics import FASTMATH
+from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, GeneratorModel, rolloff_curve
+from winchcascade.rig.physics import FASTMATH, RPM, reactance
 
 _SQRT2 = math.sqrt(2.0)
 
@@ -143,31 +144,33 @@ MAX_STEPS = 60
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _inverse(
-    known: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal, of_voltage: bool
+    known: Signal, taken: Signal, conductance: float, r_s: float, reactance: Signal, table: Signal, of_voltage: bool
 ) -> tuple[Signal, Signal]:
     """Find the voltage at a known back-EMF, or else the back-EMF at a known voltage, at which the bridge carries a current.
 
-    More voltage gives less current and more back-EMF gives more, so there is one root. The search starts at the ratio of the
-    previous sample. Without a current the voltage is the peak of the back-EMF.
+    The current is `taken` [A] and what a `conductance` takes at the voltage [S]. More voltage gives less current and more
+    back-EMF gives more, so there is one root. The search starts at the ratio of the previous sample. Without a current the
+    voltage is the peak of the back-EMF.
     """
     found: Signal = np.maximum(known * _SQRT2, 0.0) if of_voltage else known / _SQRT2
     i_s, ratio = np.zeros_like(known), 1.27 if of_voltage else 1.0
     for n in range(known.size):
-        if i_dc[n] <= 0.0 or found[n] < 0.0:
+        if taken[n] + conductance * (found[n] if of_voltage else known[n]) <= 0.0 or found[n] < 0.0:
             continue
         low, high = (
-            (0.0, found[n]) if of_voltage else (found[n], 3.0 * known[n] + 10.0 * i_dc[n] * (r_s + reactance[n]))
+            (0.0, found[n]) if of_voltage else (found[n], 3.0 * known[n] + 10.0 * taken[n] * (r_s + reactance[n]))
         )
         now = min(max(ratio * known[n], low), high)
         for _ in range(MAX_STEPS):
             v_total, v_ll = (now, known[n]) if of_voltage else (known[n], now)
             i_b, i_s[n], by_v, _ = bridge_state(v_total, v_ll, r_s, reactance[n], table)
-            if (i_b > i_dc[n]) == of_voltage:
+            missing = taken[n] + conductance * v_total - i_b
+            if (missing < 0.0) == of_voltage:
                 low = now
             else:
                 high = now
-            slope = by_v if of_voltage else (i_b - v_total * by_v) / v_ll
-            step = (i_dc[n] - i_b) / slope if slope != 0.0 else math.inf
+            slope = by_v - conductance if of_voltage else (i_b - v_total * by_v) / v_ll
+            step = missing / slope if slope != 0.0 else math.inf
             if abs(step) >= CLOSE * max(known[n], now) and not low < now + step < high:
                 step = 0.5 * (low + high) - now
             now += step
@@ -179,26 +182,38 @@ def _inverse(
     return found, i_s
 
 
-def dc_voltages(v_ll: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> tuple[Signal, Signal]:
-    """Voltage behind the bridge, diodes included, at which a back-EMF gives a current, and the stator current, (n,) [V, A].
+ROUNDS = 8
+"""Rounds in which stator current and roll-off settle: the current follows almost alone from that of the bridge."""
+
+
+def dc_voltages(
+    machine: GeneratorModel, omega: Signal, taken: Signal, table: Signal, conductance: float = 0.0
+) -> tuple[Signal, Signal]:
+    """Voltage of DC link and diodes in the steady state of a machine, and its stator current, (n,) [V, A].
 
     Parameters
     ----------
-    v_ll : (n,) back-EMF, line to line, rms [V]
-    i_dc : (n,) mean current of the bridge; without one the voltage is the peak of the back-EMF [A]
-    r_s, reactance : of a phase, the latter (n,) [ohm]
-    table : as `bridge.bridge_table` gives it
+    omega : (n,) speed of the fast shaft [rad/s]
+    taken : (n,) current that is taken of the bridge; without one the voltage is the peak of the back-EMF [A]
+    table : as `bridge_table` gives it
+    conductance : of a load, which takes a current in proportion to the voltage of the DC link [S]
     """
-    return _inverse(v_ll, i_dc, r_s, reactance, table, True)
+    share, ohm, drop = np.ones(omega.size), reactance(omega, machine), 2.0 * machine.v_diode * conductance
+    v_total = i_s = share
+    for _ in range(1 if machine.rolloff == NO_ROLLOFF else ROUNDS):
+        v_ll = machine.k_e * omega * RPM * share
+        v_total, i_s = _inverse(v_ll, taken - drop, conductance, machine.r_phase, ohm, table, True)
+        share = rolloff_curve(machine.rolloff)(np.minimum(i_s, ROLLOFF_KNOTS[-1]))
+    return v_total, i_s
 
 
-def back_emfs(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> tuple[Signal, Signal]:
-    """Back-EMF at which a bridge carries a current into a voltage, line to line, rms, and the stator current, (n,) [V, A].
+def back_emfs(machine: GeneratorModel, omega: Signal, vdc: Signal, current: Signal) -> tuple[Signal, Signal]:
+    """Back-EMF, line to line, rms [V], and stator current [A] at which the bridge carries a current into a voltage, (n,).
 
     Parameters
     ----------
-    v_total : (n,) voltage of the DC link and of the two conducting diodes [V]
-    i_dc : (n,) mean current of the bridge; without one the peak of the back-EMF is the voltage [A]
-    r_s, reactance, table : as in `dc_voltages`
+    omega : (n,) speed of the fast shaft [rad/s]
+    current : (n,) of the bridge; without one the peak of the back-EMF is the voltage of DC link and diodes [A]
     """
-    return _inverse(v_total, i_dc, r_s, reactance, table, False)
+    v_total, taken = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode, np.maximum(current, 0.0)
+    return _inverse(v_total, taken, 0.0, machine.r_phase, reactance(omega, machine), bridge_table(), False)

@@ -18,7 +18,7 @@ from numba import njit
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.run import Signal
 from winchcascade.rig import physics
-from winchcascade.rig.bridge import blended_table, bridge_state
+from winchcascade.rig.bridge import blended_table, bridge_state, dc_voltages
 from winchcascade.rig.parts import (
     ROLLOFF_KNOTS,
     DrivetrainModel,
@@ -28,7 +28,7 @@ from winchcascade.rig.parts import (
     WinchModel,
     rolloff_curve,
 )
-from winchcascade.rig.physics import FASTMATH, TURN
+from winchcascade.rig.physics import FASTMATH, RPM, TURN
 
 SHAFT = ("clutch", "i_s", "torque_em", "i_bridge", "vdc", "idc", "omega_gen", "twist")
 """Output of `run_shaft` at every step: torque of the clutch [N m], stator current, rms [A], air-gap torque [N m], current of
@@ -54,9 +54,6 @@ processor takes many times as long."""
 
 MIN_REACTANCE = 1e-6
 """Of a phase at rest, so that its angle is defined. [ohm]"""
-
-RPM = 30.0 / math.pi
-"""Of a speed in rad/s. [rpm s/rad]"""
 
 MIN_VOLUME = 0.01
 """Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
@@ -301,46 +298,23 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
         v_dc = 0.0 if v_dc + change < FADED else v_dc + change
 
 
-_VOLTS = 1e-6
-"""The last Newton step of a steady voltage is shorter than this. [V]"""
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_steady(v: Signal, dt: float, c: ShaftNumbers, table: Signal, inertia: float, every: int, out: Signal) -> None:
-    """Compute the generator's side in the steady state of each instant: a stiff shaft, no capacitor.
+def steady_shaft(v: Signal, a: Signal, c: ShaftNumbers, table: Signal, inertia: float) -> Signal:
+    """Compute the generator's side in the steady state of each instant, (m, 8): a stiff shaft, no capacitor.
 
     Parameters
     ----------
+    v, a : (m,) velocity and acceleration of the line [m/s, m/s2]
     inertia : of the rotor [kg m2]
-    v, dt, table, every, out : as `run_shaft` takes them
     """
-    shaft, machine, r_s = c.drivetrain, c.generator, c.generator.r_s + c.generator.r_diode
-    v_dc = guess = 0.0
-    for row in range(out.shape[0]):
-        n = row * every
-        omega = max(v[n] * shaft.gear / c.r_motion, 0.0)
-        before, after = max(n - 1, 0), min(n + 1, v.size - 1)
-        speeds_up = (v[after] - v[before]) * shaft.gear / c.r_motion / (dt * (after - before)) if omega > 0.0 else 0.0
-        v_full, ohm = machine.k_e * omega * RPM, (r_s, max(physics.reactance(omega, machine), MIN_REACTANCE))
-        low, high, i_b = 0.0, max(_SQRT2 * v_full - 2.0 * machine.v_diode, 0.0), 0.0
-        v_dc = min(max(v_dc, low), high)
-        for _ in range(60):
-            i_b, guess, by_v, _, _, _ = weakened_bridge(v_dc + 2.0 * machine.v_diode, v_full, ohm, guess, c, table)
-            if i_b * c.load > v_dc:
-                low = v_dc
-            else:
-                high = v_dc
-            step = (i_b - v_dc / c.load) / (1.0 / c.load - by_v)
-            if not low <= v_dc + step <= high:
-                step = 0.5 * (low + high) - v_dc
-            v_dc += step
-            if abs(step) < _VOLTS:
-                break
-        em = physics.air_gap_power(v_dc, i_b, guess, machine) / omega if omega > 1.0 else 0.0
-        lost = physics.total(physics.shaft_losses(omega, math.tanh(omega / TURN), shaft))[0] + inertia * speeds_up
-        out[row, 0], out[row, 1] = max(shaft.gear / shaft.eta_mesh * (em + lost), 0.0), guess
-        out[row, 2], out[row, 3] = em, i_b
-        out[row, 4], out[row, 5], out[row, 6], out[row, 7] = v_dc, v_dc / c.load, omega, 0.0
+    shaft, machine, per = c.drivetrain, c.generator, c.drivetrain.gear / c.r_motion
+    omega = np.maximum(v * per, 0.0)
+    v_total, i_s = dc_voltages(machine, omega, np.zeros(v.size), table, 1.0 / c.load)
+    v_dc = np.maximum(v_total - 2.0 * machine.v_diode, 0.0)
+    idc, turns = v_dc / c.load, omega > 1.0
+    em = np.where(turns, physics.air_gap_power(v_dc, idc, i_s, machine) / np.where(turns, omega, 1.0), 0.0)
+    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, TURN), shaft))
+    torque = shaft.gear / shaft.eta_mesh * (em + drag + inertia * np.where(omega > 0.0, a * per, 0.0))
+    return np.column_stack([np.maximum(torque, 0.0), i_s, em, idc, v_dc, idc, omega, np.zeros(v.size)])
 
 
 def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1) -> Signal:
@@ -356,11 +330,10 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1) -> Sig
     run_shaft(v, dt, c, table, every, out)
     if shaft.quasi_static == shaft.weightless == 0.0:
         return out
-    steady, weightless = np.empty_like(out), np.empty_like(out)
-    run_steady(v, dt, c, table, shaft.inertia_rotor, every, steady)
-    run_steady(v, dt, c, table, 0.0, every, weightless)
+    motion = v[::every], np.gradient(v, dt)[::every]
     dynamic = 1.0 - shaft.quasi_static - shaft.weightless
-    return dynamic * out + shaft.quasi_static * steady + shaft.weightless * weightless
+    steady = shaft.quasi_static * steady_shaft(*motion, c, table, shaft.inertia_rotor)
+    return dynamic * out + steady + shaft.weightless * steady_shaft(*motion, c, table, 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)

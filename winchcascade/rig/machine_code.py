@@ -7,7 +7,6 @@ import numpy as np
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.bridge import back_emfs, bridge_table
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.simulate import even_motion, solve
 
@@ -16,7 +15,6 @@ def compile_model() -> None:
     """Solve a short motion, with arrays of the layouts that simulations, fits and stages use."""
     motion = even_motion(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 0.0]), 0.01)
     solve(SIMPLIFICATIONS["quasi_static"].fields[0].apply(baseline(built_in()), 0.5), motion, 36.0)
-    back_emfs(motion.v, motion.v, 0.5, motion.v, bridge_table())
 
 
 if __name__ == "__main__":

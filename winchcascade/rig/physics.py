@@ -4,6 +4,7 @@ A law is plain arithmetic of numbers, or of arrays of one length, (n,), in SI un
 friction: 1 in payout, -1 in haul-in, in between near rest; a caller computes it once, by `direction`.
 """
 
+import math
 from typing import TypeVar
 
 import numpy as np
@@ -21,6 +22,9 @@ REST = 0.01
 
 TURN = 0.5
 """Friction of the fast shaft changes its sign within this speed. [rad/s]"""
+
+RPM = 30.0 / math.pi
+"""Of a speed in rad/s. [rpm s/rad]"""
 
 X = TypeVar("X", float, Signal)
 """A number or an array."""

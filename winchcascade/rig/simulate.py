@@ -23,10 +23,11 @@ from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig import physics
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import COLUMNS, LINE, RPM, SHAFT, LineMotion, constants, run_line, solve_shaft
+from winchcascade.rig.kernel import COLUMNS, LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.ledger import energies, integral
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import ELECTRICAL, PARTS, Model, number_of
+from winchcascade.rig.physics import RPM
 
 
 def motion_of(run: Run, step: float) -> LineMotion:

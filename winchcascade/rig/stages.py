@@ -14,11 +14,11 @@ import numpy as np
 
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.rig import physics
-from winchcascade.rig.backemf import RPM_MIN, dc_currents, machine_state
-from winchcascade.rig.bridge import bridge_table, dc_voltages
-from winchcascade.rig.kernel import LINE, RPM, LineMotion, constants, run_line
-from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, Model, rolloff_curve
-from winchcascade.rig.physics import TURN
+from winchcascade.rig.backemf import RPM_MIN, dc_currents
+from winchcascade.rig.bridge import back_emfs, bridge_table, dc_voltages
+from winchcascade.rig.kernel import LINE, LineMotion, constants, run_line
+from winchcascade.rig.parts import Model
+from winchcascade.rig.physics import RPM, TURN
 from winchcascade.rig.simulate import load_of
 
 Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
@@ -31,9 +31,6 @@ MOVING = 0.03
 
 CONDUCTING = 0.5
 """The bridge determines the DC voltage while it carries at least this share of the current of the load."""
-
-ROUNDS = 8
-"""Rounds in which stator current and roll-off settle."""
 
 
 class StageOutput(msgspec.Struct, frozen=True):
@@ -161,7 +158,7 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
     torque = np.where(course.v < -MOVING, physics.open_clutch(physics.direction(course.v), shaft), np.nan)
     known = course.engaged & (drive.rpm > RPM_MIN) & np.isfinite(drive.i_bridge)
     omega, vdc, current = drive.rpm[known] / RPM, drive.vdc[known], np.maximum(drive.i_bridge[known], 0.0)
-    _, i_s = machine_state(model, drive.rpm[known], vdc, current)
+    _, i_s = back_emfs(machine, omega, vdc, current)
     torque_em = physics.air_gap_power(vdc, current, i_s, machine) / omega
     drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, TURN), shaft))
     speeding = shaft.inertia_rotor * course.a[known] / model.r_motion * shaft.gear
@@ -170,23 +167,10 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
 
 
 def _voltage(model: Model, course: Along, drive: _Drive) -> Signal:
-    """DC voltage at which the machine gives the current of the bridge, (n,) [V].
-
-    Roll-off needs the stator current, which follows almost alone from the current of the bridge, so a few rounds settle it.
-    """
-    machine = model.generator
+    """DC voltage at which the machine gives the current of the bridge, (n,) [V]."""
     known = course.engaged & (drive.rpm > RPM_MIN) & (drive.i_bridge > 0.0)
     known &= drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0)
-    rpm, share = drive.rpm[known], np.ones(int(known.sum()))
-    for _ in range(1 if machine.rolloff == NO_ROLLOFF else ROUNDS):
-        v_total, i_s = dc_voltages(
-            machine.k_e * rpm * share,
-            drive.i_bridge[known],
-            machine.r_phase,
-            physics.reactance(rpm / RPM, machine),
-            bridge_table(),
-        )
-        share = rolloff_curve(machine.rolloff)(np.minimum(i_s, ROLLOFF_KNOTS[-1]))
+    v_total, _ = dc_voltages(model.generator, drive.rpm[known] / RPM, drive.i_bridge[known], bridge_table())
     found = np.full(known.size, np.nan)
-    found[known] = np.where(v_total > 0.0, v_total - 2.0 * machine.v_diode, np.nan)
+    found[known] = np.where(v_total > 0.0, v_total - 2.0 * model.generator.v_diode, np.nan)
     return found

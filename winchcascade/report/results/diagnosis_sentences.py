@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from winchcascade.core.quantity import Unit, find_unit
 from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
-    Arises,
     DiagnosisResult,
     Experiment,
     NamedCause,
@@ -85,21 +85,18 @@ def where_sentence(
     return f"{gap} {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
 
 
-def arises_sentence(own: Arises | None) -> str:
+def arises_sentence(own: Sequence[Place] | None) -> str:
     """In which stage a gap arises when each stage has its logged inputs."""
     if own is None:
         return ""
     inputs = "With logged inputs to each stage,"
-    if own.worst is None:
+    if not own:
         return f"{inputs} no stage deviates by more than {STANDS_OUT:g} standard uncertainties."
-    stages = " and ".join([", ".join(own.off[:-1]), own.off[-1]] if len(own.off) > 1 else own.off)
-    which = (
-        f"the {stages} stages deviate, the {own.off[0]} most"
-        if len(own.off) > 1
-        else f"only the {stages} stage deviates"
-    )
-    size = size_text(own.worst.channel, own.worst.bias)
-    return f"{inputs} {which}: {_deviates(own.worst, own.worst.bias)}by {size} in the mean."
+    *others, last = [place.stage for place in own]
+    stages = f"the {', '.join(others)} and {last} stages deviate, the {own[0].stage} most" if others else ""
+    size = size_text(own[0].channel, own[0].bias)
+    which = stages or f"only the {last} stage deviates"
+    return f"{inputs} {which}: {_deviates(own[0], own[0].bias)}by {size} in the mean."
 
 
 def _deviates(worst: Place, bias: float, region: str = "") -> str:

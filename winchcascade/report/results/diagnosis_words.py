@@ -134,7 +134,9 @@ def _residual_words(found: DiagnosisResult) -> str:
     if found.verdict == "explained":
         return "the residual is not significant"
     alarms = () if found.remainder is None else found.remainder.alarms
-    phases = [alarm.about.phase for alarm in alarms if alarm.kind == "energy" and isinstance(alarm.about, Spot)]
+    phases = dict.fromkeys(
+        alarm.about.phase for alarm in alarms if alarm.kind == "energy" and isinstance(alarm.about, Spot)
+    )
     if phases:
         return f"the energies of {' and '.join(phase_words(phase or '') for phase in phases)} are not explained"
     return "but the residual exceeds noise: something else acts too"
@@ -339,7 +341,7 @@ SIGNS = {
 
 def kind_words(alarms: Sequence[Alarm]) -> dict[str, str]:
     """What the sizes of some alarms are and what they may mean, by their kinds."""
-    shares = {alarm.kind for alarm in alarms if isinstance(alarm.about, Spot)} & {"energy"}
+    shares = {alarm.kind for alarm in alarms if isinstance(alarm.about, Spot) and alarm.about.run is None} & {"energy"}
     own = dict.fromkeys(shares, "deviation of the predicted energy from the logged one, as a share")
     return {alarm.kind: f"{(SIGNS | own)[alarm.kind]}." for alarm in alarms}
 

@@ -38,12 +38,13 @@ CASES: tuple[Column[CaseScore], ...] = (
 
 def trial_report(score: Score) -> Report:
     """Report of a scored trial."""
-    made, wrong = score.diagnosed, [case for case in score.diagnosed if not case.went_well]
+    wrong = [case for case in score.diagnosed if not case.went_well]
+    to_read = [case for case in score.diagnosed if case.outcome == "unjudged"]
+    judged = len(score.diagnosed) - len(to_read)
     words = {name: words for name, (words, _, _) in OUTCOMES.items()} | FURTHER
     totals = [(words[name], counted) for name, counted in score.totals.items() if counted.of]
     known = [name for name in (NOTHING, *INJECTED, *OUTSIDERS) if name in score.taken_for]
     taken = [(name, score.taken_for[name]) for name in (*known, *sorted(score.taken_for.keys() - set(known)))]
-    listed = wrong + [case for case in made if case.outcome == "unjudged"]
     sealed = score.sealed_sha256 is not None
     return Report(
         kind="Trial of the diagnosis",
@@ -60,9 +61,10 @@ def trial_report(score: Score) -> Report:
             ),
             section("taken", "What each was taken for", table("taken", "Cases by what they hide.", TAKEN, taken)),
             section("cases", "Cases that went wrong, or whose honest answer is in words alone",
-                    table("cases", "Cases to read.", CASES, listed)),
+                    table("cases", "Cases to read.", CASES, wrong + to_read)),
         ],
-        verdict=Note(f"{len(made) - len(listed)} of {len(made) - len(listed) + len(wrong)} diagnoses are correct.",
+        verdict=Note(f"{judged - len(wrong)} of {judged} diagnoses are correct."
+                     + (f" {len(to_read)} are to be judged by a reader." if to_read else ""),
                      tone="plain" if wrong else "good"),
     )  # fmt: skip
 
