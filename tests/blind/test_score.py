@@ -198,7 +198,7 @@ def test_the_truth_of_a_case_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 def test_a_truth_that_cannot_be_read_is_named_with_what_was_expected(tmp_path: Path) -> None:
     (tmp_path / "truth.json").write_text('{"effects": 3}')
-    with pytest.raises(OptionError, match=r"truth\.json: is no truth .* expected JSON with effects"):
+    with pytest.raises(OptionError, match=r"truth\.json: cannot be read .* expected the truth of a campaign"):
         read_truth(tmp_path / "truth.json")
 
 

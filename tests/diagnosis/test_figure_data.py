@@ -94,12 +94,13 @@ def test_the_cycle_with_the_largest_gap_is_shown_and_the_effects_bring_the_simul
 def test_the_roll_off_never_rises_lies_in_its_band_and_is_the_one_reported() -> None:
     profile = profile_of(diagnosed("rolloff"))
     assert profile is not None
-    assert profile.left[0] == 1.0
-    assert np.all(np.diff(profile.left) <= 1e-12)
-    assert np.all((profile.low <= profile.left + 2e-3) & (profile.high >= profile.left - 2e-3))
+    current, left, low, high = profile
+    assert left[0] == 1.0
+    assert np.all(np.diff(left) <= 1e-12)
+    assert np.all((low <= left + 2e-3) & (high >= left - 2e-3))
     reported = diagnosed("rolloff").causes[0].parameters["k_e_ratio_at_10_a"].value
-    assert profile.current[-1] > 10.0
-    assert np.interp(10.0, profile.current, profile.left) == pytest.approx(reported, abs=1e-4)
+    assert current[-1] > 10.0
+    assert np.interp(10.0, current, left) == pytest.approx(reported, abs=1e-4)
     assert profile_of(diagnosed("copper")) is None
 
 

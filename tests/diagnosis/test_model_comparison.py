@@ -10,7 +10,6 @@ from compared import KGCM2, LOGS, before_braking, binned, compared, reduced
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CLOCK, Signal
-from winchcascade.diagnosis.loss_budget import GROUPS
 from winchcascade.diagnosis.model_comparison import (
     BINS,
     CURVES,
@@ -27,7 +26,6 @@ from winchcascade.reduction.bins import stored_powers
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.rig.baseline import load_rig
-from winchcascade.rig.ledger import LEDGER
 
 KEPT = 5.1e-5
 """Five significant digits are kept."""
@@ -165,9 +163,7 @@ def test_what_is_kept_is_small_and_comes_back_from_json(name: str) -> None:
 
 # ------------------------------------------------------------------------------------------------------ the loss budget
 @pytest.mark.parametrize("name", LOGS)
-def test_the_loss_budget_has_every_entry_of_the_ledger_once_and_sums_to_the_lines_energy(name: str) -> None:
-    listed = [entry for group in GROUPS.values() for entry in (*group.behind, *group.before)]
-    assert sorted(listed) == sorted(set(LEDGER) - {"line"})
+def test_the_loss_budget_sums_to_the_lines_energy(name: str) -> None:
     budget = account(name).budget
     assert budget is not None
     assert sum(budget.shares.values()) == pytest.approx(1.0, abs=WHOLE)
@@ -198,10 +194,9 @@ def test_the_parts_of_the_budget_are_the_powers_of_the_simulation() -> None:
     for name, watt in expected.items():
         assert budget.groups[name] == pytest.approx(energy(c, watt), abs=BY_SAMPLES * budget.line), name
     assert budget.line == pytest.approx(energy(c, x["force"] * v), rel=2 * BY_SAMPLES)
-    assert budget.mech == pytest.approx(energy(c, x["torque"] * v / 0.13) / budget.line, abs=2 * BY_SAMPLES)
+    assert budget.mech == pytest.approx(energy(c, x["torque"] * v / 0.13), rel=2 * BY_SAMPLES)
     assert budget.log["mech"] == pytest.approx(energy(c, c.run.channels["torque"] * v / 0.13), rel=2 * BY_SAMPLES)
     ends = [cycle.window.cutoff for cycle in c.cycles]
     v_end, omega_end = np.interp(ends, c.run.t, v), np.interp(ends, c.run.t, omega)
     drum, rotor = np.mean(0.5 * 0.3 * (v_end / 0.13) ** 2), np.mean(0.5 * 626e-6 * omega_end**2)
-    assert budget.drum == pytest.approx(drum, rel=0.02)
     assert budget.groups["inertia"] == pytest.approx(drum + rotor, rel=0.02)

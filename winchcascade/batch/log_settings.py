@@ -8,7 +8,6 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_settings import LogSettings, settings_beside
 from winchcascade.core.errors import CampaignError
-from winchcascade.rig.baseline import load_rig
 
 
 def settings_of(
@@ -21,6 +20,8 @@ def settings_of(
     CampaignError : the campaign.toml cannot be used, and the options leave something open
     RigError : the rig file cannot be used
     """
+    from winchcascade.rig.baseline import load_rig  # it imports numpy, for which a help would wait
+
     named = None if rig is None else load_rig(rig)
     try:
         settings = settings_beside(log, named, sheet, load_rig)

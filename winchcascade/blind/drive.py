@@ -300,7 +300,7 @@ def _diode(current: float, d: Drive) -> float:
 
 
 @njit(cache=True)
-def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal, ledger: Signal) -> None:
+def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Signal, Signal]:
     """Step the drive from rest.
 
     Parameters
@@ -308,13 +308,17 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
     omega_drum : (n + 1,) speed of the drum at the ends of the intervals, payout positive [rad/s]
     mesh : (n,) factor on the torque that the gear needs, 1 where it meshes evenly
     fine : steps of an interval while a diode may conduct
-    out, ledger : zeros, (n, 4) and (14,), that are filled with `COLUMNS` and `LEDGER`
+
+    Returns
+    -------
+    (n, 14), `COLUMNS` and the first ten of `LEDGER` for each interval, and (4,), the last of `LEDGER` at the end
     """
     f, c = d.fixed, d.numbers
+    out = np.zeros((mesh.size, 14))
     i, on, work = np.zeros(3), np.zeros(3, dtype=np.int64), np.zeros((4, 3))
     twist = omega = v_dc = angle = heat = mean_square = mean_dc = 0.0
     emf, share = c.k_e * 30.0 / math.pi, c.eta_mesh / f.gear
-    for n in range(out.shape[0]):
+    for n in range(mesh.size):
         awake = np.any(on) or emf * omega * math.sqrt(2.0) > _QUIET * (v_dc + 2.0 * _diode(mean_dc, d))
         steps = fine if awake else COARSE
         dt = GRID / steps
@@ -322,47 +326,42 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
             drum = omega_drum[n] + (omega_drum[n + 1] - omega_drum[n]) * (m + 0.5) / steps
             slip = drum - omega / f.gear
             torque, rate = _clutch(twist, slip, f)
-            dragging = (
-                d.overrunning_drag * slip / math.sqrt(slip * slip + _SLIP**2) if torque == 0.0 and slip < 0.0 else 0.0
-            )
+            overruns = torque == 0.0 and slip < 0.0
+            dragging = d.overrunning_drag * slip / math.sqrt(slip * slip + _SLIP**2) if overruns else 0.0
             # generator and bridge
             turn = f.pole_pairs * omega
             charge = energy = square = 0.0
             v_diode = _diode(mean_dc, d)
             if awake and omega > 0.0:
                 amplitude = PEAK * emf * omega * weakened(math.sqrt(mean_square), d.law, d.knee, d.width, d.power)
-                source = BridgeSource(
-                    angle, turn, amplitude, v_dc + 2.0 * v_diode, c.r_s + d.diode_slope, c.l_s, d.dead_phase
-                )
+                v_total, r_s = v_dc + 2.0 * v_diode, c.r_s + d.diode_slope
+                source = BridgeSource(angle, turn, amplitude, v_total, r_s, c.l_s, d.dead_phase)
                 charge, energy, square = bridge_step(i, on, source, dt, work)
             mean_square += (square / 3.0 - dt * mean_square) / _FADE
             mean_dc += (charge - dt * mean_dc) / _FADE
             angle = (angle + turn * dt) % (2.0 * math.pi)
             brake = energy / (omega * dt) if omega > 1e-6 else 0.0
             # fast shaft
-            drag = omega * (c.b_rotor + d.rotor_windage * abs(omega)) + d.rotor_friction * omega / math.sqrt(
-                omega**2 + _TURN**2
-            )
+            dry = d.rotor_friction * omega / math.sqrt(omega**2 + _TURN**2)
+            drag = omega * (c.b_rotor + d.rotor_windage * abs(omega)) + dry
             loaded = share - (d.gear_slope + d.gear_curve * torque) * torque / f.gear  # efficiency falls under load
             driving = torque * loaded / mesh[n]
             then = max(omega + dt * (driving + dragging / f.gear - brake - drag) / f.j_rotor, 0.0)
+            # DC link and load
             load = d.load * (1.0 + d.warming * heat)
-            path = load + d.cable
-            v_then, leaking = _link(v_dc, charge, path, dt, d)
-            middle = 0.5 * (v_dc + v_then)
-            seen_v = middle * (load / path)
+            v_then, leaking = _link(v_dc, charge, load + d.cable, dt, d)
+            middle, mean_omega = 0.5 * (v_dc + v_then), 0.5 * (omega + then)
+            seen_v = middle * (load / (load + d.cable))
             heat += dt * (seen_v * seen_v / load - heat / _COOLING)
-            mean_omega = 0.5 * (omega + then)
-            booked = (
+            row = (
+                (torque + dragging) / steps, seen_v / steps, seen_v / load / steps, omega / steps,
                 dt * (torque + dragging) * drum, dt * (torque * omega / f.gear - driving * omega),
                 dt * f.c_shaft * rate * rate, dt * drag * mean_omega, c.r_s * square,
                 2.0 * v_diode * charge + d.diode_slope * square, dt * leaking * middle, dt * seen_v * seen_v / load,
                 dt * seen_v * (middle - seen_v) / load, dt * dragging * (drum - mean_omega / f.gear),
             )  # fmt: skip
-            for k in range(10):
-                ledger[k] += booked[k]
-            seen = (torque + dragging, seen_v, seen_v / load, omega)
-            for k in range(4):
-                out[n, k] += seen[k] / steps
+            for k in range(14):
+                out[n, k] += row[k]
             twist, omega, v_dc = twist + dt * rate, then, v_then
-    ledger[10:] = 0.5 * np.array((f.k_shaft * twist**2, f.j_rotor * omega**2, c.l_s * np.sum(i**2), c.c_dc * v_dc**2))
+    stored = np.array((f.k_shaft * twist**2, f.j_rotor * omega**2, c.l_s * np.sum(i**2), c.c_dc * v_dc**2))
+    return out, 0.5 * stored

@@ -10,8 +10,8 @@ import msgspec
 from scipy.stats import binomtest
 
 from winchcascade.blind.judge import CaseScore, Diagnosis, judge
-from winchcascade.blind.trial import DIAGNOSES, TRIAL, case_names, decoded, open_seal
-from winchcascade.blind.truth import TRUTH_FILE, read_truth
+from winchcascade.blind.trial import DIAGNOSES, TRIAL, case_names, open_seal
+from winchcascade.blind.truth import TRUTH_FILE, decoded, read_truth
 from winchcascade.core.errors import OptionError
 from winchcascade.core.store import digest_in, inside
 from winchcascade.core.version import __version__

@@ -12,12 +12,11 @@ import shutil
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 import msgspec
 
 from winchcascade.blind.cases import Case, draw, plan_cases, write_campaign
-from winchcascade.blind.truth import TRUTH_FILE, Truth, truth_by_effects
+from winchcascade.blind.truth import TRUTH_FILE, Truth, decoded, truth_by_effects
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, json_bytes, scratch_folder, write_content
@@ -36,8 +35,6 @@ from winchcascade.core.store import (  # fmt: skip
     with_digest,
 )
 from winchcascade.core.version import __version__
-
-Content = TypeVar("Content")
 
 SEALED, TRIAL, DIAGNOSES = "sealed.json", "trial.json", "diagnoses"
 """Files of a trial: the answers, the record without them, and the folder with the JSON of each diagnosis."""
@@ -121,15 +118,6 @@ def seal(sealed: SealedAnswers) -> tuple[bytes, Trial]:
     """Put answers into the bytes of a sealed file, and make the record of the trial with their digest."""
     content = json_bytes(sealed)
     return content, Trial(tuple(a.case for a in sealed.answers), digest_of(content))
-
-
-def decoded(path: Path, kind: type[Content], expected: str) -> Content:
-    """Decode a file of a trial; OptionError with what was expected if that is not possible."""
-    try:
-        return msgspec.json.decode(path.read_bytes(), type=kind)
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
-        words = fault.strerror if isinstance(fault, OSError) else fault
-        raise OptionError(f"{path}: cannot be read ({words}); expected {expected}.") from None
 
 
 def read_trial(folder: Path) -> Trial:

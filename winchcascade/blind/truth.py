@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
 import msgspec
 
 from winchcascade.core.errors import OptionError
+
+Content = TypeVar("Content")
 
 TRUTH_FILE = "truth.json"
 """File beside a campaign.toml that states what is injected."""
@@ -18,6 +20,15 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 UNJUDGED = "words"
 """Kind of a case whose truth is stated in words alone, so that a reader judges it."""
+
+
+def decoded(path: Path, kind: type[Content], expected: str) -> Content:
+    """Decode the JSON of a trial; OptionError with what was expected if that is not possible."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=kind)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
+        words = fault.strerror if isinstance(fault, OSError) else fault
+        raise OptionError(f"{path}: cannot be read ({words}); expected {expected}.") from None
 
 
 class Truth(msgspec.Struct, frozen=True):
@@ -100,19 +111,10 @@ class _Given(msgspec.Struct, frozen=True):
 
 
 def read_truth(path: Path) -> Truth:
-    """Read a truth.json. What it leaves out follows from its effects; one that has words alone is of the kind `words`.
-
-    Raises
-    ------
-    OptionError : it cannot be read
-    """
-    try:
-        given = msgspec.json.decode(path.read_bytes(), type=_Given)
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
-        raise OptionError(
-            f"{path}: is no truth of a campaign ({fault}); expected JSON with effects, an object of the strength of each "
-            "injected effect by its name, empty if nothing is injected."
-        ) from None
+    """Read a truth.json. What it leaves out follows from its effects; one that has words alone is of the kind `words`."""
+    given = decoded(
+        path, _Given, "the truth of a campaign: effects, an object of the strengths of what is injected by name"
+    )
     effects, parameters = _effects_of(given)
     found = _derived(given, effects, parameters)
     stated = {

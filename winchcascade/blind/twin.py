@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.signal import fftconvolve, lfilter
 
-from winchcascade.blind.drive import COLUMNS, FINE, GRID, LEDGER, Drive, run_drive
+from winchcascade.blind.drive import FINE, GRID, LEDGER, Drive, run_drive
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.twin_numbers import (  # fmt: skip
     AIR,
@@ -334,9 +334,8 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
     speed, pull = 0.5 * (v[1:] + v[:-1]), np.diff(v) / GRID
     turned = speed / np.sqrt(speed**2 + REST**2)
     way = turned + resting * (1.0 - turned**2)
-    out, ledger = np.zeros((t.size, len(COLUMNS))), np.zeros(len(LEDGER))
     mesh = 1.0 + hidden.get("worn_gear") * np.cos(3.0 * middle / r + phase)  # three times a turn of the drum
-    run_drive(v / r, mesh, drive_of(twin, log), fine, out, ledger)
+    out, stored = run_drive(v / r, mesh, drive_of(twin, log), fine)
     torque = out[:, 0] - hidden.get("clutch_drag") * np.where(speed < 0.0, np.abs(turned), 0.0)
     gauge, slow, seals = _gauge(twin, middle, t), _slow_friction(hidden, speed), hidden.laws.get("slow_seals", 0.0)
     screw = _screw(twin, gauge, way, slow * way * seals * 2.0 * math.pi / FIXED.lead)
@@ -347,7 +346,8 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
     radius = r * (1.0 + hidden.get("drum_layering") * middle / 10.0) * (1.0 + eccentric)
     force = (screw + torque + inertia + lost) / radius * np.exp(-math.log1p(-hidden.get("rope_loss")) * way)
     channels = {"pressure": gauge, "force": force, "torque": torque, "vdc": out[:, 1], "idc": out[:, 2]}
-    return Solved(t, x, v, channels | {"omega": out[:, 3]}, dict(zip(LEDGER, ledger.tolist(), strict=True)))
+    energy = dict(zip(LEDGER, [*out[:, 4:].sum(axis=0), *stored], strict=True))
+    return Solved(t, x, v, channels | {"omega": out[:, 3]}, energy)
 
 
 def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:

@@ -16,9 +16,8 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import ModelAccuracy
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.diagnosis_result import Contribution, NamedCause
+    from winchcascade.diagnosis.diagnosis_result import Contribution, NamedCause, StageEnergy
     from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.phase_energies import PhaseEnergy
     from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
 
@@ -80,7 +79,7 @@ def _rms(x: Signal) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def unbalanced(energies: Iterable[PhaseEnergy]) -> list[Alarm]:
+def unbalanced(energies: Iterable[StageEnergy]) -> list[Alarm]:
     """Energies by run, phase and stage that the fit leaves beyond their uncertainty."""
     sizes = ((one, abs(one.measured - one.after) / one.u) for one in energies if one.u > 0.0)
     return [
@@ -95,7 +94,7 @@ STAGES_OF = {"eta_pto": ("line", "gen"), "eta_trans": ("line", "mech"), "eta_gen
 
 
 def left_over(
-    contributions: Sequence[Contribution], energies: Iterable[PhaseEnergy], accuracy: ModelAccuracy
+    contributions: Sequence[Contribution], energies: Iterable[StageEnergy], accuracy: ModelAccuracy
 ) -> list[Alarm]:
     """Residuals of efficiencies that exceed what the rig file calls relevant, beyond the uncertainty of their energies."""
     window = {(one.log, one.metric): abs(one.measured) for one in contributions}
@@ -113,7 +112,7 @@ def left_over(
     return found
 
 
-def _share_of_window(energy: PhaseEnergy, window: float) -> float:
+def _share_of_window(energy: StageEnergy, window: float) -> float:
     """Standard uncertainty of the energy of a window over that energy: noise averages out less than over a whole payout. [1]
 
     Parameters

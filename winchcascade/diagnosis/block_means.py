@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from winchcascade.core.integrate import GAUSS, median
-from winchcascade.reduction.phases import Cycle, check_cycles, detect, smoothed_velocity
+from winchcascade.reduction.phases import check_cycles, detect, smoothed_velocity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,22 +87,27 @@ def blocks_of(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Bloc
     if cycles is not None:
         check_cycles(cycles, found, run.name)
     first, last = cycles or (-math.inf, math.inf)
-    counted = [stretch for stretch in stretches_of(run, found) if first <= max(stretch[3], 1) <= last]
-    table = np.vstack([np.zeros((0, 5), dtype=np.intp), *(_cut(run, *stretch) for stretch in counted)])
-    start, stop, phase, cycle, joined = table.T
-    return Blocks(start, stop, phase, cycle, joined.astype(bool))
+    begins = [(float(run.t[0]), HOLD, 0)]
+    for number, cycle in enumerate(found, 1):
+        begins += [(cycle.onset, PAYOUT, number), (cycle.payout_end, HOLD, number)]
+        if cycle.haul_in is not None:
+            begins += [(cycle.haul_in[0], HAUL_IN, number), (cycle.haul_in[1], HOLD, number)]
+    ends = [*(begin for begin, _, _ in begins[1:]), float(run.t[-1])]
+    counted = [
+        _cut(run, begin, end, phase, number)
+        for (begin, phase, number), end in zip(begins, ends, strict=True)
+        if first <= max(number, 1) <= last
+    ]
+    start, stop, phases, numbers, joined = np.vstack([np.zeros((0, 5), dtype=np.intp), *counted]).T
+    return Blocks(start, stop, phases, numbers, joined.astype(bool))
 
 
 def in_a_row(several: Sequence[Blocks]) -> Blocks:
     """Blocks of several logs one after the other, with cycles numbered so that no two logs share one."""
     first = np.cumsum([0, *(int(blocks.cycle.max(initial=0)) + 1 for blocks in several)])
-    return Blocks(
-        start=np.concatenate([blocks.start for blocks in several]),
-        stop=np.concatenate([blocks.stop for blocks in several]),
-        phase=np.concatenate([blocks.phase for blocks in several]),
-        cycle=np.concatenate([blocks.cycle + k for blocks, k in zip(several, first, strict=False)]),
-        joined=np.concatenate([blocks.joined for blocks in several]),
-    )
+    renumbered = [replace(blocks, cycle=blocks.cycle + k) for blocks, k in zip(several, first, strict=False)]
+    fields = Blocks.__struct_fields__
+    return Blocks(*(np.concatenate([getattr(blocks, name) for blocks in renumbered]) for name in fields))
 
 
 def middles(blocks: Blocks, here: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -117,17 +123,6 @@ def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], min
     k = middles(blocks, here)
     second = np.abs(x[k - 1] - 2.0 * x[k] + x[k + 1]) / math.sqrt(6.0)
     return GAUSS * median(second) if k.size >= minimum else math.nan
-
-
-def stretches_of(run: Run, cycles: list[Cycle]) -> list[tuple[float, float, int, int]]:
-    """Stretches of one phase: beginning, end [s], phase, cycle."""
-    begins = [(float(run.t[0]), 1, 0)]
-    for number, cycle in enumerate(cycles, 1):
-        begins += [(cycle.onset, 0, number), (cycle.payout_end, 1, number)]
-        if cycle.haul_in is not None:
-            begins += [(cycle.haul_in[0], 2, number), (cycle.haul_in[1], 1, number)]
-    ends = [*(begin for begin, _, _ in begins[1:]), float(run.t[-1])]
-    return [(begin, end, phase, cycle) for (begin, phase, cycle), end in zip(begins, ends, strict=True)]
 
 
 def _cut(run: Run, begin: float, end: float, phase: int, cycle: int) -> NDArray[np.intp]:

@@ -57,8 +57,8 @@ STRAINED = 4.0
 ROUNDS = 30
 """Maximum number of steps of the fit."""
 
-SETTLED = 1e-3
-"""The fit has converged when no nuisance moves by more than this share of its prior width."""
+SETTLED = 0.03
+"""The fit has converged when no number moves by more than this share of its standard uncertainty."""
 
 
 class Number(msgspec.Struct, frozen=True):
@@ -300,12 +300,13 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
         z = data.whiten((data.measured - data.predict(nu, [])) * used)
         columns, w = data.columns(nu, [], used), weights(z)
         curve, slope = columns.masked(np.sqrt(w)).squared() + np.eye(nu.size), columns.onto(w * z) - nu
-        own = np.linalg.solve(curve, slope).astype(np.float64)
-        nu, settled = nu + own, float(np.max(np.abs(own))) < SETTLED
+        inverse = np.asarray(np.linalg.inv(curve), dtype=np.float64)
+        step = inverse @ slope
+        nu, settled = nu + step, bool(np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(inverse))))
         if settled:
             break
     misfit = 2.0 * huber(z) / max(int(np.count_nonzero(z)), 1)
-    return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(curve), dtype=np.float64), misfit, settled
+    return nu, max(misfit, 1.0) * inverse, misfit, settled
 
 
 def _blocks(data: Fitted, nu: Signal) -> FittedBlocks:

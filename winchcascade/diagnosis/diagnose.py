@@ -29,6 +29,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     OwnSimulation,
     Place,
     Remainder,
+    StageEnergy,
     Verdict,
 )
 from winchcascade.diagnosis.entries import bound_to
@@ -36,7 +37,7 @@ from winchcascade.diagnosis.gap_map import arises, compare, deviating_stage, loc
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.next_run import plan_run
 from winchcascade.diagnosis.nuisances import before_calibration
-from winchcascade.diagnosis.phase_energies import PhaseEnergy, energies_of
+from winchcascade.diagnosis.phase_energies import energies_of
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, expand, search, start_of
 from winchcascade.diagnosis.stability import stabilities, with_stability
@@ -70,7 +71,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     fitted_blocks: Signal
     own_simulation: OwnSimulation | None = None
     contributions: tuple[Contribution, ...] = ()
-    energies: tuple[PhaseEnergy, ...] = ()
+    energies: tuple[StageEnergy, ...] = ()
     cancelling: tuple[Alarm, ...] = ()
     thresholds: tuple[Threshold, ...] = ()
     not_visible: Names = ()

@@ -209,17 +209,22 @@ class Minor(msgspec.Struct, frozen=True):
 
 
 # ----------------------------------------------------------------------------------------------- energies and efficiencies
-class CycleEnergy(msgspec.Struct, frozen=True):
-    """Signed energy of a stage in one phase of one cycle: measured, predicted before and after, standard uncertainty. [J]"""
+class StageEnergy(msgspec.Struct, frozen=True):
+    """Energy of one stage over one phase of one run, or of one `cycle` of it, payout positive [J].
 
-    run: str
-    cycle: int
+    `before` is that of the model of the rig file, or of line tension times speed, `after` that of the fit, each with the zeros
+    of the sensors. `u` is the standard uncertainty of measured minus after. `cycles` is their number.
+    """
+
+    run: int
     phase: str
     stage: str
     measured: float
     before: float
     after: float
     u: float
+    cycles: int = 1
+    cycle: int | None = None
 
 
 ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]

@@ -153,25 +153,20 @@ def _at_samples(found: ModelDiagnosis, log: int, nu: Signal, *, fitted: bool) ->
 
 
 # ------------------------------------------------------------------------------------------------------- the roll-off
-class Profile(NamedTuple):
-    """Share of the back-EMF constant that remains over the stator current [A rms], (n,) each: found and its 95 % band."""
+def profile_of(found: ModelDiagnosis) -> Signal | None:
+    """The roll-off as far as the stator current reaches, None where it is no cause (Fig. 18e).
 
-    current: Signal
-    left: Signal
-    low: Signal
-    high: Signal
-
-
-def profile_of(found: ModelDiagnosis) -> Profile | None:
-    """The roll-off with its band, as far as the stator current reaches; None where it is no cause (Fig. 18e)."""
+    Returns
+    -------
+    (4, n) stator current [A rms], the share of the back-EMF constant that remains, and its 95 % band.
+    """
     data, best = found.data, found.found.best
     if ROLLOFF not in best.names or all(cause.effect != ROLLOFF for cause in found.causes):
         return None
     place = best.place[ROLLOFF]
     fitted = best.x[place]
-    root = np.linalg.eigh(posterior_of(found.found, best).covariance[place, place])
-    spread = root.eigenvectors * np.sqrt(np.maximum(root.eigenvalues, 0.0))
-    drawn = fitted + np.random.default_rng(0).standard_normal((DRAWS, fitted.size)) @ spread.T
+    covariance = posterior_of(found.found, best).covariance[place, place]
+    drawn = np.random.default_rng(0).multivariate_normal(fitted, covariance, DRAWS, check_valid="ignore", method="eigh")
     reached = ROLLOFF_KNOTS[1]
     for log, model in zip(data.logs, data.models(best.nu, best.effects(found.suspects)), strict=True):
         if math.isfinite(log.load):
@@ -181,4 +176,4 @@ def profile_of(found: ModelDiagnosis) -> Profile | None:
     fields = [fitted, *np.clip(drawn, best.free.minimum[place], best.free.maximum[place])]
     line, *lines = (share_of_k_e(tuple(x.tolist()), current) for x in fields)
     low, high = np.quantile(list(lines), (0.025, 0.975), axis=0)
-    return Profile(current, line, low, high)
+    return np.array([current, line, low, high])

@@ -14,11 +14,11 @@ from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.quantity import KGCM2
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Mask, Run, Signal
-from winchcascade.diagnosis.loss_budget import LossBudget, budget_of
 from winchcascade.reduction.bins import engaged, stored_powers
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.rig.baseline import NoModel, model_of
+from winchcascade.rig.ledger import LEDGER
 from winchcascade.rig.simulate import Simulation, simulate
 
 if TYPE_CHECKING:
@@ -74,6 +74,28 @@ class ChannelDifference(msgspec.Struct, frozen=True):
     rms: float
 
 
+GROUPS = {booked.group: booked.about for entry, booked in LEDGER.items() if entry != "line"}
+"""Groups of entries of the ledger that are shown together, from the DC link back to the line, and what they are."""
+
+
+class LossBudget(msgspec.Struct, frozen=True):
+    """Where the energy of the line goes in a simulation: means over the windows of the compared cycles [J].
+
+    `line` and each of `GROUPS`, and `mech`, what of it reaches the torque sensor. `log` holds the energies that the log gives,
+    by stage: line, mech, gen.
+    """
+
+    line: float
+    groups: dict[str, float]
+    mech: float
+    log: dict[str, float]
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Each group over the line's energy. [1]"""
+        return {name: joule / self.line for name, joule in self.groups.items()}
+
+
 class Account(msgspec.Struct, frozen=True, omit_defaults=True):
     """All that is kept of one comparison; `why` is the reason if there is none.
 
@@ -120,7 +142,7 @@ def modelled(reduction: Reduction) -> Account:
         gear=None if gear is None else gear.value,
         curves=_curves(found, samples),
         differences=_differences(found, samples.payout.to_numpy()),
-        budget=budget_of(found.simulation, found.cycles),
+        budget=_budget(found),
     )
 
 
@@ -256,3 +278,23 @@ def _curves(found: SimulatedLog, samples: pd.DataFrame) -> dict[str, ComparedCur
 def _ratio(above: Signal, below: Signal) -> Signal:
     """One row of means over another, not a number where the lower is faint, (bins,)."""
     return above / np.where(below > FAINT * np.max(below, initial=0.0), below, np.nan)
+
+
+def _budget(found: SimulatedLog) -> LossBudget | None:
+    """Book the energy of a simulation between onset and cutoff of each cycle, as a mean over the cycles."""
+    t, ends = found.run.t, np.array([(c.window.onset, c.window.cutoff) for c in found.cycles]).T
+    booked = {name: np.diff(np.interp(ends, t, x), axis=0) for name, x in found.simulation.energy.items()}
+    joule = {name: float(np.mean(x)) for name, x in booked.items()}
+    if joule["line"] <= 0.0:
+        return None
+    groups = {name: sum(joule[entry] for entry, of in LEDGER.items() if of.group == name) for name in GROUPS}
+    logged = {
+        stage: [x for c in found.cycles if (x := c.metrics[f"energy_{stage}"]) is not None]
+        for stage in (("line",) if found.run.open_circuit else ("line", "mech", "gen"))
+    }
+    return LossBudget(
+        line=joule["line"],
+        groups=groups,
+        mech=joule["line"] - sum(joule[entry] for entry, of in LEDGER.items() if of.before),
+        log={stage: float(np.mean(x)) for stage, x in logged.items() if len(x) == len(found.cycles)},
+    )

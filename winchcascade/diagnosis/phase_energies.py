@@ -6,12 +6,12 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.causes import LAW
+from winchcascade.diagnosis.diagnosis_result import StageEnergy
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
@@ -24,29 +24,15 @@ FACTORS = {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen":
 """Channels whose product is the power of each stage; the speed of the drum is that of the line over its radius."""
 
 
-class PhaseEnergy(msgspec.Struct, frozen=True):
-    """Energy of one stage over one phase of one run, all its cycles, payout positive [J].
+def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[StageEnergy, ...]:
+    """Energies of every run by phase; stages that a run cannot give are left out.
 
-    `before` is that of the model of the rig file, `after` that of the fit, each with the zeros of the sensors of the run. `u`
-    is the standard uncertainty of measured minus after: noise, zeros, the discrepancy of the model and the laws of the causes.
+    Their uncertainties are of noise, zeros, the discrepancy of the model and the laws of the causes.
     """
-
-    run: int
-    phase: str
-    stage: str
-    measured: float
-    before: float
-    after: float
-    u: float
-    cycles: int
-
-
-def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[PhaseEnergy, ...]:
-    """Energies of every run; stages that a run cannot give are left out."""
     given = data.models(np.zeros_like(fit.nu), [])
     fitted, skew, zeros = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu), data.zeros(fit.nu)
 
-    def of_run(k: int) -> list[PhaseEnergy]:
+    def of_run(k: int) -> list[StageEnergy]:
         log = data.logs[k]
         own = log.offset_at_stamps + zeros[k]
         before, after = (
@@ -59,7 +45,7 @@ def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[PhaseEnergy
     return tuple(one for own in several for one in own)
 
 
-def _of_stage(data: Fitted, k: int, stage: str, before: Signal, after: Signal) -> list[PhaseEnergy]:
+def _of_stage(data: Fitted, k: int, stage: str, before: Signal, after: Signal) -> list[StageEnergy]:
     """Energies of one stage of one run by phase.
 
     Parameters
@@ -97,5 +83,5 @@ def _of_stage(data: Fitted, k: int, stage: str, before: Signal, after: Signal) -
             LAW * (fitted - given),
         )
         u = float(np.linalg.norm(parts))
-        found.append(PhaseEnergy(k, phase, stage, measured, given, fitted, u, int(np.unique(blocks.cycle[here]).size)))
+        found.append(StageEnergy(k, phase, stage, measured, given, fitted, u, int(np.unique(blocks.cycle[here]).size)))
     return found

@@ -29,8 +29,7 @@ _SPRING = "its spring and damping"
 LEDGER = {
     "line": Booked("delivered by the line", "line"),
     "dc": Booked("delivered by the DC link", "DC link", "delivered"),
-    **{name: Booked(f"lost in the {name} of the generator", name, about) for name, about in ELECTRICAL_LOSSES.items()},
-    **{name: Booked(f"lost by {name} of the fast shaft", name, about) for name, about in SHAFT_LOSSES.items()},
+    **{name: Booked(f"lost to {about}", name, about) for name, about in (ELECTRICAL_LOSSES | SHAFT_LOSSES).items()},
     "mesh": Booked("lost in the gear mesh", "mesh", "gear teeth"),
     "clutch": Booked("lost in the clutch", "clutch", "its drag while open"),
     "shaft": Booked("stored in the torsion of the shaft", "shaft", _SPRING),

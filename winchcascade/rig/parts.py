@@ -21,17 +21,26 @@ if TYPE_CHECKING:
 
 
 class Number(NamedTuple):
-    """What is known of a number of a part beside its value: its unit, and what it is."""
+    """What is known of a number of a part beside its value: its unit, what it is, its name in a rig file, where that is another
+    one, and the limits of what is physically possible.
+    """
 
     unit: str
     what: str
+    in_rig: str = ""
+    least: float = -math.inf
+    most: float = math.inf
+
+
+ABOVE_ZERO = math.ulp(0.0)
+"""Limit of a number that must be above 0."""
 
 
 class WinchModel(NamedTuple):
     """Drum, rope, and what acts between line and torque sensor. The encoder turns with the drum."""
 
     r_drum: Annotated[float, Number("m", "radius of the drum")]
-    inertia: Annotated[float, Number("kg.m2", "inertia at the drum")]
+    inertia: Annotated[float, Number("kg.m2", "inertia at the drum", least=0.0)]
     friction: Annotated[float, Number("N.m", "constant torque against the motion")] = 0.0
     drag: Annotated[float, Number("N.m.s/rad", "torque over the speed of the drum")] = 0.0
     layering: Annotated[float, Number("1/m", "change of the radius of the rope for each metre paid out")] = 0.0
@@ -46,10 +55,10 @@ class RestoringModel(NamedTuple):
     lead: Annotated[float, Number("m/rad", "lead of the screw")]
     lead_angle: Annotated[float, Number("rad", "lead angle of the screw")]
     half_angle: Annotated[float, Number("rad", "half angle of the thread")]
-    mu: Annotated[float, Number("1", "friction coefficient of the screw")]
-    area: Annotated[float, Number("m2", "area of the piston")]
-    pressure: Annotated[float, Number("Pa", "absolute pressure of the gas")]
-    volume: Annotated[float, Number("m3", "volume of the gas")]
+    mu: Annotated[float, Number("1", "friction coefficient of the screw", "mu_screw", 0.0)]
+    area: Annotated[float, Number("m2", "area of the piston", "area_piston")]
+    pressure: Annotated[float, Number("Pa", "absolute pressure of the gas", "p_precharge", ABOVE_ZERO)]
+    volume: Annotated[float, Number("m3", "volume of the gas", "volume_gas", ABOVE_ZERO)]
     exponent: Annotated[float, Number("1", "polytropic exponent of a fast motion; 1 is isothermal")] = 1.0
     cooling: Annotated[float, Number("s", "time in which the gas gives back its heat")] = 6.0
     seal_friction: Annotated[float, Number("N", "constant friction of the piston")] = 0.0
@@ -79,8 +88,8 @@ def _thread(half_angle: float, mu: float, tangent: float) -> float:
 class DrivetrainModel(NamedTuple):
     """One-way clutch, shaft spring, gear, and the rotating parts on the fast shaft."""
 
-    gear: Annotated[float, Number("1", "gear ratio")]
-    eta_mesh: Annotated[float, Number("1", "mesh efficiency")]
+    gear: Annotated[float, Number("1", "gear ratio", "gear_ratio")]
+    eta_mesh: Annotated[float, Number("1", "mesh efficiency", least=ABOVE_ZERO, most=1.0)]
     b_rotor: Annotated[float, Number("N.m.s/rad", "viscous damper of the fast shaft")]
     k_shaft: Annotated[float, Number("N.m/rad", "stiffness of the PTO shaft")]
     c_shaft: Annotated[float, Number("N.m.s/rad", "damping of the PTO shaft")]
@@ -231,16 +240,6 @@ CHANGED_AGAIN: Mapping[Operation, Callable[[float, float], float]] = {**_CHANGED
 """The one change that is as two after each other."""
 
 
-NAMES_IN_RIG = {
-    "restoring.mu": "mu_screw",
-    "restoring.area": "area_piston",
-    "restoring.pressure": "p_precharge",
-    "restoring.volume": "volume_gas",
-    "drivetrain.gear": "gear_ratio",
-}
-"""Names that a rig file has for numbers of the model, where they differ; its sections are the parts of the model."""
-
-
 def path_in_rig(path: str) -> str:
     """Section and name in a rig file for the path of a number of the model, whether a file has it or not.
 
@@ -248,7 +247,8 @@ def path_in_rig(path: str) -> str:
     ('drivetrain.gear_ratio', 'generator.r_s')
     """
     section, _, name = path.partition(".")
-    return f"{section}.{NAMES_IN_RIG.get(path, name)}"
+    number = numbers_of(section).get(name) if section in PARTS else None
+    return f"{section}.{number.in_rig or name}" if number is not None else path
 
 
 def required(part: str) -> tuple[str, ...]:
@@ -292,12 +292,18 @@ def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
     return with_part(model, part, **{name: value})
 
 
-def possible(model: Model) -> Model:
-    """The nearest physically possible model: no negative friction coefficient, no mesh efficiency above 1.
+@cache
+def limited() -> Mapping[str, Number]:
+    """Numbers with a limit of what is physically possible, by their paths."""
+    every = {f"{part}.{name}": number for part in PARTS for name, number in numbers_of(part).items()}
+    return {path: number for path, number in every.items() if (number.least, number.most) != (-math.inf, math.inf)}
 
-    An effect and the tolerance of a number of the rig may together exceed such a limit.
-    """
-    mu, eta_mesh = model.restoring.mu, model.drivetrain.eta_mesh
-    if mu >= 0.0 and eta_mesh <= 1.0:
-        return model
-    return with_part(with_part(model, "restoring", mu=max(mu, 0.0)), "drivetrain", eta_mesh=min(eta_mesh, 1.0))
+
+def possible(model: Model) -> Model:
+    """The nearest physically possible model: an effect and the tolerance of a number of the rig may together exceed a limit."""
+    for path, number in limited().items():
+        part, _, name = path.partition(".")
+        value = getattr(getattr(model, part), name)
+        if not number.least <= value <= number.most:
+            model = with_part(model, part, **{name: min(max(value, number.least), number.most)})
+    return model

@@ -2,6 +2,8 @@
 
 A law is plain arithmetic of numbers, or of arrays of one length, (n,), in SI units, payout positive. `sign` is the direction of
 friction: 1 in payout, -1 in haul-in, in between near rest; a caller computes it once, by `direction`.
+
+Numba does not see a change of this file: delete the compiled code of the files that use it, `find . -name "*.nb[ic]" -delete`.
 """
 
 import math
@@ -98,7 +100,7 @@ def open_clutch(sign: X, shaft: DrivetrainModel) -> X:
 SHAFT_LOSSES = {
     "friction": "constant drag of the fast shaft",
     "damper": "viscous drag of the fast shaft",
-    "windage": "drag with speed squared",
+    "windage": "drag of the fast shaft with its speed squared",
 }
 """Losses of the fast shaft, in the order of `shaft_losses`, with what they are."""
 

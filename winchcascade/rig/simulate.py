@@ -6,7 +6,6 @@ The line motion is smoothed, so that inertia torques are not noise, and taken at
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -26,7 +25,7 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS, LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.ledger import energies, integral
 from winchcascade.rig.line_velocity import line_velocity
-from winchcascade.rig.parts import ELECTRICAL, PARTS, Model, number_of
+from winchcascade.rig.parts import ELECTRICAL, PARTS, Model, limited, number_of
 from winchcascade.rig.physics import RPM
 
 
@@ -164,26 +163,22 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     )
 
 
-POSSIBLE: tuple[tuple[str, str, Callable[[float], bool], str], ...] = (
-    ("drivetrain.eta_mesh", "mesh efficiency", lambda number: 0.0 < number <= 1.0, "above 0 and at most 1"),
-    ("restoring.mu", "friction coefficient of the screw", lambda number: number >= 0.0, "0 or more"),
-    ("restoring.volume", "gas volume [m3]", lambda number: number > 0.0, "above 0"),
-    ("restoring.pressure", "precharge pressure, absolute [Pa]", lambda number: number > 0.0, "above 0"),
-    ("winch.inertia", "inertia at the drum [kg m2]", lambda number: number >= 0.0, "0 or more"),
-)
-"""Numbers that a rig file and several effects together may make impossible, and what is expected of each."""
-
-
 def _check_model(model: Model) -> None:
     """Reject numbers that no rig can have: RigError."""
     for part in PARTS:
         for name, value in getattr(model, part)._asdict().items():
             if isinstance(value, float) and math.isnan(value):
                 raise RigError(f"the model's {name} is NaN; expected a number, so check the rig and the effects.")
-    for path, what, fits, expected in POSSIBLE:
-        if not fits(number := number_of(model, path)):
+    for path, number in limited().items():
+        value, most = number_of(model, path), number.most
+        if not number.least <= value <= most:
+            expected = ("above 0" if number.least else "0 or more") + (
+                f" and at most {most:g}" if most < math.inf else ""
+            )
+            unit = "" if number.unit == "1" else f" {number.unit}"
             raise RigError(
-                f"the model's {what} is {number:.4g}; expected {expected}, so check the rig file and the effects together."
+                f"the model's {number.what} is {value:.4g}{unit}; expected {expected}, so check the rig file and the effects "
+                "together."
             )
 
 

@@ -15,7 +15,6 @@ from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     MOSTLY,
     Alarm,
-    CycleEnergy,
     DiagnosisResult,
     Entries,
     GapClosure,
@@ -23,6 +22,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Remainder,
     Shrunk,
     Spot,
+    StageEnergy,
     Verdict,
     Where,
 )
@@ -80,7 +80,7 @@ class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     lines: Lines
     fit: LineFit
     closure: LineClosure | None = None
-    energies: tuple[CycleEnergy, ...] = ()
+    energies: tuple[StageEnergy, ...] = ()
 
 
 @linear_algebra_on_one_thread()
@@ -212,7 +212,7 @@ def _remainder(closure: LineClosure, energies: tuple[Alarm, ...]) -> Remainder:
 
 
 # ---------------------------------------------------------------------------------------------------------------- energies
-def _energies(fit: LineFit, after: Signal) -> tuple[tuple[CycleEnergy, ...], tuple[Alarm, ...]]:
+def _energies(fit: LineFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tuple[Alarm, ...]]:
     """Energies of the judged cycles by phase, and an alarm for each phase whose energies the causes do not explain.
 
     The residuals of a phase are an alarm where their root mean square, or their sum, is more than a small share of the energy,
@@ -221,7 +221,7 @@ def _energies(fit: LineFit, after: Signal) -> tuple[tuple[CycleEnergy, ...], tup
     """
     from scipy.special import chdtrc
 
-    rows, lines = fit.lines.judged, fit.lines
+    rows = fit.lines.judged
     code, row, place = np.unique(
         rows.blocks.cycle * len(PHASES) + rows.blocks.phase, return_index=True, return_inverse=True
     )
@@ -247,11 +247,10 @@ def _energies(fit: LineFit, after: Signal) -> tuple[tuple[CycleEnergy, ...], tup
             if size > SMALL_ENERGY and float(chdtrc(left.size, squares)) < CHANCE:
                 alarms.append(Alarm("energy", Spot(POWER, PHASES[p]), size, SMALL_ENERGY))
     u = np.sqrt(np.diag(between + of_numbers))
+    numbers = np.array([measured, before, measured - residual, u]).T.tolist()
     energies = [
-        CycleEnergy(lines.parts[rows.part[k]].run.name, int(rows.own_cycle[k]), PHASES[p], "mech", *numbers)
-        for k, p, *numbers in zip(
-            row, phase, *(x.tolist() for x in (measured, before, measured - residual, u)), strict=True
-        )
+        StageEnergy(int(rows.part[k]), PHASES[p], "mech", was, given, fitted, sd, cycle=int(rows.own_cycle[k]))
+        for k, p, (was, given, fitted, sd) in zip(row, phase, numbers, strict=True)
     ]
     largest = {alarm.about: alarm for alarm in sorted(alarms, key=lambda alarm: alarm.size)}
     return tuple(energies), tuple(sorted(largest.values(), key=lambda alarm: -alarm.size))

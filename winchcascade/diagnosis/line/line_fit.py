@@ -1,9 +1,8 @@
 """Fit of a winch without a model: the noise of its power, and the search for the suspects that explain it.
 
-The residual of a fit is no white noise: losses that vary make it last. Haar's orthonormal transform of each phase of each cycle
-separates the two: a coefficient compares the means of two neighbouring stretches of 1, 2, 4 ... blocks, and the last one is the
-mean of the phase, which is its energy. Between lengths the coefficients of correlated noise are nearly independent (McCoy and
-Walden 1996), so that weights by their variances make generalised least squares: energies count by how well they repeat.
+The residual of a fit is no white noise: losses that vary make it last. It has two parts, that of single rows about the mean of
+a phase of a cycle, and that of this mean, which is the energy of the phase. Weights by the variances of both make generalised
+least squares (random effects: Laird and Ware 1982): energies count by how well they repeat from cycle to cycle.
 """
 
 from __future__ import annotations
@@ -31,11 +30,11 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
-LEVELS = 24
-"""Columns of a table of variances: differences of 1, 2, 4 ... blocks, and in the last column the means of stretches."""
+TOGETHER = 2
+"""Blocks that make one row of the fit, about a second: the velocity of single ones is known too badly for the inertia."""
 
 FEW = 4.0
-"""Number of coefficients as which the variance of the next shorter length counts where a length has few of its own."""
+"""Number of cycles as which the variance within the phases counts in that of the means, where there are few cycles."""
 
 FOLDS = 10
 """Minimum number of folds: fewer cycles are cut into about as many pieces in order of time."""
@@ -47,62 +46,27 @@ ROUNDS = 4
 """Rounds of fit and residual in which the variances settle."""
 
 
-def haar(values: Signal, owner: Index) -> tuple[Signal, Index, Index]:
-    """Transform stretches of rows: coefficients (n, k), their level (n,) and the stretch of each, (n,).
-
-    A difference of the means of two neighbours has the level 0 for single rows and 1 more for each doubling, a mean the last
-    one. An odd node is passed on, so that the transform is orthonormal for any length.
-
-    Parameters
-    ----------
-    values : (n, k) of the rows
-    owner : (n,) stretch of each row, equal ones side by side
-
-    >>> coefficients, level, _ = haar(np.array([[1.0], [3.0], [8.0]]), np.array([0, 0, 0]))
-    >>> level.tolist(), round(float(np.sum(coefficients**2)), 9)
-    ([0, 1, 23], 74.0)
-    """
-    total, count, level, found = values.copy(), np.ones(owner.size), 0, []
-    while True:
-        first = np.concatenate(([True], owner[1:] != owner[:-1]))
-        begin = np.flatnonzero(first)
-        rank = np.arange(owner.size) - np.repeat(begin, np.diff(np.append(begin, owner.size)))
-        left = np.flatnonzero((rank[:-1] % 2 == 0) & ~first[1:])
-        if not left.size:
-            break
-        a, b = count[left, None], count[left + 1, None]
-        difference = np.sqrt(a * b / (a + b)) * (total[left + 1] / b - total[left] / a)
-        found.append((difference, np.full(left.size, level), owner[left]))
-        total[left] += total[left + 1]
-        count[left] += count[left + 1]
-        kept = np.delete(np.arange(owner.size), left + 1)
-        total, count, owner = total[kept], count[kept], owner[kept]
-        level += 1
-    found.append((total / np.sqrt(count)[:, None], np.full(owner.size, LEVELS - 1), owner))
-    coefficients, levels, owners = (np.concatenate(each) for each in zip(*found, strict=True))
-    return coefficients, levels, owners
-
-
 class LineNoise(msgspec.Struct, frozen=True):
-    """Coefficients of columns and gap, `values` (n, k + 1) [W], by `fold`, `phase` and `level`, (n,) each, and the `variance`
-    of the gap by phase and level, (3, LEVELS) [W2].
+    """Rows of columns and gap, `values` (n, k + 1) [W]: those about the mean of a phase of a fold, and these means, both times
+    the square root of the number of their blocks.
+
+    `fold`, `phase` and `of_mean` (n,) are those of each row, `variance` (3, 2) is that of the gap by phase and kind [W2].
     """
 
     values: Signal
     fold: Index
     phase: Index
-    level: Index
+    of_mean: Index
     variance: Signal
-
-    def whitened(self, variance: Signal) -> Signal:
-        """The coefficients in units of a noise by phase and level, (n, k + 1)."""
-        return np.asarray(self.values / np.sqrt(variance[self.phase, self.level])[:, None])
 
     @property
     def within(self) -> Signal:
-        """Variance by phase and level if the means of stretches scattered no more than what lasts long within them."""
-        last = np.minimum(self.variance[:, -2], self.variance[:, -1])
-        return np.column_stack([self.variance[:, :-1], last])
+        """Variances if the means scattered no more than single rows do, (3, 2). [W2]"""
+        return self.variance[:, [0, 0]]
+
+    def whitened(self, variance: Signal) -> Signal:
+        """The rows in units of a noise by phase and kind, (n, k + 1)."""
+        return np.asarray(self.values / np.sqrt(variance[self.phase, self.of_mean])[:, None])
 
 
 def folds_of(cycle: Index) -> Index:
@@ -115,32 +79,44 @@ def folds_of(cycle: Index) -> Index:
 
 
 def noise_of(rows: LineRows) -> LineNoise:
-    """Noise of the gap in the residual of all suspects together, in a few rounds of fit and residual.
+    """Noise of the gap in the residual of all suspects together, in a few rounds of fit and residual."""
+    values, fold, phase, of_mean = _split(rows)
+    gap = float(np.mean(rows.gap**2))
+    variance = np.full((len(PHASES), 2), max(gap, 1e-300))
+    for _ in range(ROUNDS):
+        weighted = values / np.sqrt(variance[phase, of_mean])[:, None]
+        inverse = np.linalg.pinv(weighted[:, :-1].T @ weighted[:, :-1], hermitian=True)
+        left = values[:, -1] - values[:, :-1] @ (inverse @ (weighted[:, :-1].T @ weighted[:, -1]))
+        squares, count = np.zeros_like(variance), np.zeros_like(variance)
+        np.add.at(squares, (phase, of_mean), left**2)
+        np.add.at(count, (phase, of_mean), 1.0)
+        free = np.maximum(count[:, 0] - count[:, 1], 1.0)  # each mean is taken from its rows
+        variance[:, 0] = np.maximum(squares[:, 0] / free, QUIET * gap + 1e-300)
+        means = (squares[:, 1] + FEW * variance[:, 0]) / (count[:, 1] + FEW)
+        variance[:, 1] = np.maximum(means, variance[:, 0])
+    return LineNoise(values, fold, phase, of_mean, variance)
 
-    What the fit takes from a coefficient, its leverage, is added to its residual.
-    """
+
+def _split(rows: LineRows) -> tuple[Signal, Index, Index, Index]:
+    """Values, fold, phase and kind of the rows of a fit, as in `LineNoise`, in the order of the folds."""
+
+    def summed(key: Index, x: Signal) -> Signal:
+        return np.array([np.bincount(key, column) for column in x.T]).T
+
     stretch = folds_of(rows.blocks.cycle) * len(PHASES) + rows.blocks.phase
     order = np.argsort(stretch, kind="stable")
-    values, level, owner = haar(np.column_stack([rows.columns, rows.gap])[order], stretch[order])
-    order = np.argsort(owner // len(PHASES), kind="stable")
-    order = order[level[order] > 0]  # differences of single blocks hold the noise of the velocity
-    values, level, (fold, phase) = values[order], level[order], np.divmod(owner[order], len(PHASES))
-    floor = QUIET * float(np.mean(rows.gap**2)) + 1e-300
-    variance = np.full((len(PHASES), LEVELS), max(float(np.mean(rows.gap**2)), floor))
-    for _ in range(ROUNDS):
-        weighted = values / np.sqrt(variance[phase, level])[:, None]
-        columns = weighted[:, :-1]
-        inverse = np.linalg.pinv(columns.T @ columns, hermitian=True)
-        left = values[:, -1] - values[:, :-1] @ (inverse @ (columns.T @ weighted[:, -1]))
-        leverage = np.sum(columns @ inverse * columns, axis=1)
-        squares, count = np.zeros_like(variance), np.zeros_like(variance)
-        np.add.at(squares, (phase, level), left**2)
-        np.add.at(count, (phase, level), 1.0 - leverage)
-        shorter = np.full(len(PHASES), float(np.mean(left**2)))
-        for k in range(LEVELS):
-            shorter = (squares[:, k] + FEW * shorter) / (np.maximum(count[:, k], 0.0) + FEW)
-            variance[:, k] = np.maximum(shorter, floor)
-    return LineNoise(values, fold, phase, level, variance)
+    own, begin, place, size = np.unique(stretch[order], return_index=True, return_inverse=True, return_counts=True)
+    rank = np.arange(order.size) - np.repeat(begin, size)
+    _, first, key = np.unique(place * order.size + rank // TOGETHER, return_index=True, return_inverse=True)
+    count, owner = np.bincount(key).astype(np.float64)[:, None], place[first]
+    row = summed(key, np.column_stack([rows.columns, rows.gap])[order]) / count
+    total = summed(owner, count)
+    mean = summed(owner, row * count) / total
+    values = np.vstack([np.sqrt(count) * (row - mean[owner]), np.sqrt(total) * mean])
+    fold, phase = np.divmod(np.concatenate([own[owner], own]), len(PHASES))
+    of_mean = np.repeat([0, 1], [owner.size, own.size])
+    order = np.argsort(fold, kind="stable")
+    return values[order], fold[order], phase[order], of_mean[order]
 
 
 class LineProblem(msgspec.Struct, frozen=True):

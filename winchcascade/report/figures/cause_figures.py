@@ -110,11 +110,12 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
     profile = profile_of(found)
     if profile is None:
         return None
+    current, left, low, high = profile
     figure, (ax,) = panel_figure(2.6)
-    ax.fill_between(profile.current, profile.low, profile.high, color=COLOURS["gen"], alpha=0.3, lw=0)
-    ax.plot(profile.current, profile.left, color=COLOURS["gen"], lw=1.4)
-    knots = np.array([x for x in ROLLOFF_KNOTS if x <= profile.current[-1]])
-    ax.plot(knots, np.interp(knots, profile.current, profile.left), "s", ms=3.5, color=COLOURS["gen"])
+    ax.fill_between(current, low, high, color=COLOURS["gen"], alpha=0.3, lw=0)
+    ax.plot(current, left, color=COLOURS["gen"], lw=1.4)
+    knots = np.array([x for x in ROLLOFF_KNOTS if x <= current[-1]])
+    ax.plot(knots, np.interp(knots, current, left), "s", ms=3.5, color=COLOURS["gen"])
     ax.axhline(1.0, color=COLOURS["ink"], lw=0.9, ls="--")
     entries = [
         line_entry("found, with knots", "gen", marker="s", ms=3.5, lw=1.4),
@@ -125,7 +126,7 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
     if rated is not None:
         ax.axvline(rated.value, color=COLOURS["soft"], lw=0.9, ls=":")
         entries.append(line_entry(f"rated, {rated.value:g} A", "soft", lw=0.9, ls=":"))
-    ax.set(xlim=(0.0, profile.current[-1] * 1.01), xlabel="Stator current (A rms)")
+    ax.set(xlim=(0.0, current[-1] * 1.01), xlabel="Stator current (A rms)")
     ax.set_ylabel(r"$k_\mathrm{e}$ over its nominal value (1)")
     legend_above(figure, entries)
     return figure

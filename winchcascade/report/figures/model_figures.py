@@ -12,8 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
-from winchcascade.diagnosis.model_comparison import HAUL_IN, ComparedCurve
+from winchcascade.diagnosis.model_comparison import GROUPS, HAUL_IN, ComparedCurve, LossBudget
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -225,7 +224,7 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
         right, left = right + np.maximum(share, 0.0), left + np.minimum(share, 0.0)
         entries.append(patch_entry(name, fill))
     for stage, (mark, what) in POINTS.items():
-        simulated = [100.0 * (b.mech if stage == "mech" else b.shares["DC link"]) for b in budgets]
+        simulated = [100.0 * (b.mech / b.line if stage == "mech" else b.shares["DC link"]) for b in budgets]
         logged = [
             100.0 * b.log[stage] / b.log["line"] if stage in b.log and b.log.get("line") else np.nan for b in budgets
         ]

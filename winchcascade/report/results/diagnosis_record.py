@@ -235,7 +235,8 @@ def _line_record(found: LineDiagnosis) -> dict[str, Any]:
     """Of a winch without a model, the energies of the judged cycles, and every set of suspects."""
     return {
         "energies": [
-            _some(one, "run", "cycle", "phase", "stage") | _some(one, *_ENERGY, end="_j") for one in found.energies
+            {"run": found.runs[one.run].name, **_some(one, "cycle", "phase", "stage"), **_some(one, *_ENERGY, end="_j")}
+            for one in found.energies
         ],
         "sets": [
             {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from winchcascade.diagnosis.diagnosis_result import CycleEnergy, Place
+from winchcascade.diagnosis.diagnosis_result import Place, StageEnergy
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.content import (
     Cell,
@@ -151,7 +151,7 @@ def _where(found: LineDiagnosis, word: str) -> Section:
 def _how_far(found: LineDiagnosis, word: str) -> Section:
     energies = [one for one in found.energies if one.phase != "hold"] if found.closure is not None else []
 
-    def energy(name: str) -> Column[CycleEnergy]:
+    def energy(name: str) -> Column[StageEnergy]:
         return Column(name, lambda one: Measured(getattr(one, name) * KILO, one.u * KILO), "kJ")
 
     return section(
@@ -164,7 +164,7 @@ def _how_far(found: LineDiagnosis, word: str) -> Section:
         table(
             "cycle-energies", "Energy of the winch by cycle and phase, with the uncertainty of the prediction.",
             [
-                Column[CycleEnergy]("run", lambda one: one.run),
+                Column[StageEnergy]("run", lambda one: found.runs[one.run].name),
                 Column("cycle", lambda one: one.cycle),
                 Column("phase", lambda one: phase_words(one.phase)),
                 *map(energy, ("measured", "before", "after", "u")),

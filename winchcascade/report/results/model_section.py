@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.loss_budget import GROUPS, LossBudget
-from winchcascade.diagnosis.model_comparison import COMPARED, Account, ChannelDifference
+from winchcascade.diagnosis.model_comparison import COMPARED, GROUPS, Account, ChannelDifference, LossBudget
 from winchcascade.report.content import Block, Cell, Column, Note, Section, Table, picture, section, table
 from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import cut_apart
@@ -170,7 +169,7 @@ def _budget(logs: Sequence[Named], word: str) -> list[Block | None]:
     if len(budgets) == 1:
         columns.append(Column("share of the line", lambda g: 100.0 * budgets[0].shares[g], "%", 2))
         line.append(100.0 * sum(budgets[0].shares.values()))
-    columns.append(Column("what it is", lambda g: GROUPS[g].about))
+    columns.append(Column("what it is", GROUPS.__getitem__))
     return [
         picture(
             figures.budget_bars(names, budgets, word=word), "model-budget",
