@@ -31,7 +31,7 @@ from winchcascade.report.results.reduction import reduction_report
 from winchcascade.report.wording import banner, origin_words
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate, write_log
-from winchcascade.tables.check import check
+from winchcascade.tables.check import check, measured
 from winchcascade.tables.table_file import load_table
 
 LOG = "r4p5ohm.csv"
@@ -141,7 +141,8 @@ def test_a_batch_and_a_check_state_the_origin_of_each_log(simulated: Path, tmp_p
     again = run_batch(make_plan([str(campaign(simulated, "measured = false"))]), tmp_path / "out")
     assert batch.kept == again.kept == 0  # another statement makes another result
     table = load_table("hsu2026-table2")
-    compared = check(load_results(tmp_path / "out").records, table, whole_campaign=False)
+    ((name, record),) = load_results(tmp_path / "out").records
+    compared = check(measured(record, name, table), table, whole_campaign=False)
     report = check_report(compared)
     assert any(SIMULATED.sentence in note.text for note in report.notes if note.about == "Data")
     assert report.banner

@@ -9,7 +9,7 @@ import pytest
 from winchcascade.report.content import Report, Table
 from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
 from winchcascade.report.results.checks import check_report
-from winchcascade.tables.check import Check, Measured, check_measured
+from winchcascade.tables.check import Check, Measured, check
 from winchcascade.tables.table_file import load_table
 
 TABLE = load_table("hsu2026-table2")
@@ -30,7 +30,7 @@ def found() -> Check:
     blind = measured(27.0, "blind.csv")
     values = {metric: None if "mech" in metric else value for metric, value in blind.values.items()}
     results = [measured(45.0, "good.csv"), measured(36.0, NASTY, 1.1), Measured("blind.csv", "blind.csv", values)]
-    return check_measured(results, TABLE)
+    return check(results, TABLE)
 
 
 def frames(report: Report) -> dict[str, pd.DataFrame]:
@@ -84,7 +84,7 @@ def test_an_annotation_escapes_what_would_end_it(found: Check) -> None:
 def test_findings_of_a_log_are_beside_its_cells_wherever_a_check_is_shown() -> None:
     words = [f"stuck: torque holds {k} N.m, 100% of::it\n" for k in range(7)]
     good, bad = measured(45.0, "good.csv"), measured(36.0, "bad.csv")
-    found = check_measured([good, msgspec.structs.replace(bad, findings=tuple(words))], TABLE, whole_campaign=False)
+    found = check([good, msgspec.structs.replace(bad, findings=tuple(words))], TABLE, whole_campaign=False)
     listed = frames(check_report(found))["findings"]
     assert list(listed.iloc[:, 0]) == ["36 ohm"] * 7
     root = ElementTree.fromstring(junit_xml(found))

@@ -18,7 +18,7 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import Results, campaign_results, check_results
 from winchcascade.core.errors import OptionError
 from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.tables.check import SAME_LOGS, CheckError, Factors, Measured, check_measured
+from winchcascade.tables.check import SAME_LOGS, CheckError, Factors, Measured, check
 from winchcascade.tables.published_table import PublishedTable
 from winchcascade.tables.table_file import load_table, parse_table
 
@@ -58,7 +58,7 @@ def test_any_single_cell_beyond_its_tolerance_fails_and_within_it_passes() -> No
     """A value moved by a share of its own tolerance: m - p = share (h + d m + 2 u), solved for m."""
     table = random_table()
     results = exact(table)
-    assert check_measured(results, table).ok
+    assert check(results, table).ok
     for k, (row, result) in enumerate(zip(table.rows, results, strict=True)):
         for metric in METRICS:
             cell = row.cells[metric]
@@ -66,16 +66,16 @@ def test_any_single_cell_beyond_its_tolerance_fails_and_within_it_passes() -> No
             for share in (JUST - 1.0, 1.0 - JUST, -1.0 - JUST, 1.0 + JUST):
                 widened = 1.0 - share * (result.deviation[metric] or 0.0) / 100.0
                 moved = with_value(results, k, metric, (cell.value * cell.factor + share * fixed) / widened)
-                misses = [(miss.row.number, miss.metric) for miss in check_measured(moved, table).misses]
+                misses = [(miss.row.number, miss.metric) for miss in check(moved, table).misses]
                 assert misses == ([(k + 1, metric)] if abs(share) > 1.0 else [])
 
 
 def test_a_factor_widens_and_narrows_its_part_alone() -> None:
     table = random_table()
     parts = ("rounding", "deviation", "uncertainty")
-    plain = check_measured(exact(table), table).cells
+    plain = check(exact(table), table).cells
     for part in parts:
-        wide = check_measured(exact(table), table, Factors(**{part: 3.0})).cells
+        wide = check(exact(table), table, Factors(**{part: 3.0})).cells
         for one, other in zip(plain, wide, strict=True):
             factors = [getattr(other, name) / getattr(one, name) for name in parts]
             assert factors == pytest.approx([3.0 if name == part else 1.0 for name in parts])
@@ -91,7 +91,7 @@ def test_the_deviation_counts_up_to_what_the_table_prints(metric: str, printed: 
     cells = []
     for deviation in (printed, 4.0 * printed):
         log = Measured("log", "log", {metric: value, "load": 36.0}, {metric: deviation}, {metric: 0.004 * value})
-        found = check_measured([log], table, whole_campaign=False)
+        found = check([log], table, whole_campaign=False)
         cells += [cell for cell in found.cells if cell.metric == metric]
         assert len([note for note in found.notes if f"{metric} {deviation:.3g} %" in note]) == (deviation > printed)
     assert cells[0].deviation == pytest.approx(cells[1].deviation)
@@ -99,33 +99,24 @@ def test_the_deviation_counts_up_to_what_the_table_prints(metric: str, printed: 
 
 def test_a_metric_that_was_not_measured_fails_by_name_and_a_single_cycle_is_reported() -> None:
     table = random_table()
-    (miss,) = check_measured(with_value(exact(table), 1, "energy_gen", None), table).misses
+    (miss,) = check(with_value(exact(table), 1, "energy_gen", None), table).misses
     assert (miss.row.load, miss.metric, miss.outcome, miss.log) == (18.0, "energy_gen", "not_measured", "log 18")
     first, *others = exact(table)
-    found = check_measured([replace(first, deviation={}), *others], table)
+    found = check([replace(first, deviation={}), *others], table)
     assert all(cell.deviation == 0.0 for cell in found.cells if cell.row.load == 45.0)
     assert [note for note in found.notes if "log 45" in note and "counts as 0" in note] == list(found.notes)
-
-
-def test_a_row_without_a_run_is_a_miss_of_a_campaign_and_left_out_of_a_single_log() -> None:
-    table = random_table()
-    results = exact(table)[:1]
-    assert {cell.outcome for cell in check_measured(results, table).misses} == {"no_run"}
-    single = check_measured(results, table, whole_campaign=False)
-    assert (single.ok, {cell.row.load for cell in single.cells}) == (True, {45.0})
-    assert [note.partition(":")[0] for note in single.notes] == ["18 ohm", "open circuit"]
 
 
 def test_a_log_without_a_row_is_left_out_with_a_note_and_two_of_a_row_are_both_compared() -> None:
     table = random_table()
     odd = [Measured(f"odd {load}", "odd", {"load": load}) for load in (17.9, None)]
-    found = check_measured([*exact(table), *odd], table)
+    found = check([*exact(table), *odd], table)
     assert found.ok
     assert "odd 17.9 (load_ohm 17.9 ohm), odd None (load_ohm unknown)" in found.notes[0]
-    twice = check_measured([*exact(table), *with_value(exact(table)[:1], 0, "eta_pto", 9.0)], table)
+    twice = check([*exact(table), *with_value(exact(table)[:1], 0, "eta_pto", 9.0)], table)
     assert [(miss.row.load, miss.metric) for miss in twice.misses] == [(45.0, "eta_pto")]
     with pytest.raises(CheckError, match="no result belongs to a row of made: odd 17"):
-        check_measured(odd, table)
+        check(odd, table)
 
 
 # ------------------------------------------------------------------------------------------------------ the shipped campaign
@@ -347,5 +338,5 @@ def test_a_thousand_points_are_assigned_to_their_rows_whatever_their_order() -> 
         for k, (n, torque, eta) in enumerate(points)
     ]
     shuffled = [logs[k] for k in np.random.default_rng(0).permutation(len(logs)).tolist()]
-    found = check_measured(shuffled, parse_table(text, "t.toml"))
+    found = check(shuffled, parse_table(text, "t.toml"))
     assert (found.ok, [cell.log for cell in found.cells]) == (True, [f"{k}" for k in range(1000)])

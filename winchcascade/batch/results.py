@@ -16,7 +16,7 @@ from winchcascade.core.jobs import Workers
 from winchcascade.core.store import CAMPAIGN_RECORD, Kept, State, altered, digest_in, inside
 from winchcascade.reduction.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.reduction.run_record import RunRecord, run_record
-from winchcascade.tables.check import Check, Factors, check
+from winchcascade.tables.check import Check, Factors, check, measured
 from winchcascade.tables.published_table import PublishedTable
 from winchcascade.tables.table_file import load_table
 
@@ -140,4 +140,6 @@ def campaign_results(plan: Plan, jobs: int) -> Results:
 
 def check_results(results: Results, table: PublishedTable | str | Path, factors: Factors | None = None) -> Check:
     """Compare results with a published table, its file, or a built-in table; raises as `tables.check.check`."""
-    return check(results.records, load_table(table), factors, whole_campaign=results.whole)
+    table = load_table(table)
+    found = [one for name, record in results.records for one in measured(record, name, table)]
+    return check(found, table, factors, whole_campaign=results.whole)

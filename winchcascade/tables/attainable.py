@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
@@ -37,12 +38,9 @@ LOST = -1.0
 DUST = 2e-4
 """What may be left outside the attainable range in all rows together: simulations of a table are no better. [1]"""
 
-NODES = (1.0, 0.5, 2.0, 4.0)
-"""Where a field is simulated, as shares of the way from absent to the end of what is plausible, within what is possible; the
-end itself first. A field of several is simulated at the first and the third alone. [1]"""
-
-HELPS = 0.9
-"""A field is simulated beyond what is plausible if that end leaves less than this share of the excess, but not nothing. [1]"""
+NODES = (0.5, 1.0, 2.0, 4.0)
+"""Where a field is simulated, as shares of the way from absent to the end of what is plausible, within what is possible; one
+of several fields of an effect at the middle two alone. [1]"""
 
 SILENT = 2e-4
 """An effect that moves no efficiency by more than this at the end of what is plausible does nothing here. [1]"""
@@ -287,23 +285,16 @@ def make_curves(problem: TableProblem, name: str) -> None:
 
     effect = problem.suspects[name]
     absent = np.array([field.absent for field in effect.fields])
-    before = problem.by_metric(problem.nominal)
     curves: list[PchipInterpolator | None] = []
     for k, field in enumerate(effect.fields):
-        nodes, moved = {field.absent: np.zeros(problem.printed.shape)}, 0.0
-        for end in {field.low, field.high} - {field.absent}:
-            helps = True
-            for share in NODES if absent.size == 1 else NODES[::2]:
-                value = float(np.clip(field.absent + share * (end - field.absent), *field.possible))
-                if value in nodes or not (helps or share < 1.0):
-                    continue
+        nodes = {field.absent: np.zeros(problem.printed.shape)}
+        for end, share in product({field.low, field.high} - {field.absent}, NODES if absent.size == 1 else NODES[1:3]):
+            value = float(np.clip(field.absent + share * (end - field.absent), *field.possible))
+            if value not in nodes:
                 eta = problem.efficiencies(problem.active([name], np.where(np.arange(absent.size) == k, value, absent)))
-                if np.any(eta == LOST):
-                    continue
-                nodes[value] = np.nan_to_num(np.log(eta / problem.nominal))
-                moved = max(moved, float(np.abs(nodes[value]).max()))
-                after = problem.by_metric(eta)
-                helps = helps if share < 1.0 else bool(np.any((after < HELPS * before) & (after > 0.0)))
+                if np.all(eta != LOST):
+                    nodes[value] = np.nan_to_num(np.log(eta / problem.nominal))
+        moved = max(float(np.abs(ratio).max()) for ratio in nodes.values())
         at = sorted(nodes)
         curves.append(PchipInterpolator(at, np.array([nodes[x] for x in at])) if moved > SILENT else None)
     problem.curves[name] = curves
@@ -392,7 +383,7 @@ def _ability(problem: TableProblem, name: str, k: int, before: float) -> Ability
     field = problem.suspects[name].fields[0]
     if curve is not None and not more:
         x = np.unique(
-            np.concatenate([np.linspace(curve.x[0], curve.x[-1], 401), [field.low, field.high, field.absent]])
+            np.concatenate([np.linspace(curve.x[0], curve.x[-1], 1601), [field.low, field.high, field.absent]])
         )
         eta = problem.nominal * np.exp(curve(x))
         excess, plausible = problem.by_metric(eta)[:, k], (x >= field.low) & (x <= field.high)

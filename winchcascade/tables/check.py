@@ -29,6 +29,7 @@ from winchcascade.core.cascade import field_of
 from winchcascade.core.errors import OptionError, WinchcascadeError
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.quantity import unit_suffix
+from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
 from winchcascade.tables.published_table import (
     DIMENSIONS,
@@ -186,36 +187,21 @@ class Check(msgspec.Struct, frozen=True):
 
 
 def check(
-    records: Sequence[tuple[str, RunRecord]],
-    table: PublishedTable,
-    factors: Factors | None = None,
-    *,
-    whole_campaign: bool = True,
+    results: Sequence[Measured], table: PublishedTable, factors: Factors | None = None, *, whole_campaign: bool = True
 ) -> Check:
-    """Hold the results of logs against every row of a published table.
+    """Hold measured results against every row of a published table.
 
     Parameters
     ----------
-    records : names of the logs, and the records of their reductions
+    results : of logs or their cycles, as `measured` takes them from the records of reductions
     factors : on the parts of every tolerance, 1 if not given
     whole_campaign : a row of the table without a result is a miss; else it is left out with a note
 
     Raises
     ------
-    CheckError : no result belongs to a row, or none has what a key column names
+    CheckError : no result belongs to a row, or no row has a cell that can be compared
     TableError : the table has no key, or a unit does not fit what is measured
     """
-    by_cycle = not {table.columns[name].measured for name in table.keys} <= {"file", "load"}
-    results = [
-        result for name, record in records for result in measured(record, name, by_cycle=by_cycle, means=table.by_load)
-    ]
-    return check_measured(results, table, factors, whole_campaign=whole_campaign)
-
-
-def check_measured(
-    results: Sequence[Measured], table: PublishedTable, factors: Factors | None = None, *, whole_campaign: bool = True
-) -> Check:
-    """Hold measured results against every row of a published table, as `check` does."""
     if not table.keys:
         raise TableError(
             f'{table.path}: has no key, so that no result can be assigned to a row; expected one such as key = "speed", or '
@@ -247,14 +233,15 @@ def check_measured(
 
 
 # -------------------------------------------------------------------------------------------------------------- the results
-def measured(record: RunRecord, where: str, *, by_cycle: bool = False, means: bool = True) -> list[Measured]:
-    """Take from the record of a reduction what a table is compared with: its log as a whole, or each complete cycle.
+def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measured]:
+    """Take from the record of a reduction what a table is compared with.
+
+    Each complete cycle that is an operating point, where more than the log and its load is a key. Else the log as a whole: the
+    mean of its cycles where they repeat one motion and in a table by load, else sums, of unknown uncertainty.
 
     Parameters
     ----------
     where : the file, named where the record does not name its log
-    by_cycle : each cycle that is an operating point is a result
-    means : the mean of the cycles also of a log whose cycles are operating points; else sums, of unknown uncertainty
     """
     log, cycles = record.log, [cycle for cycle in record.cycles if cycle.complete]
     load = math.inf if log.load_ohm is None and log.open_circuit else log.load_ohm
@@ -269,9 +256,9 @@ def measured(record: RunRecord, where: str, *, by_cycle: bool = False, means: bo
         findings=tuple(f"{finding.kind}: {finding.message}" for finding in record.quality),
         origin=origin_from(record.data),
     )
-    if means:
+    if table.by_load:
         return [whole]
-    if by_cycle and not repeats:
+    if not repeats and not {table.columns[name].measured for name in table.keys} <= {"file", "load"}:
         return [
             replace(
                 whole,
@@ -317,7 +304,7 @@ def _compared(table: PublishedTable, results: Sequence[Measured], notes: list[st
     """Columns that results have something of; a note is added on those of which they have nothing."""
     others = [name for name in table.columns if name not in table.keys]
     given = {m for result in results for m, value in result.values.items() if value is not None or m not in RESULTS_AT}
-    compared = [name for name in others if table.by_load or table.columns[name].measured in given]
+    compared = [n for n in others if table.columns[n].measured in given or (table.by_load and n in METRICS)]
     if results and not compared:
         metrics = sorted(given - set(RESULTS_AT))
         raise TableError(
@@ -434,18 +421,26 @@ def _claimed(table: PublishedTable, metric: str) -> Printed | None:
 def _counted_otherwise(
     table: PublishedTable, results: Sequence[Measured], compared: Sequence[str], factors: Factors
 ) -> list[str]:
-    """Parts of tolerances that do not count as measured: capped by the table, or unknown and 0; the results by sentence."""
-    found: dict[str, dict[str, str]] = {}
+    """Parts of tolerances that do not count as measured: capped by the table, or unknown and 0."""
+    beyond: dict[str, list[str]] = {}
+    unknown: dict[str, dict[str, list[str]]] = {"largest deviation": {}, "standard uncertainty": {}}
     for result, name in itertools.product(results, compared):
         metric = table.columns[name].measured
         if result.values.get(metric) is None:
             continue
         claimed, deviation = _claimed(table, metric), result.deviation.get(metric)
         if claimed is not None and (deviation or 0.0) > 100.0 * claimed.span.high:
-            beyond = f"its cycles deviate by more than the {claimed.words} of the table, which counts; look for a damaged cycle"
-            found.setdefault(f"{result.name}: {beyond}", {})[f"{name} {deviation:.3g} %"] = ""
+            beyond.setdefault(result.name, []).append(f"{name} {deviation:.3g} %, the table {claimed.words}")
         if factors.deviation and deviation is None:
-            found.setdefault("the deviation of a single cycle is not known and counts as 0", {})[result.name] = ""
+            unknown["largest deviation"].setdefault(result.name, []).append(name)
         if factors.uncertainty and result.uncertainty.get(metric) is None:
-            found.setdefault(f"the standard uncertainty of {metric} is not known and counts as 0", {})[result.name] = ""
-    return [f"{text}: {first_of(list(names), MAX_NAMED)}." for text, names in found.items()]
+            unknown["standard uncertainty"].setdefault(result.name, []).append(name)
+    notes = [
+        f"{name}: its cycles deviate by more than the table prints ({'; '.join(metrics)}), whose deviation counts. Look for a "
+        "damaged cycle."
+        for name, metrics in beyond.items()
+    ]
+    for part, names in ((part, names) for part, names in unknown.items() if names):
+        metrics = ", ".join(dict.fromkeys(name for some in names.values() for name in some))
+        notes.append(f"{first_of(list(names), MAX_NAMED)}: the {part} is not known of {metrics}; it counts as 0.")
+    return notes

@@ -19,18 +19,15 @@ import numpy as np
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.nuisances import nuisances, shifted
+from winchcascade.diagnosis.nuisances import nuisances
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.reduction.reduce import first_metrics
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import LineMotion
-from winchcascade.rig.parts import Model, changed
+from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import motion_of, simulate_along
 from winchcascade.tables.feasible import STAGES
 from winchcascade.tables.published_table import PublishedTable, Span, TableRow
-
-COVERAGE = 2.0
-"""Standard uncertainties that a limit allows: about 95 % (JCGM 100:2008, 6.3.3)."""
 
 OWN = 1e-3
 """Uncertainty of the attainable range itself: it is taken from few payouts, with an effect from the middle one alone. [1]"""
@@ -255,20 +252,14 @@ def attainable_row(
     cells = []
     for eta, (span, derived) in printed.items():
         value, found = 0.5 * (span.low + span.high), [x for point in whole if (x := point.metrics[eta]) is not None]
-        slack = 0.5 * (span.high - span.low) + COVERAGE * value * standard_error(scatter, table.cycles) + OWN
+        by_scatter = (
+            value * scatter / math.sqrt(table.cycles or 1)
+        )  # 2 u: the largest deviation counts as two of a cycle
+        slack = 0.5 * (span.high - span.low) + by_scatter + OWN
         nominal = middle.metrics[eta] or 0.0
         cells.append(Cell(eta, value, slack, derived, nominal, min(found) - u[eta], max(found) + u[eta], u[eta]))
     speeds = Span(min(point.speed for point in whole), max(point.speed for point in whole))
     return AttainableRow(load, window, speeds, tuple(cells), payouts(window)[0], middle.speed, targets[0])
-
-
-def standard_error(scatter: float, cycles: int | None) -> float:
-    """Standard uncertainty of the mean of some cycles, as a share: their largest deviation counts as two of a cycle. [1]
-
-    >>> round(standard_error(0.025, 3), 4)
-    0.0072
-    """
-    return 0.5 * scatter / math.sqrt(cycles or 1)
 
 
 def printed_efficiencies(row: TableRow) -> dict[str, tuple[Span, bool]]:
@@ -343,10 +334,6 @@ def _within_tolerance(rig: Rig, run: Run) -> Iterator[Model]:
     """
     nominal = baseline(rig)
     for number in nuisances(rig, [run]):
-        model = nominal
-        if number.kind == "rig":
-            model = baseline(shifted(rig, {(number.section, number.name): number.sd}))
-        elif number.kind in ("load", "gain", "zero"):
-            model = changed(nominal, number.path, "add", number.sd)
+        model = number.apply(nominal, number.sd) if number.kind != "law" else nominal
         if model != nominal:
             yield model

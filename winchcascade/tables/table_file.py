@@ -190,7 +190,7 @@ def _columns(raw: Mapping[str, Table], where: str, *, by_load: bool) -> dict[str
         given: _Column = convert(table, _Column, place, TableError)
         if by_load and given.law is None and given.measured is None:
             check_keys([name], (_LOAD, *METRICS), f"{where}: [columns]", TableError)
-        if by_load and given.decimals is None and given.digits is None:
+        if by_load and name != _LOAD and given.decimals is None and given.digits is None:
             raise TableError(f"{place} decimals is missing; add how many are printed.")
         measured = given.measured or ("load" if name == _LOAD else name)
         try:
