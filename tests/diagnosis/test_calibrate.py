@@ -19,12 +19,22 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number
-from winchcascade.diagnosis.nuisances import before_calibration, nuisances, quantity_of, shifted, with_quantity
+from winchcascade.diagnosis.nuisances import before_calibration, nuisances, quantity_of, with_quantity
 from winchcascade.report.results.calibration import calibration_report
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import with_part
 
 RIG = built_in()
+
+
+def shifted(rig: Rig, moves: dict[tuple[str, str], float]) -> Rig:
+    """A rig whose numbers, by section and name, are moved."""
+    for place, move in moves.items():
+        stated = quantity_of(rig, *place)
+        assert stated is not None
+        rig = with_quantity(rig, *place, msgspec.structs.replace(stated, value=stated.value + move))
+    return rig
+
 
 TRUE = {"k_e": "ke_ll", "mu_screw": "mu_screw", "eta_mesh": "eta_gear", "b_rotor": "b_visc"}
 """What a labelled campaign calls a number of the rig."""

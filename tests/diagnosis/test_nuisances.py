@@ -9,8 +9,9 @@ from openlog import FS, made_log
 
 from winchcascade.core.rig_file import Sensor
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.nuisances import OF_THE_MODEL, SKEW, nuisances, sensor_errors, shifted
+from winchcascade.diagnosis.nuisances import OF_THE_MODEL, SKEW, nuisances, sensor_errors, with_quantity
 from winchcascade.rig.baseline import baseline
+from winchcascade.rig.parts import number_of
 
 RIG = built_in()
 LOG = made_log(cycles=1)
@@ -81,12 +82,15 @@ def test_makers_limits_serve_where_nothing_was_calibrated_in_place() -> None:
     assert sensor_errors(msgspec.structs.replace(limits, u_gain=0.001)) == pytest.approx((0.001, 4.0 / math.sqrt(3.0)))
 
 
-def test_a_shifted_rig_has_its_number_moved_and_nothing_else() -> None:
-    moved = shifted(RIG, {("generator", "k_e"): 0.001, ("restoring", "mu_screw"): 0.0})
-    assert baseline(moved).generator.k_e == pytest.approx(0.063)
-    again = shifted(moved, {("generator", "k_e"): -0.001})
-    assert baseline(again).generator.k_e == pytest.approx(0.0620)
-    assert msgspec.structs.replace(moved, generator=RIG.generator) == RIG
+def test_a_nuisance_moves_its_number_of_the_model_as_another_rig_file_would() -> None:
+    nominal = baseline(RIG)
+    for n in nuisances(RIG, RUNS):
+        if n.kind == "rig":
+            stated = getattr(getattr(RIG, n.section), n.name)
+            other = with_quantity(RIG, n.section, n.name, msgspec.structs.replace(stated, value=stated.value + n.sd))
+            moved, exact = n.apply(nominal, n.sd), baseline(other)
+            assert number_of(moved, n.path) == pytest.approx(number_of(exact, n.path), rel=1e-12), n
+            assert moved != nominal
 
 
 def test_a_nuisance_has_a_name_for_reports() -> None:

@@ -24,7 +24,6 @@ from winchcascade.diagnosis.nuisances import (
     nuisances,
     quantity_of,
     sensor_errors,
-    shifted,
     with_quantity,
 )
 from winchcascade.diagnosis.predict import CHANNELS
@@ -240,7 +239,7 @@ def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> B
     open_numbers = (n for n in nuisances(rig, [run]) if n.kind == "rig" and n.name != "k_e")
     moved = [
         back_emf(zeroed, baseline(rig), payouts),
-        *(back_emf(run, baseline(shifted(rig, {(n.section, n.name): n.sd})), payouts) for n in open_numbers),
+        *(back_emf(run, n.apply(baseline(rig), n.sd), payouts) for n in open_numbers),
     ]
     u = math.hypot(found.u_fit, found.u_sensor, *(one.k_e - found.k_e for one in moved))
     u_lag = math.hypot(found.u_lag, *(one.lag - found.lag for one in moved))

@@ -27,7 +27,7 @@ from winchcascade.diagnosis.block_means import (
 )
 from winchcascade.diagnosis.entries import price_of
 from winchcascade.diagnosis.marginal import Columns
-from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
+from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
@@ -199,10 +199,9 @@ class Fitted:
 
         Loads and gains are as they are stated, and so are entries that concern one log.
         """
-        numbers = {(n.section, n.name): move for n, move in self.moves(nu, "rig") if move}
-        model = baseline(shifted(self._same, numbers)) if numbers else self.nominal
-        for n, move in self.moves(nu, "law"):
-            model = changed(model, n.path, "add", move) if move else model
+        model = self.nominal
+        for n, move in self.moves(nu, "rig", "law"):
+            model = n.apply(model, move)
         for effect in effects:
             model = effect.apply(model) if not differs_by_run(effect) else model
         return possible(model)
@@ -211,7 +210,7 @@ class Fitted:
         """The model of each log: that of the rig, with gains, load and entries of the log too."""
         model = self.model(nu, effects)
         for n, move in self.moves(nu, "gain"):
-            model = changed(model, n.path, "compound", move)
+            model = n.apply(model, move)
         loads = {n.load: move for n, move in self.moves(nu, "load")}
         found = [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
         for effect in (*self.stated_by_run, *effects):

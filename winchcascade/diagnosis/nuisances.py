@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
@@ -11,15 +12,19 @@ from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.quantity import Quantity
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.rig.effects.effect import Parameter
+from winchcascade.rig.parts import path_in_rig, required
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from winchcascade.core.rig_file import Rig, Sensor
     from winchcascade.core.run import Run
 
 SECTIONS = ("winch", "restoring", "drivetrain", "generator", "dc_link")
 
+IN_RIG = {"restoring.lead": 2.0 * math.pi}
+"""Numbers of the rig file over those of the model, where their units differ: a lead for each turn."""
 
 OF_THE_MODEL = {
     ("generator", "v_diode"): 0.08,
@@ -54,7 +59,6 @@ standard uncertainty, assumed. The pressure changes too slowly for it to matter.
 LOAD = "dc_link.load_change"
 """Path in the model of the deviation of a load."""
 
-
 COURSES = ("level", "speed", "current")
 """What a discrepancy of the model is proportional to within a phase: nothing, the line speed, the DC current."""
 
@@ -62,40 +66,25 @@ SHARED = 0.5
 """Correlation of the discrepancy of the model between two loads. [1]"""
 
 
-class Nuisance(msgspec.Struct, frozen=True):
-    """One deviation that every fit allows within its tolerance `sd`, one standard uncertainty in `unit`.
+class Nuisance(Parameter, frozen=True, kw_only=True):
+    """A parameter that every fit allows within its tolerance `sd`.
 
-    `kind` is `rig` (a number `name` of a section, the same in every log), `law` (one of the model that a rig has not), `load`
+    `kind` is `rig` (a number `name` of a `section`, the same in every log), `law` (one of the model that a rig has not), `load`
     (relative, of one load [ohm]), `gain` (relative, of the sensor of a channel), `timing` (by how much that sensor is read
     late), `zero` (of that sensor in one log, by its number) or `discrepancy` (of the model from any rig: of a channel in a
     `phase`, as a share of its plateau in the log, along one of the `COURSES`, at one load or, where that is NaN, at all).
     """
 
     kind: Literal["rig", "law", "load", "gain", "timing", "zero", "discrepancy"]
-    name: str
-    sd: float
-    unit: str
     section: str = ""
-    load: float = math.nan
-    log: int = -1
     phase: str = ""
     course: str = ""
-
-    @property
-    def path(self) -> str:
-        """Section and name in the rig file, or the path in the model of what it moves; empty for a timing."""
-        return {
-            "rig": f"{self.section}.{self.name}",
-            "law": f"{self.section}.{self.name}",
-            "load": LOAD,
-            "gain": f"sensors.gain.{self.name}",
-            "timing": "",
-            "discrepancy": "",
-            "zero": f"sensors.zero.{self.name}",
-        }[self.kind]
+    role: Literal["effect", "entry", "nuisance"] = "nuisance"
 
     def __str__(self) -> str:
         """How a report calls it."""
+        course = "" if self.course == COURSES[0] else f", with the {self.course}"
+        where = course if math.isnan(self.load) else f"{course} at {self.load:g} ohm"
         return {
             "rig": self.name,
             "law": f"{self.name} of the {self.section}",
@@ -103,54 +92,50 @@ class Nuisance(msgspec.Struct, frozen=True):
             "gain": f"gain of {self.name}",
             "timing": f"timing of {self.name}",
             "zero": f"zero of {self.name} in log {self.log + 1}",
-            "discrepancy": f"model of {self.name} in {self.phase.replace('_', '-')}{self._where}",
+            "discrepancy": f"model of {self.name} in {self.phase.replace('_', '-')}{where}",
         }[self.kind]
-
-    @property
-    def _where(self) -> str:
-        """Load and course of a discrepancy, as a report appends them."""
-        course = "" if self.course == COURSES[0] else f", with the {self.course}"
-        return course if math.isnan(self.load) else f"{course} at {self.load:g} ohm"
 
 
 def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
     """Every nuisance of some logs on a rig, in a fixed order: rig, laws, loads, gains, timing, zeros, discrepancy."""
-    found: list[Nuisance] = []
-    for section in SECTIONS:
-        for name in getattr(rig, section).__struct_fields__:
-            value = getattr(getattr(rig, section), name)
-            if isinstance(value, Quantity):
-                sd = math.hypot(value.u or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
-                found.append(Nuisance("rig", name, sd, value.unit, section=section))
-    found += [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
+    found = _of_the_rig(rig)
     share = rig.dc_link.load_u
     loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
-    found += [Nuisance("load", f"{load:g} ohm", share, "1", load=load) for load in loads]
+    found += [
+        Nuisance(f"{load:g} ohm", "1", kind="load", sd=share, path=LOAD, operation="compound", load=load)
+        for load in loads
+    ]
     logged = [name for name in CHANNELS if any(name in run.channels for run in runs)]
     errors, skew = {name: sensor_errors(rig.sensors.get(name)) for name in logged}, SKEW / max(run.fs for run in runs)
-    found += [Nuisance("gain", name, errors[name][0], "1") for name in logged]
-    found += [Nuisance("timing", name, skew, "s") for name in logged if name != "pressure"]
+    for name in logged:
+        path = f"sensors.gain.{name}"
+        found.append(Nuisance(name, "1", kind="gain", sd=errors[name][0], path=path, operation="compound"))
+    found += [Nuisance(name, "s", kind="timing", sd=skew) for name in logged if name != "pressure"]
     for log, run in enumerate(runs):
         own = (name for name in logged if name in run.channels and name not in WITHOUT_ZERO)
-        found += [Nuisance("zero", name, errors[name][1], "SI", log=log) for name in own]
+        found += [
+            Nuisance(name, "SI", kind="zero", sd=errors[name][1], path=f"sensors.zero.{name}", log=log) for name in own
+        ]
     stated = dict.fromkeys(math.inf if run.load is None else run.load for run in runs)
-    parts = [(math.nan, SHARED), *((load, 1.0 - SHARED) for load in stated)]
-    found += [
-        Nuisance(
-            "discrepancy",
-            name,
-            rig.model.discrepancy * math.sqrt(part / len(COURSES)),
-            "1",
-            load=load,
-            phase=phase,
-            course=course,
-        )
-        for load, part in parts
-        for name in logged
-        for phase in PHASES
-        for course in COURSES
-    ]
+    for load, part in [(math.nan, SHARED), *((load, 1.0 - SHARED) for load in stated)]:
+        sd = rig.model.discrepancy * math.sqrt(part / len(COURSES))
+        for name, phase, course in product(logged, PHASES, COURSES):
+            found.append(Nuisance(name, "1", kind="discrepancy", sd=sd, load=load, phase=phase, course=course))
     return tuple(n for n in found if n.sd)
+
+
+def _of_the_rig(rig: Rig) -> list[Nuisance]:
+    """Numbers that the rig file states, by their names there, and laws of the model that it has not."""
+    found = []
+    for path in (f"{part}.{number}" for part in SECTIONS for number in required(part)):
+        section, name = path_in_rig(path).split(".")
+        value, per = quantity_of(rig, section, name), IN_RIG.get(path, 1.0)
+        if value is not None:
+            sd = math.hypot(value.u or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
+            found.append(Nuisance(name, value.unit, kind="rig", sd=sd, path=path, per=per, section=section))
+    for (part, name), (sd, unit) in ABSENT.items():
+        found.append(Nuisance(name, unit, kind="law", sd=sd, path=f"{part}.{name}", section=part))
+    return found
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
@@ -184,14 +169,4 @@ def before_calibration(rig: Rig) -> Rig:
     """The rig with each calibrated number as it was before its first calibration."""
     for place, number in calibrated_numbers(rig).items():
         rig = with_quantity(rig, *place, number.prior)
-    return rig
-
-
-def shifted(rig: Rig, by: Mapping[tuple[str, str], float]) -> Rig:
-    """A rig whose numbers, by section and name, are moved by given amounts, SI units."""
-    for (section, name), delta in by.items():
-        number = quantity_of(rig, section, name)
-        if number is not None and delta:
-            moved = msgspec.structs.replace(number, value=number.value + delta)
-            rig = with_quantity(rig, section, name, moved)
     return rig

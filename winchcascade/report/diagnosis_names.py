@@ -138,7 +138,7 @@ def nuisance_words(n: Nuisance, files: Sequence[str]) -> str:
     """Name of a nuisance in words, with the file of its log in place of the number.
 
     >>> from winchcascade.diagnosis.nuisances import Nuisance
-    >>> nuisance_words(Nuisance("zero", "idc", 0.1, "SI", log=1), ["a.csv", "b.csv"])
+    >>> nuisance_words(Nuisance("idc", "SI", kind="zero", sd=0.1, log=1), ["a.csv", "b.csv"])
     'zero of Idc in b.csv'
     """
     name = _RIG_NUMBERS.get(n.name, n.name)

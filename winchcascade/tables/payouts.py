@@ -19,12 +19,12 @@ import numpy as np
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.nuisances import nuisances, shifted
+from winchcascade.diagnosis.nuisances import nuisances
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.reduction.reduce import first_metrics
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import LineMotion
-from winchcascade.rig.parts import Model, changed
+from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import motion_of, simulate_along
 from winchcascade.tables.feasible import STAGES
 from winchcascade.tables.published_table import PublishedTable, Span, TableRow
@@ -334,10 +334,6 @@ def _within_tolerance(rig: Rig, run: Run) -> Iterator[Model]:
     """
     nominal = baseline(rig)
     for number in nuisances(rig, [run]):
-        model = nominal
-        if number.kind == "rig":
-            model = baseline(shifted(rig, {(number.section, number.name): number.sd}))
-        elif number.kind in ("load", "gain", "zero"):
-            model = changed(nominal, number.path, "add", number.sd)
+        model = number.apply(nominal, number.sd) if number.kind != "law" else nominal
         if model != nominal:
             yield model

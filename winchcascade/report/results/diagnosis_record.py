@@ -24,6 +24,7 @@ SCHEMA = "winchcascade/diagnosis/1"
 DIGITS, SUMMED, ALL = 6, 12, 17
 """Significant digits of numbers, of those that add up, and all that a number has."""
 
+_LOADS = ("load", "load_ohm")
 _PART = ("cycles", "withheld", "samples")
 _PLACE = ("channel", "phase", "load", "blocks", "bias", "rms", "noise", "u_noise", "u_repeat", "u_tolerance", "z")
 _ENERGY = ("measured", "before", "after", "u")
@@ -44,7 +45,9 @@ def plain(x: object, digits: int = DIGITS) -> Any:
     if isinstance(x, Mapping):
         names = {"load": "load_ohm"}
         return {
-            names.get(name, name): _load(value) if name in ("load", "load_ohm") else plain(value, digits)
+            names.get(name, name): _load(value)
+            if name in _LOADS and not isinstance(value, msgspec.Struct)
+            else plain(value, digits)
             for name, value in x.items()
         }
     if isinstance(x, list | tuple):
