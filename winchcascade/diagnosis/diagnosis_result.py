@@ -161,8 +161,8 @@ class Stability(msgspec.Struct, frozen=True):
 
 
 class NamedCause(msgspec.Struct, frozen=True):
-    """An effect that is needed: its posterior probability within the catalogue, its numbers, and all that would explain the data
-    about as well in its place.
+    """An effect that is needed: its posterior probability within the catalogue, its numbers, and all that would explain the
+    data about as well in its place.
 
     `weight` is the share of the objective that it carries, `ablation` that of the gap that a fit of the others closes.
     """
