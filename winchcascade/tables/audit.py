@@ -78,7 +78,7 @@ class Contradiction(msgspec.Struct, frozen=True):
 
 
 class RecoveredWindow(msgspec.Struct, frozen=True):
-    """Window of one row, as the interval that its energies and powers leave; None where they leave none. [s]"""
+    """Window of one row by its load, as the interval that its energies and powers leave; None where they leave none. [s]"""
 
     load: float
     span: Span | None
