@@ -26,7 +26,7 @@ from winchcascade.diagnosis.block_means import (
     scatter_about_course,
 )
 from winchcascade.diagnosis.entries import price_of
-from winchcascade.diagnosis.marginal import Columns
+from winchcascade.diagnosis.marginal import WILD, Columns
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline, stated_effects
@@ -412,6 +412,7 @@ class RigProblem(msgspec.Struct, frozen=True):
         data = self.data
         nothing = np.zeros(len(data.nuisances))
         z = data.whiten(data.measured[:, :, None] - data.predictions([(nothing, effects) for effects in several]))
+        z = np.clip(np.nan_to_num(z, nan=WILD), -WILD, WILD)
         return z if self.rows is None else z * self.rows[:, None]
 
     def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:
