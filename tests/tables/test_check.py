@@ -274,7 +274,7 @@ def test_a_row_without_a_result_and_a_result_without_a_row_are_named(bench: Path
     assert call("reduce", bench / "test_1.csv", "--json", tmp_path / "one.json").code == 0
     code, record = checked(tmp_path / "one.json", "--against", path)
     assert (code, len(record["cells"])) == (0, 18)
-    assert any("n 1000 rpm, torque 40 N.m: no result belongs to this row" in note for note in record["notes"])
+    assert any("n 1000 rpm, torque 40 N.m; left out" in note for note in record["notes"])
 
 
 @pytest.mark.parametrize("names", [("1", "2"), ("test_1.csv", "TEST_2")])

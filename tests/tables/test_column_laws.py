@@ -170,3 +170,10 @@ def test_the_exchanged_heads_of_the_spindle_test_are_found_and_the_turbine_is_cl
     assert (len(spindle.table.rows), spindle.contradictions) == (55, ())
     assert "columns 'P_mech [W]' and 'PF [-]' are swapped" in spindle.faults[0].sentence
     assert (turbine.ok, len(turbine.table.rows), turbine.compared) == (True, 18, 18)
+
+
+def test_a_divisor_that_may_be_zero_allows_any_value() -> None:
+    columns = '[columns]\ntest = { }\na = { }\nb = { }\nc = { is = "a / b" }\nd = { is = "c + 1 - c / a / a" }\n'
+    found = audited([{"test": 1, "a": 2.0, "b": 0.0, "d": 1e9}, {"test": 2, "a": 2.0, "b": 4.0, "d": 9.0}], columns)
+    assert [item.row.number for item in found.contradictions] == [2]
+    assert uses(found)["d"] == ("evaluated", 2, ())

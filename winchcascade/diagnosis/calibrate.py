@@ -167,7 +167,8 @@ def calibrate(run: Run, rig: Rig | None = None, *, cycles: tuple[int, int] | Non
     before = before_calibration(rig)
     freed = _freed(before)
     regression = back_emf_of(run, freed, payouts)
-    k_e = _back_emf_constant(before.generator.k_e, regression)
+    how, u = f"regression of Vdc above {RPM_MIN:g} rpm, R2 = {regression.r2:.5f}", regression.high - regression.k_e
+    k_e = _number(before, ("generator", "k_e"), "V/rpm", regression.k_e, u / COVERED, how)
     known = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, u=k_e.u)
     exact = msgspec.structs.replace(freed, model=ModelAccuracy(discrepancy=0.0))
     data = Fitted([run], with_quantity(exact, "generator", "k_e", known), [cycles])
@@ -180,7 +181,7 @@ def calibrate(run: Run, rig: Rig | None = None, *, cycles: tuple[int, int] | Non
     return Calibration(
         run=run,
         rig=rig,
-        numbers=(k_e, *(_fitted(before, data, k, value, covariance) for k in at)),
+        numbers=(k_e, *_fitted(before, data, at, value, covariance)),
         regression=regression,
         together=tuple(_together(data, covariance, at, regression)),
         misfit=misfit,
@@ -245,35 +246,26 @@ def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> B
     return msgspec.structs.replace(found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=u_lag)
 
 
-def _u_of(number: Quantity | None) -> float:
-    """Standard uncertainty that a rig file states, infinite where it states none."""
-    return math.inf if number is None or number.u is None else number.u
-
-
-def _back_emf_constant(before: Quantity | None, found: BackEmf) -> Number:
-    how = f"regression of Vdc above {RPM_MIN:g} rpm, R2 = {found.r2:.5f}"
-    value, u = math.nan if before is None else before.value, (found.high - found.k_e) / COVERED
-    return Number("generator", "k_e", "V/rpm", value, _u_of(before), found.k_e, u, how)
-
-
-def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -> Number:
-    """A number of the rig from a fit, by its place among the nuisances."""
-    n, before = data.nuisances[k], quantity_of(rig, data.nuisances[k].section, data.nuisances[k].name)
-    assert before is not None  # it is a nuisance
-    unit, tied = find_unit(n.unit), (n.section, n.name) == TIED
-    *first, last = (what for name, what in FOUND_FROM.items() if name in data.logs[0].run.channels)
-    number = Number(
-        n.section,
-        n.name,
-        n.unit if unit is None else si_unit(unit.dimension),
-        before.value,
-        n.sd if tied else _u_of(before),
-        before.value + n.sd * float(value[k]),
-        n.sd * math.sqrt(covariance[k, k]),
-        how=f"{', '.join(first)} and {last}" if first else last,
-    )
+def _number(rig: Rig, place: tuple[str, str], unit: str, value: float, u: float, how: str) -> Number:
+    """A number beside that of the rig before."""
+    before = quantity_of(rig, *place)
+    u_before = math.inf if before is None or before.u is None else before.u
+    number = Number(*place, unit, math.nan if before is None else before.value, u_before, value, u, how)
     kept = "rig file: an open circuit does not determine it"
     return number if number.new else msgspec.structs.replace(number, how=kept)
+
+
+def _fitted(before: Rig, data: Fitted, at: Sequence[int], nu: Signal, covariance: Signal) -> Iterator[Number]:
+    """Numbers of the rig from a fit, by their places among the nuisances."""
+    *first, last = (what for name, what in FOUND_FROM.items() if name in data.logs[0].run.channels)
+    how = f"{', '.join(first)} and {last}" if first else last
+    for k in at:
+        n = data.nuisances[k]
+        place, unit = (n.section, n.name), find_unit(n.unit)
+        rig, freed = data.rig if place == TIED else before, quantity_of(data.rig, *place)
+        value = (0.0 if freed is None else freed.value) + n.sd * float(nu[k])
+        si = n.unit if unit is None else si_unit(unit.dimension)
+        yield _number(rig, place, si, value, n.sd * math.sqrt(covariance[k, k]), how)
 
 
 def _freed(rig: Rig) -> Rig:

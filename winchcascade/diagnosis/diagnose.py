@@ -31,7 +31,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Verdict,
 )
 from winchcascade.diagnosis.entries import bound_to
-from winchcascade.diagnosis.gap_map import arises, compare, deviating_stage, locate, without_zeros
+from winchcascade.diagnosis.gap_map import arises, compare, deviating_stage, locate, stagewise, without_zeros
 from winchcascade.diagnosis.limits import DISPENSABLE, HALF, NAMED, OPEN
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.next_run import plan_run
@@ -40,7 +40,6 @@ from winchcascade.diagnosis.phase_energies import energies_of
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, expand, search, start_of
 from winchcascade.diagnosis.stability import stabilities, with_stability
-from winchcascade.diagnosis.stagewise import stagewise
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
 
 if TYPE_CHECKING:

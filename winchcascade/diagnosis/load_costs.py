@@ -37,6 +37,13 @@ def _mean_costs(runs: Sequence[Contribution]) -> Contribution:
     )
 
 
+def mean_costs(found: DiagnosisResult) -> Contribution | None:
+    """The split of the leading efficiency, by which causes are ordered, as a mean over all runs with a load [%, points]."""
+    given = found.contributions if isinstance(found, ModelDiagnosis) else ()
+    runs = loaded_part(given, leading_metric(given))
+    return _mean_costs(runs) if runs else None
+
+
 def worst_costs(found: DiagnosisResult) -> Contribution | None:
     """The split of the leading efficiency at the load at which model and run differ most [%, points]; None without one."""
     if not isinstance(found, ModelDiagnosis):

@@ -213,16 +213,17 @@ def check(
     compared = _compared(table, results, notes)
     found = _assigned(results, table, notes)
     cells: list[CellCheck] = []
-    findings = []
+    findings, empty = [], list[str]()
     for k, row in enumerate(table.rows):
         of_row = tuple(found.get(k, ()))
         if not of_row and not whole_campaign:
-            notes.append(f"{row.name}: no result belongs to this row; it is left out.")
+            empty.append(row.name)
             continue
         names = [name for name in compared if name in row.cells]
         cells += [_cell(table, row, name, result, factors) for result in (of_row or (None,)) for name in names]
         if told := tuple(dict.fromkeys(text for result in of_row for text in result.findings)):
             findings.append((row, told))
+    notes += [f"no result belongs to {first_of(empty, MAX_NAMED, '; ')}; left out."] if empty else []
     if not cells:
         raise CheckError(
             f"{table.name}: no row has a cell that can be compared; the columns {', '.join(compared)} are empty."

@@ -93,15 +93,16 @@ def allowed_by_law(name: str, table: PublishedTable, ends: Ends, above: tuple[st
     total = np.zeros(shape)
     for term in law.terms:
         product = np.full(shape, term.constant)
-        for factor in (*term.times, *term.over):
+        for k, factor in enumerate((*term.times, *term.over)):
             known = np.full(shape, math.nan)
             if factor not in (*above, name):
                 derived = table.columns[factor].law is not None and np.isnan(ends[factor]).any()
                 inner = allowed_by_law(factor, table, ends, (*above, name)) if derived else known
                 known = np.where(np.isnan(ends[factor]), inner, ends[factor])
-            product = _product(product, _inverse(known) if factor in term.over else known)
-        slack = (DUST + table.tolerance if not above else 0.0) * np.abs(product)
-        total = total + product + np.array([[-1.0], [1.0]]) * slack
+            product = _product(product, _inverse(known) if k >= len(term.times) else known)
+        if not above:
+            product = product + np.array([[-1.0], [1.0]]) * (DUST + table.tolerance) * np.abs(product)
+        total = total + product
     return total
 
 

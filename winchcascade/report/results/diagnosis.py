@@ -12,7 +12,7 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, 
 from winchcascade.diagnosis.figure_data import block_table, largest_gap
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.load_costs import cost_of, load_costs, worst_costs
+from winchcascade.diagnosis.load_costs import cost_of, load_costs, mean_costs
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report.content import (
@@ -116,12 +116,12 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
 # ------------------------------------------------------------------------------------------------------ the first screen
 def _tiles(found: ModelDiagnosis) -> list[Tile]:
     """Verdict, largest cost and next step; without causes the first sign, or the place that deviates most."""
-    shown, costs = [verdict_tile(found)], worst_costs(found)
+    shown, costs = [verdict_tile(found)], mean_costs(found)
     for cause in found.causes[:1]:
         change = cost_of(costs, cause)
         if costs is not None and change is not None:
             name = "Largest cost" if change < 0.0 else "Largest change"
-            place = f"of {costs.metric} at {load_words(costs.load, 'ohm')}"
+            place = f"of {costs.metric}, mean over the loads"
             shown.append(Tile(name, place, found.suspects[cause.effect].label, f"{change:+.1f} points"))
     alarms = () if found.remainder is None else found.remainder.alarms
     worst = max((one for one in found.places if math.isfinite(one.z)), key=lambda one: abs(one.z), default=None)

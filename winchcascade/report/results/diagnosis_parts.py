@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, ModelForm, NamedCause, Place, Reported
-from winchcascade.diagnosis.load_costs import cost_of, worst_costs
+from winchcascade.diagnosis.load_costs import cost_of, mean_costs
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -41,7 +41,6 @@ from winchcascade.report.figures.cause_figures import profile_figure, stability_
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display
 
 
@@ -62,7 +61,7 @@ class CauseRow(NamedTuple):
 
 def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     """A line for each cause: number, interval, probability, cost, closure without it, look-alikes, and what to do."""
-    costs, model = worst_costs(found), isinstance(found, ModelDiagnosis)
+    costs, model = mean_costs(found), isinstance(found, ModelDiagnosis)
     rows = [
         CauseRow(cause, shown_as(found, cause, name), value, first=k == 0)
         for cause in found.causes
@@ -72,7 +71,7 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     def closed_without(row: CauseRow) -> str:
         return share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""
 
-    place = "" if costs is None else f"Cost: change of {costs.metric} at {load_words(costs.load, 'ohm')}. "
+    place = "" if costs is None else f"Cost: change of {costs.metric}, mean over the loads. "
     without = "Without: share of the gap that is closed without the cause. " if model else ""
     free = "Sensors and entries cost no energy: they change what is read or stated." if model else ""
     return table(
