@@ -30,7 +30,7 @@ WILD = 1e6
 IDLE = 1e-12
 """A direction in which all nuisances together move less than this share of the squares of the first moves nothing. [1]"""
 
-ROUNDS, SETTLED = 20, 1e-2
+ROUNDS, SETTLED = 100, 1e-2
 """Maximum number of steps to the best nuisances, and the improvement of the objective below which they are found."""
 
 

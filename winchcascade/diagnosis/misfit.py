@@ -191,8 +191,8 @@ class Fitted:
         self.local = self.whitener @ self._local_columns()
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
-        """Nuisances of some kinds and by how much they move, in their own unit."""
-        return [(n, float(nu[j]) * n.sd) for kind in kinds for j, n in self._of_kind.get(kind, ())]
+        """Nuisances of some kinds that move, and by how much, in their own unit."""
+        return [(n, float(nu[j]) * n.sd) for kind in kinds for j, n in self._of_kind.get(kind, ()) if nu[j]]
 
     def model(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Model:
         """The model of the rig: its numbers and laws moved by nuisances in units of their tolerance, then changed by effects.
