@@ -267,6 +267,8 @@ def test_a_log_without_force_or_power_is_rejected(lost: str, says: str) -> None:
     bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != lost})
     with pytest.raises(LogError, match=says):
         diagnose_line(Entries([bare]), RIG, EFFECTS)
+    with pytest.raises(LogError, match="is 0 throughout"):
+        diagnose_line(Entries([changed(run, **{lost: 0.0 * run.t})]), RIG, EFFECTS)
 
 
 def test_bridged_samples_lost_rows_and_uneven_stamps_are_borne() -> None:

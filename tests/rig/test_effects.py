@@ -25,7 +25,7 @@ from winchcascade.rig.baseline import baseline, load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS, SIMPLIFICATIONS, make_effect
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, numbers_of, with_part
-from winchcascade.rig.simulate import READ, STEP, Simulation, simulate
+from winchcascade.rig.simulate import READ, Simulation, simulate
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -90,9 +90,6 @@ BALANCE = 1e-3
 
 ROUNDING = 1e-12
 """A few operations in double precision."""
-
-ONSET = 0.03
-"""Speed beyond which the line moves: at rest friction only bounds torque and force. [m/s]"""
 
 MIDDLE, HEAVIEST, OPEN = ("r18ohm.csv", 18.0), ("r4p5ohm.csv", 4.5), ("open_circuit.csv", math.inf)
 
@@ -193,16 +190,6 @@ def test_the_energy_of_the_line_is_accounted_for(log: tuple[str, float], name: s
     at = int(np.argmax(energy["line"]))
     booked = sum(float(joule[at]) for entry, joule in energy.items() if entry != "line")
     assert booked == pytest.approx(float(energy["line"][at]), rel=BALANCE)
-
-
-@pytest.mark.slow
-@every_effect
-def test_half_the_step_gives_the_same(name: str) -> None:
-    coarse, run = simulated(*HEAVIEST, name).run.channels, motion(*HEAVIEST)
-    moving = np.abs(run.channels["velocity"]) > ONSET
-    fine = simulate(run, half(EFFECTS[name]).apply(model()), step=0.5 * STEP).run.channels
-    for channel in READ:
-        assert np.abs(fine[channel] - coarse[channel])[moving].max() < NOISE * np.abs(coarse[channel]).max(), channel
 
 
 @given(st.tuples(*(st.floats(field.low, field.high) for field in EFFECTS["ke_rolloff"].fields)))

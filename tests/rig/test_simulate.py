@@ -109,7 +109,7 @@ def test_a_simulated_log_is_read_without_a_finding_and_known_as_simulated(r18ohm
 
 
 def test_a_rig_that_lacks_numbers_or_a_one_way_clutch_has_no_model() -> None:
-    with pytest.raises(RigError, match=r"no model can be made, as it lacks r_drum under \[winch\], inertia"):
+    with pytest.raises(RigError, match=r"no model can be made, as it lacks r_drum, inertia under \[winch\]"):
         baseline(built_in("kitepower"))
     rig = built_in()
     other = msgspec.structs.replace(rig, drivetrain=msgspec.structs.replace(rig.drivetrain, one_way_clutch=False))

@@ -94,10 +94,10 @@ class Where(msgspec.Struct, frozen=True):
 
 # ------------------------------------------------------------------------------------------------------------ the causes
 class Reported(msgspec.Struct, frozen=True):
-    """A number that a diagnosis reports, with its 95 % interval, which includes the tolerance of what the effect changes.
+    """A number with its 95 % interval, which includes the tolerance of what the effect changes.
 
-    A number that the data push against an end of its range is `at_limit`; its interval is then one-sided and ends there. One
-    beyond the plausible range, but within what is physically possible, is `beyond_range`.
+    One that the data push against an end of its range is `at_limit`, with a one-sided interval; one beyond what is plausible,
+    but within what is possible, is `beyond_range`.
     """
 
     value: float
@@ -117,10 +117,7 @@ class Alternative(msgspec.Struct, frozen=True):
 
 
 class RunValue(msgspec.Struct, frozen=True):
-    """Number of a cause from one run alone with its 95 % interval; NaN where it is `withheld` or hardly depends on the cause.
-
-    The interval includes what the runs share, by which all numbers move together.
-    """
+    """Number of a cause from one run alone with its 95 % interval; NaN where it is `withheld` or hardly depends on it."""
 
     run: int
     value: float = math.nan
@@ -136,9 +133,8 @@ Along = Literal["order", "load", "scatter"]
 class Trend(msgspec.Struct, frozen=True):
     """A difference between the numbers of the runs that their uncertainties do not allow.
 
-    `change` is the one from the first run to the last, from the smallest to the largest conductance of the load, or the range
-    of a scatter, `u` its standard uncertainty (NaN for a scatter). Runs that agree would show it with the probability `chance`.
-    `instead` is what would explain it as well.
+    `change` is that from the first run or smallest conductance to the last, or the range of a scatter, `u` its standard
+    uncertainty, `chance` its probability among runs that agree, `instead` what would explain it as well.
     """
 
     along: Along
@@ -156,10 +152,10 @@ class Stability(msgspec.Struct, frozen=True):
 
 
 class NamedCause(msgspec.Struct, frozen=True):
-    """An effect that is needed: its posterior probability within the catalogue, its numbers, all effects that explain the data
-    about as well in its place, and how much of the objective it carries.
+    """An effect that is needed: its posterior probability within the catalogue, its numbers, and all that would explain the
+    data about as well in its place.
 
-    `ablation` is the share of the gap that a fit of the others closes without it [1]. `stability` is its number run by run.
+    `weight` is the share of the objective that it carries, `ablation` that of the gap that a fit of the others closes.
     """
 
     effect: str
@@ -234,10 +230,9 @@ class ContributionPart(msgspec.Struct, frozen=True):
 
 
 class Contribution(msgspec.Struct, frozen=True):
-    """One metric of one run: by the model of the rig file, as measured, and the parts that add up to the difference.
+    """One of the nine metrics of a run, or the mean of a channel: as given, as measured, and what adds up to the difference.
 
-    `metric` is one of the nine metrics of the integration windows or the mean of a channel over them. NaN and no parts for one
-    that the run cannot give. `plateau_speed` is the mean of the run [m/s], None where it has no plateau.
+    NaN and no parts where the run cannot give it. `plateau_speed` is the mean of the run [m/s], None without a plateau.
     """
 
     log: int
@@ -298,9 +293,8 @@ class Remainder(msgspec.Struct, frozen=True):
 class Experiment(msgspec.Struct, frozen=True):
     """One run that would distinguish two suspects, and by how many standard deviations.
 
-    `speed` is the highest one [m/s]; `load` and `length` of the payout [m] belong to a `cycle` of a rig with a model, the line
-    tension `force` [N] to the motions of a winch without one. `repeats` is a log of the campaign whose load is run again after
-    all others, to separate what changes with the order of the runs.
+    `speed` is the highest one [m/s]; `load` and `length` of the payout [m] belong to a `cycle`, the line tension `force` [N] to
+    the motions of a winch without a model. `repeats` is a log whose load is run again after all others.
     """
 
     motion: Literal["cycle", "speed_steps", "force_steps", "out_and_back", "swing"]
@@ -315,10 +309,9 @@ class Experiment(msgspec.Struct, frozen=True):
 
 # ---------------------------------------------------------------------------------------------------- your own simulation
 class ModelForm(msgspec.Struct, frozen=True):
-    """What the owner's own simulation has in another form than the rig's model, at the place where it shows most.
+    """What the owner's own simulation has in another form than the rig's model: the effect or simplification that is `likely`.
 
-    `bias` is simulation minus rig's model there, all differences together, and `z` the same in standard uncertainties. `likely`
-    is the effect or simplification that explains it, None where none does.
+    `bias` is simulation minus rig's model at the place where it shows most, all differences together, `z` in its uncertainties.
     """
 
     stage: str

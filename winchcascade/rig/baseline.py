@@ -31,22 +31,10 @@ def load_rig(rig: str | Path) -> Rig:
     return found
 
 
-class MissingNumber(msgspec.Struct, frozen=True):
-    """A number of a model that a rig file lacks."""
-
-    section: str
-    name: str
-
-    def __str__(self) -> str:
-        """Name and section, for a sentence."""
-        return f"{self.name} under [{self.section}]"
-
-
 class NoModel(msgspec.Struct, frozen=True):
-    """Reason why no model can be made from a rig file, in one sentence, and the numbers that the file lacks."""
+    """Reason why no model can be made from a rig file, in one sentence."""
 
     why: str
-    missing: tuple[MissingNumber, ...] = ()
 
 
 def baseline(rig: Rig) -> Model:
@@ -68,19 +56,20 @@ def baseline(rig: Rig) -> Model:
 
 def model_of(rig: Rig) -> Model | NoModel:
     """Make the model of a rig file, as `baseline` does, or report why that is not possible."""
-    missing, numbers = [], {}
+    missing: dict[str, list[str]] = {}
+    numbers = {}
     for section in PARTS:
         for name in required(section):
             _, in_rig = path_in_rig(f"{section}.{name}").split(".")
             stated: Quantity | None = getattr(getattr(rig, section), in_rig)
             if stated is None:
-                missing.append(MissingNumber(section, in_rig))
+                missing.setdefault(section, []).append(in_rig)
             numbers[section, name] = math.nan if stated is None else stated.value
     if missing:
+        lacking = "; ".join(f"{', '.join(names)} under [{section}]" for section, names in missing.items())
         return NoModel(
-            f"rig {rig.name}: no model can be made, as it lacks {', '.join(map(str, missing))}; add them to the rig file "
-            "(`winchcascade rig hsu2026` shows how).",
-            tuple(missing),
+            f"rig {rig.name}: no model can be made, as it lacks {lacking}. Add them to the rig file (see "
+            "`winchcascade rig hsu2026`)."
         )
     if rig.drivetrain.one_way_clutch is False:
         return NoModel(

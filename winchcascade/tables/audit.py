@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from winchcascade.core.arguments import FLAG, PATH_OR_NONE, WATCH, check_arguments
 from winchcascade.core.errors import OptionError
@@ -213,7 +214,7 @@ def _physics(
 def _contradicted(table: PublishedTable, ends: Ends, known: Repeatability) -> int:
     """Number of cells that laws of columns contradict, and of rows by load that contradict themselves."""
     broken, _ = broken_cells(table, ends)
-    count = sum(int((allowed_[0] == allowed_[0]).sum()) for allowed_ in broken.values())
+    count = sum(int((~np.isnan(limits[0])).sum()) for limits in broken.values())
     for k, row in enumerate(table.rows if table.by_load else ()):
         count += not is_feasible({name: Span(*ends[name][:, k].tolist()) for name in row.spans}, known)
     return count

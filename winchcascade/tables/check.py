@@ -357,14 +357,14 @@ def _nearest_rows(results: Sequence[Measured], table: PublishedTable) -> Iterato
         keys.append((column.measured, value, near, [text.lstrip("0") if text.isdecimal() else text for text in texts]))
     for result in results:
         square = np.zeros(len(table.rows))
-        for measured_, printed, near, texts in keys:
-            found, names = result.values.get(measured_), log_names(result.log)
+        for quantity, printed, near, texts in keys:
+            found, names = result.values.get(quantity), log_names(result.log)
             here = math.nan if found is None else found
             with np.errstate(invalid="ignore"):
                 share = np.abs(here - printed) / near
-            if measured_ == "load":
+            if quantity == "load":
                 share = np.where(np.isclose(here, printed, rtol=_SAME_LOAD, atol=0.0), 0.0, share)
-            if measured_ == "file":
+            if quantity == "file":
                 share = np.array([0.0 if text in names else math.inf for text in texts])
             square = np.where(share <= 1.0, square + share**2, math.inf)
         nearest = int(np.argmin(square)) if square.size else 0

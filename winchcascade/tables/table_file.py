@@ -236,14 +236,14 @@ def check_unit(column: PrintedColumn, place: str) -> None:
 
 # --------------------------------------------------------------------------------------------------------------------- rows
 def _row(
-    number_: int, cells: Mapping[str, Printed], keys: Sequence[str], *, by_load: bool = False, line: int | None = None
+    k: int, cells: Mapping[str, Printed], keys: Sequence[str], *, by_load: bool = False, line: int | None = None
 ) -> TableRow:
     """A row with its name: its load, its key cells, or its number."""
     if by_load:
         load = cells[_LOAD].value
-        return TableRow(number_, load_text(load), cells, load, line)
+        return TableRow(k, load_text(load), cells, load, line)
     named = [f"{name} {cells[name].words}" for name in keys if name in cells]
-    return TableRow(number_, ", ".join(named) or f"row {number_}", cells, None, line)
+    return TableRow(k, ", ".join(named) or f"row {k}", cells, None, line)
 
 
 def _toml_rows(
@@ -280,8 +280,8 @@ def _toml_cell(value: object, column: PrintedColumn, place: str, line: int | Non
     strict : reject a negative number, one that is not finite, and one with more decimals than are said to be printed
     """
     text = str(value)
-    number_ = isinstance(value, str | float | int) and not isinstance(value, bool)
-    cell = _cell(text, ".", column, line) if number_ and "," not in text else None
+    readable = isinstance(value, str | float | int) and not isinstance(value, bool)
+    cell = _cell(text, ".", column, line) if readable and "," not in text else None
     if cell is None or (strict and not 0.0 <= cell.value <= 1e15):
         raise TableError(f"{place} is {shown(value)}; expected a number{' from 0 on' if strict else ''}.")
     if not strict or column.decimals is None:

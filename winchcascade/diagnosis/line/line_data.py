@@ -152,6 +152,11 @@ def lines_of(entries: Entries, rig: Rig, suspects: Suspects) -> Lines:
         **{name: np.concatenate([getattr(table, name) for table in tables]) for name in rest},
     )
     fitted = rows.some(~np.array([part.withheld for part in parts])[rows.part])
+    if not (np.any(fitted.gap + fitted.given) and np.all(np.any(fitted.columns, axis=0))):
+        raise LogError(
+            f"{parts[0].run.name}: line speed, line tension or mechanical power is 0 throughout the cycles of the fit; "
+            "a diagnosis needs a winch at work, so choose other cycles or check the columns."
+        )
     return Lines(_in_line_units(suspects, names, fitted), tuple(parts), rows)
 
 
