@@ -133,6 +133,7 @@ HEAD ROW CLAIM value = 1; VALUE @ claim 1 metric
 HEAD ROW CLAIM value = 1;metric = "eta_pto";load_ohm = 1;unit = "W";decimals = 0 @ claim 1 'W' number
 HEAD ROW CLAIM value = 1;load_ohm = 1;part = "energy_line";of = "energy_gen"; VALUE @ claim 1 energy_line energy_gen
 HEAD ROW CLAIM at_most = 1;at_least = 1; VALUE @ claim 1 at_least
+HEAD ROW CLAIM metric = "eta_pto";rises_from_ohm = 1;to_ohm = 1 @ claim 1 rises_from_ohm to_ohm
 HEAD ROW CLAIM metric = "eta_pto";largest_at_ohm = "18" @ claim 1 largest_at_ohm '18'
 [columns @ TOML
 title = "A";colour = 1; @ colour columns

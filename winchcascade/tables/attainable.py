@@ -195,10 +195,6 @@ class TableProblem:
         self.begins: Mapping[str, Sequence[float]] = {}
         self.curves: dict[str, list[PchipInterpolator | None]] = {}
 
-    def fields(self, names: Sequence[str]) -> list[Parameter]:
-        """Fields of some suspects in a row."""
-        return [field for name in names for field in self.suspects[name].fields]
-
     def active(self, names: Sequence[str], x: Signal) -> list[ActiveEffect]:
         """Suspects with values."""
         ends = np.cumsum([len(self.suspects[name].fields) for name in names])[:-1]
@@ -270,11 +266,8 @@ class TableProblem:
 
     def bounds(self, names: Sequence[str], *, wide: bool) -> tuple[Signal, Signal]:
         """Lowest and highest values of fields: the plausible ones, or the ends of the curves."""
-        curves = [curve for name in names for curve in self.curves[name]]
-        ends = [
-            (curve.x[0], curve.x[-1]) if wide and curve is not None else (field.low, field.high)
-            for field, curve in zip(self.fields(names), curves, strict=True)
-        ]
+        pairs = (pair for name in names for pair in zip(self.suspects[name].fields, self.curves[name], strict=True))
+        ends = [(c.x[0], c.x[-1]) if wide and c is not None else (field.low, field.high) for field, c in pairs]
         low, high = np.array(ends, dtype=np.float64).reshape(-1, 2).T
         return low, high
 

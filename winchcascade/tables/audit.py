@@ -26,10 +26,8 @@ from winchcascade.tables.claims import ClaimVerdict, claim_verdict
 from winchcascade.tables.column_laws import (
     MIN_ROWS,
     ColumnFault,
-    Ends,
     LawUse,
     broken_cells,
-    cell_ends,
     find_column_fault,
     law_uses,
     made_of,
@@ -80,7 +78,7 @@ class Contradiction(msgspec.Struct, frozen=True):
 
 
 class RecoveredWindow(msgspec.Struct, frozen=True):
-    """Window of one row, as the interval that its energies and powers leave; None where they leave none. [s]"""
+    """Window of one row by its load, as the interval that its energies and powers leave; None where they leave none. [s]"""
 
     load: float
     span: Span | None
@@ -172,15 +170,13 @@ def audit(
     if physics and not table.by_load:
         name = table.path or table.name
         raise OptionError(f"physics: {name} is a table of operating points; expected one of loads; leave physics out.")
-    known, ends = repeatability(table), cell_ends(table)
-    found, fault = _contradictions(table, ends, known), None
+    known = repeatability(table)
+    found, fault = _contradictions(table, known), None
     rows = {item.row.number for item in found}
     if len(rows) >= max(MIN_ROWS, 0.5 * len(table.rows)):
         suspects = {name for item in found for cell in item.cells for name in (cell, *made_of(cell, table.columns))}
-        before = _contradicted(table, ends, known)
-        fault = find_column_fault(table, ends, suspects, before, lambda other: _contradicted(table, other, known))
-    right = table if fault is None else mended(table, fault)
-    kept = found if fault is None else _contradictions(right, cell_ends(right), known)
+        fault = find_column_fault(table, suspects, lambda other: _contradicted(other, known))
+    kept = found if fault is None else _contradictions(mended(table, fault), known)
     recovered = _windows(table) if table.by_load else ()
     return Audit(
         table=table,
@@ -191,8 +187,8 @@ def audit(
         claims=tuple(claim_verdict(claim, table, known) for claim in table.claims),
         windows=recovered,
         shared=_shared_windows(recovered),
-        uses=(_uses_by_load(table) if table.by_load else ()) + law_uses(table, ends),
-        compared=broken_cells(table, ends)[1],
+        uses=(_uses_by_load(table) if table.by_load else ()) + law_uses(table),
+        compared=broken_cells(table)[1],
         physics=_physics(table, known, rig, watch) if physics else None,
     )
 
@@ -211,18 +207,15 @@ def _physics(
 
 
 # ------------------------------------------------------------------------------------------------------------ contradictions
-def _contradicted(table: PublishedTable, ends: Ends, known: Repeatability) -> int:
+def _contradicted(table: PublishedTable, known: Repeatability) -> int:
     """Number of cells that laws of columns contradict, and of rows by load that contradict themselves."""
-    broken, _ = broken_cells(table, ends)
-    count = sum(int((~np.isnan(limits[0])).sum()) for limits in broken.values())
-    for k, row in enumerate(table.rows if table.by_load else ()):
-        count += not is_feasible({name: Span(*ends[name][:, k].tolist()) for name in row.spans}, known)
-    return count
+    rows = sum(not is_feasible(row.spans, known) for row in table.rows) if table.by_load else 0
+    return rows + sum(int((~np.isnan(limits[0])).sum()) for limits in broken_cells(table)[0].values())
 
 
-def _contradictions(table: PublishedTable, ends: Ends, known: Repeatability) -> tuple[Contradiction, ...]:
+def _contradictions(table: PublishedTable, known: Repeatability) -> tuple[Contradiction, ...]:
     """Contradictions within the rows, row by row."""
-    broken, _ = broken_cells(table, ends)
+    broken, _ = broken_cells(table)
     found = []
     for k, row in enumerate(table.rows):
         if table.by_load:

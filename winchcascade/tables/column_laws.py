@@ -121,9 +121,9 @@ def _inverse(ends: Signal) -> Signal:
     return np.where(holds_zero, [[-math.inf], [math.inf]], 1.0 / np.where(holds_zero, 1.0, ends[::-1]))
 
 
-def broken_cells(table: PublishedTable, ends: Ends) -> tuple[dict[str, Signal], int]:
+def broken_cells(table: PublishedTable) -> tuple[dict[str, Signal], int]:
     """What laws and bounds allow of the cells that they contradict, (2, n) by column, NaN elsewhere; and the cells compared."""
-    found, compared = {}, 0
+    found, compared, ends = {}, 0, cell_ends(table)
     for name, column in table.columns.items():
         cell, law = ends[name], allowed_by_law(name, table, ends)
         above = np.abs(cell).min(axis=0) > column.at_most * (1.0 + DUST + table.tolerance)
@@ -135,8 +135,9 @@ def broken_cells(table: PublishedTable, ends: Ends) -> tuple[dict[str, Signal], 
     return found, compared
 
 
-def law_uses(table: PublishedTable, ends: Ends) -> tuple[LawUse, ...]:
+def law_uses(table: PublishedTable) -> tuple[LawUse, ...]:
     """What became of each law of the columns."""
+    ends = cell_ends(table)
     laws = {name: column.law for name, column in table.columns.items() if column.law is not None}
     given = {name: ~np.isnan(ends[name][0]) for name in table.columns}
     known = {name: ~np.isnan(allowed_by_law(name, table, ends)[0]) for name in laws}
@@ -160,21 +161,19 @@ def made_of(name: str, columns: Mapping[str, PrintedColumn], above: tuple[str, .
 
 
 def find_column_fault(
-    table: PublishedTable, ends: Ends, suspects: Collection[str], before: int, count: Callable[[Ends], int]
+    table: PublishedTable, suspects: Collection[str], count: Callable[[PublishedTable], int]
 ) -> ColumnFault | None:
     """The fault of whole columns that explains nearly all contradicted cells: exchanged heads, else another unit.
 
     Parameters
     ----------
     suspects : columns of the contradicted cells, and those of their laws
-    before : number of contradicted cells
-    count : counts them for other cells
+    count : counts the contradicted cells of a table
     """
+    before = count(table)
     left = max(MAX_WRONG * before, float(before >= ONE_OF))
-    for candidates in (_exchanges(table, ends, suspects), _other_units(table, suspects)):
-        counted = [
-            replace(one, broken_before=before, broken_after=count(_with(ends, one, table))) for one in candidates
-        ]
+    for candidates in (_exchanges(table, suspects), _other_units(table, suspects)):
+        counted = [replace(one, broken_before=before, broken_after=count(mended(table, one))) for one in candidates]
         good = [one for one in counted if one.broken_after <= left]
         good.sort(key=lambda one: (one.broken_after, one.kind == "unit" and not one.unit, len(one.columns)))
         if good:
@@ -182,14 +181,15 @@ def find_column_fault(
     return None
 
 
-def _exchanges(table: PublishedTable, ends: Ends, suspects: Collection[str]) -> Iterator[ColumnFault]:
-    """Pairs of columns whose heads may be exchanged."""
+def _exchanges(table: PublishedTable, suspects: Collection[str]) -> Iterator[ColumnFault]:
+    """Pairs of columns with cells whose heads may be exchanged."""
     names = [
-        name for name in table.columns if not np.isnan(ends[name]).all() and not (table.by_load and name in table.keys)
+        n
+        for n in table.columns
+        if any(n in row.cells for row in table.rows) and not (table.by_load and n in table.keys)
     ]
-    return (
-        ColumnFault("swapped", pair) for pair in itertools.combinations(names, 2) if not set(suspects).isdisjoint(pair)
-    )
+    pairs = itertools.combinations(names, 2)
+    return (ColumnFault("swapped", pair) for pair in pairs if not set(suspects).isdisjoint(pair))
 
 
 def _other_units(table: PublishedTable, suspects: Collection[str]) -> Iterator[ColumnFault]:
@@ -207,15 +207,6 @@ def _other_units(table: PublishedTable, suspects: Collection[str]) -> Iterator[C
         for group, (factor, unit) in itertools.product(groups, factors.items()):
             if not math.isclose(factor, 1.0):
                 yield ColumnFault("unit", group, factor, unit)
-
-
-def _with(ends: Ends, fault: ColumnFault, table: PublishedTable) -> Ends:
-    """The cells without a fault."""
-    if fault.kind == "unit":
-        return {**ends, **{name: fault.factor * ends[name] for name in fault.columns}}
-    one, other = fault.columns
-    factor = table.columns[one].factor / table.columns[other].factor
-    return {**ends, one: factor * ends[other], other: ends[one] / factor}
 
 
 def mended(table: PublishedTable, fault: ColumnFault) -> PublishedTable:

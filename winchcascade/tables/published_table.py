@@ -204,6 +204,10 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(
                 f"part is {self.part} and of is {self.of}; expected two energies or powers, part behind of."
             )
+        if len(set(self.loads)) < len(self.loads):
+            raise ValueError(
+                f"{self.kind} names a load twice; expected different ones, such as rises_from_ohm and to_ohm."
+            )
         wanted = "number" if self.kind == "part" else DIMENSIONS.get(self.metrics[0].partition("_")[0], "number")
         if self.number.value and unit_of(self.unit)[1] != wanted:
             raise ValueError(f"the unit {self.unit!r} is none of a {wanted}.")
