@@ -59,7 +59,8 @@ def place_sentence(found: DiagnosisResult) -> str:
         return (
             f"{where.stage}: in {phase_words(worst.phase)} the {word_of(found)} power of the winch lies "
             f"{abs(worst.bias) / 1e3:.2g} kW {'above' if worst.bias > 0.0 else 'below'} line tension times speed on average "
-            f"(z = {worst.z:+.0f}), {worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
+            f"(z = {worst.z:+.0f}), {worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared "
+            "gap."
         )
     region = ""
     if worst.phase == "payout" and math.isfinite(where.rpm[0]):
