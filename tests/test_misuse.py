@@ -164,9 +164,6 @@ MISUSES: dict[str, Misuse] = {
         lambda model: wc.simulate(run(), model),
         [hsu, "hsu2026", with_part(baseline(), "generator", k_e=math.nan)],
     ),
-    "calibrate payouts": (
-        keyword(wc.calibrate, "payouts", open_run), [[1.0, 2.0], [(9.0, 4.0)], 3, [], [(1e6, 2e6)]],
-    ),
     "open_campaign": (wc.open_campaign, [*TEXTS, "no/such/folder", [LOG]]),
     "diagnose suspects": (
         lambda names: campaign().diagnose(suspects=names), ["ke_rolloff", ["ke_rollof"], None, [1]],

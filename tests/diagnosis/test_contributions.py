@@ -13,7 +13,6 @@ from hypothesis.extra.numpy import arrays
 from planted import LOGS, campaign, driven
 
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.causes import LAW
 from winchcascade.diagnosis.contributions import (
     OF_DISCREPANCY,
     QUANTITIES,
@@ -27,6 +26,7 @@ from winchcascade.diagnosis.contributions import (
 )
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.diagnosis.limits import LAW
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect

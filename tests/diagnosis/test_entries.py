@@ -10,7 +10,8 @@ from planted import campaign
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.entries import RARER, bound_to, price_of, same_in_logs
+from winchcascade.diagnosis.entries import bound_to, price_of, same_in_logs
+from winchcascade.diagnosis.limits import RARER
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.rig_text import stated_causes
 from winchcascade.diagnosis.search import usual_gain

@@ -64,10 +64,6 @@ CYCLES = Expected(
         value is None or (len(value) == 2 and all(is_whole(end, 1) for end in value) and value[0] <= value[1])
     ),
 )
-SPANS = Expected(
-    "pairs of begin and end in seconds, such as [(10.0, 25.0)]",
-    lambda value: value is None or all(is_number(a) and is_number(b) and a < b for a, b in value),
-)
 SHEET = Expected(
     "the name or the number of a table in the file",
     lambda value: value is None or is_whole(value, 1) or (isinstance(value, str) and value.strip()),

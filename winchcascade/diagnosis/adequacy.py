@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
+from winchcascade.diagnosis.limits import CANCELLED, CANCELLED_SHARE, WITHIN
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
@@ -20,18 +21,6 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
-
-WITHIN = 2.0
-"""Standard uncertainties within which an energy must lie: about 95 %."""
-
-CANCELLED = 0.2
-"""Two causes cancel each other in a channel if both together move it by less than this share of what the smaller moves. [1]"""
-
-CANCELLED_SHARE = 0.01
-"""Minimum change of a channel that is worth being cancelled, as a share of its plateau: five discrepancies of the model. [1]"""
-
-OPEN = 0.9
-"""Maximum posterior of a cause while something outside the catalogue acts, which a cause may imitate. Assumed. [1]"""
 
 
 def drifts(causes: Iterable[NamedCause]) -> list[Alarm]:

@@ -11,6 +11,7 @@ from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.closure import share_closed
 from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Names, Reported, Spot
 from winchcascade.diagnosis.entries import is_entry, same_in_logs
+from winchcascade.diagnosis.limits import AS_GOOD, LAW, SAME_ORDER, UNCONFUSED
 from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Evidence, Fit, Found, columns_of, covariance_of, inside_of, usual_gain
@@ -30,25 +31,11 @@ ALIKE = 0.3
 ENTRIES = "entry"
 """Stage of wrong entries."""
 
-AS_GOOD = 3.0
-"""Evidence by which a set may fall short of the best and still be an alternative: odds of twenty to one."""
-
 TRIED = 4
 """Maximum number of alternatives of each cause that are refitted, nearest first by the closed form."""
 
-UNCONFUSED = 0.1
-"""Two suspects of nearly the same law explain each other if one in place of the other loses less than this share of what that
-explains: the exact form of neither is known so well. [1]"""
-
-SAME_ORDER = 0.9
-"""Rank correlation from which the order of the runs is that of their loads: one pair of neighbours of seven may be swapped."""
-
 ORDER_ALONE = (1e6, 0.0)
 """Time constant and share by the current with which warming follows the order of the runs alone. [1]"""
-
-LAW = 0.01
-"""No rig follows the law of an effect exactly: minimum standard uncertainty of what an effect does, as a share of it. Assumed;
-about the scatter of twins that follow laws of their own."""
 
 COVERED = 1.96
 """Standard deviations on either side of a 95 % interval."""

@@ -12,6 +12,7 @@ from winchcascade.core.integrate import white_noise
 from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.gap_map import without_zeros
+from winchcascade.diagnosis.limits import MIN_EXCESS, PULLED, REACH, RESTLESS, ROUGH, UNSTEADY, WORSE
 from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, RigProblem, log_of, unsteadiness_of
 from winchcascade.diagnosis.misfit import MIN_BLOCKS as MIN_BLOCKS
 from winchcascade.diagnosis.predict import CHANNELS, Course
@@ -28,26 +29,6 @@ if TYPE_CHECKING:
 
 DRAWS = 400
 """Resampled sets of cycles for the interval."""
-
-REACH = 3.0
-"""Limit of the nuisances of a prediction, in standard uncertainties, so that only the causes can close the gap."""
-
-MIN_EXCESS = 0.2
-"""Minimum excess over noise of a gap before, on average over channels and logs and in squares of noise, to be closed."""
-
-ROUGH = 2.5
-"""Root mean square of whitened blocks, of one channel in one phase over all logs, beyond which they contain a structure. With
-the true model it stays below 1.7, and below 2.4 with a large lag, as the noise of the blocks is estimated from them."""
-
-RESTLESS = 2.2
-"""Scatter within blocks, over that of noise and discrepancy of the model, beyond which something moves that the model lacks."""
-
-UNSTEADY = 6.0
-"""Scatter of the blocks about a smooth course over that of noise alone, the median of the logs, beyond which something varies
-that the model lacks: an eccentric drum, teeth. The true model stays below 2 at any rate and noise."""
-
-PULLED = 5.0
-"""Maximum magnitude of a nuisance, in its tolerances, that counts as within tolerance."""
 
 FEW, FAR = 30, 8.0
 """Minimum number of blocks for an rms, and magnitude that a single block counts for at most."""
@@ -223,10 +204,6 @@ def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:
     return tuple(
         sorted((alarm for alarm in found if alarm.size > alarm.limit), key=lambda alarm: -alarm.size / alarm.limit)
     )
-
-
-WORSE = 1.0
-"""Mean square by which a held-out prediction makes a channel worse, in that of its noise, beyond which it counts. [1]"""
 
 
 def made_worse(closure: ModelClosure) -> list[Alarm]:

@@ -18,7 +18,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import means_of
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.causes import COVERED, LAW, posterior_of
+from winchcascade.diagnosis.causes import COVERED, posterior_of
 from winchcascade.diagnosis.diagnosis_result import (
     Contribution,
     ContributionKind,
@@ -27,6 +27,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Names,
 )
+from winchcascade.diagnosis.limits import LAW
 from winchcascade.diagnosis.misfit import LOCAL, Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.suspects import Suspects, varied

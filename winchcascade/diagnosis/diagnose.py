@@ -10,14 +10,12 @@ import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import linear_algebra_on_one_thread
-from winchcascade.diagnosis.adequacy import OPEN, cancelling, drifts, left_over, moved_by, unbalanced
+from winchcascade.diagnosis.adequacy import cancelling, drifts, left_over, moved_by, unbalanced
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.causes import causes_of, parameters_of, posterior_of, probabilities
 from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close, made_worse, share_closed
 from winchcascade.diagnosis.contributions import by_cost, contributions_of, efficiency_changes, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
-    HALF,
-    NAMED,
     Alarm,
     Contribution,
     DiagnosisResult,
@@ -34,6 +32,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.gap_map import arises, compare, deviating_stage, locate, stagewise, without_zeros
+from winchcascade.diagnosis.limits import DISPENSABLE, HALF, NAMED, OPEN
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.next_run import plan_run
 from winchcascade.diagnosis.nuisances import before_calibration
@@ -145,10 +144,6 @@ def diagnose(
         not_visible=not_visible(found),
     )
     return _judged(_with_causes(as_found, windows, on_progress), on_progress)
-
-
-DISPENSABLE = 0.005
-"""Share of the gap that a cause whose number differs from run to run must close, or it is none. [1]"""
 
 
 def without_imitators(data: Fitted, found: Found) -> Found:

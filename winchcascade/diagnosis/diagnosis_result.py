@@ -28,15 +28,6 @@ Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 Names = tuple[str, ...]
 """A set of suspects."""
 
-NAMED = 2
-"""Maximum number of causes that are named where much stays unexplained."""
-
-MOSTLY = 0.9
-"""Share of the gap that must be closed for a verdict of `explained` while a residual without structure remains."""
-
-HALF = 0.5
-"""Share of the gap that must be closed for a structured residual not to make it unexplained."""
-
 RIVALS = 2
 """Maximum number of look-alikes of a cause that are its `rivals`."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from winchcascade.diagnosis.limits import AGREES, MIN_RUNS, RARER
 from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.rig.effects.catalogue import ENTRIES, OF_THE_RIG, SHARED_RADIUS
 from winchcascade.rig.effects.effect import Effect, Stated, Values
@@ -21,17 +22,6 @@ if TYPE_CHECKING:
 
 LOAD, RADIUS = "load_entry", "drum_radius"
 """Entries that have several forms: one for each run, and one for each place of the encoder."""
-
-RARER = 3.0
-"""Logarithm of the odds by which an effect of the rig is more likely than a given wrong entry, data apart: 20 to 1. Most
-entries of a rig file are right, while every rig has effects that its model lacks. A wrong entry that takes the place of two
-effects still has more evidence, as it saves the price of one."""
-
-MIN_RUNS = 3
-"""Minimum number of runs of which a change from run to run is suspected: of two, any difference is one."""
-
-AGREES = 0.03
-"""A load is no suspect where Vdc over Idc deviates from it by less: more than gains and warm resistors do. [1]"""
 
 
 def effect_name(suspect: str) -> str:

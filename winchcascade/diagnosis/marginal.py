@@ -25,18 +25,18 @@ HUBER = 3.0
 """Whitened residuals beyond this count by their magnitude, not by their square (Huber 1964)."""
 
 WILD = 1e6
-"""A residual counts as no larger than this, and so does one of numbers with which nothing can be simulated."""
+"""A whitened residual is no larger than this, and so is one of numbers with which nothing can be simulated."""
 
 IDLE = 1e-12
 """A direction in which all nuisances together move less than this share of the squares of the first moves nothing. [1]"""
 
-ROUNDS, SETTLED = 20, 1e-2
+ROUNDS, SETTLED = 100, 1e-2
 """Maximum number of steps to the best nuisances, and the improvement of the objective below which they are found."""
 
 
 def huber(z: Signal) -> float:
     """Robust half sum of squares of whitened residuals. [1]"""
-    size = np.minimum(np.nan_to_num(np.abs(z), nan=WILD, posinf=WILD), WILD)
+    size = np.abs(z)
     return float(np.sum(np.where(size <= HUBER, 0.5 * size * size, HUBER * (size - 0.5 * HUBER))))
 
 

@@ -26,7 +26,7 @@ from winchcascade.diagnosis.block_means import (
     scatter_about_course,
 )
 from winchcascade.diagnosis.entries import price_of
-from winchcascade.diagnosis.marginal import Columns
+from winchcascade.diagnosis.marginal import WILD, Columns
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline, stated_effects
@@ -191,8 +191,8 @@ class Fitted:
         self.local = self.whitener @ self._local_columns()
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
-        """Nuisances of some kinds and by how much they move, in their own unit."""
-        return [(n, float(nu[j]) * n.sd) for kind in kinds for j, n in self._of_kind.get(kind, ())]
+        """Nuisances of some kinds that move, and by how much, in their own unit."""
+        return [(n, float(nu[j]) * n.sd) for kind in kinds for j, n in self._of_kind.get(kind, ()) if nu[j]]
 
     def model(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Model:
         """The model of the rig: its numbers and laws moved by nuisances in units of their tolerance, then changed by effects.
@@ -412,6 +412,7 @@ class RigProblem(msgspec.Struct, frozen=True):
         data = self.data
         nothing = np.zeros(len(data.nuisances))
         z = data.whiten(data.measured[:, :, None] - data.predictions([(nothing, effects) for effects in several]))
+        z = np.clip(np.nan_to_num(z, nan=WILD), -WILD, WILD)
         return z if self.rows is None else z * self.rows[:, None]
 
     def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:

@@ -20,10 +20,11 @@ from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.adequacy import moved_by
 from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of
 from winchcascade.diagnosis.causes import parameters_of, posterior_of
-from winchcascade.diagnosis.closure import MIN_EXCESS, alarms_of, closure_between
+from winchcascade.diagnosis.closure import alarms_of, closure_between
 from winchcascade.diagnosis.contributions import from_own_simulation, without
 from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Place, Spot
 from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
+from winchcascade.diagnosis.limits import MIN_EXCESS
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, search

@@ -10,8 +10,8 @@ import numpy as np
 
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.causes import LAW
 from winchcascade.diagnosis.diagnosis_result import StageEnergy
+from winchcascade.diagnosis.limits import LAW
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:

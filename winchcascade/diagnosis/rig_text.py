@@ -17,7 +17,8 @@ from winchcascade.core.quantity import Quantity, Unit, find_unit
 from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
 from winchcascade.core.rig_toml import ERRORS, UNCERTAINTIES, built_in_text, parse_rig
 from winchcascade.core.version import __version__
-from winchcascade.diagnosis.causes import COVERED, LAW, posterior_of
+from winchcascade.diagnosis.causes import COVERED, posterior_of
+from winchcascade.diagnosis.limits import LAW
 from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.baseline import stated_effects

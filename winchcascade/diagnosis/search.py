@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.diagnosis.limits import CLEARLY
 from winchcascade.diagnosis.marginal import Marginal, Problem, huber, weights
 from winchcascade.diagnosis.suspects import Freedom, freedom, places_of, varied, with_values
 
@@ -30,10 +31,6 @@ FORESEEN = 0.7
 
 SHARES = (1.0, 0.4, 0.15, 0.05)
 """Shares of a step that are tried until one lowers the objective."""
-
-CLEARLY = 5.0
-"""A further cause must bring so much more evidence, its price paid: very strong by Kass and Raftery (1995), odds of a hundred
-and fifty to one."""
 
 DOUBTFUL = 5.0
 """Error of the closed form, in evidence, that is expected."""

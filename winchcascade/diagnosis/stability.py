@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.causes import COVERED, LAW
+from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import Along, NamedCause, RunValue, Stability, Trend
+from winchcascade.diagnosis.limits import CHANCE, LAW, MIN_RUNS
 from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import grown, inside_of
@@ -30,14 +31,8 @@ if TYPE_CHECKING:
 
     Rulers = Mapping[Along, Signal]
 
-CHANCE = 1e-3
-"""Trends and scatters are reported if runs that agree would show one as large, of any cause, with a smaller probability."""
-
 TRIED = 3
 """What is tried of each cause: a trend with the order, one with the load, a scatter."""
-
-MIN_RUNS = 3
-"""Minimum number of runs with a number of their own for a trend or a scatter."""
 
 NO_PART = 1e-9
 """Information of a run on a cause, as a share of that of all runs, below which the run does not depend on it."""

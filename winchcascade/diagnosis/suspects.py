@@ -16,11 +16,10 @@ Suspects = Mapping[str, Effect]
 
 
 class Freedom(msgspec.Struct, frozen=True):
-    """Fields of some suspects, (k,) each: names, values where the effects are absent, ends `low` and `high` of what is
-    plausible, and the bounds `minimum` and `maximum` of what is physically possible.
+    """Fields of some suspects, (k,) each: values where the effects are absent, ends `low` and `high` of what is plausible, and
+    the bounds `minimum` and `maximum` of what is physically possible.
     """
 
-    names: tuple[str, ...]
     absent: Signal
     low: Signal
     high: Signal
@@ -35,14 +34,14 @@ class Freedom(msgspec.Struct, frozen=True):
     def some(self, own: Sequence[int]) -> Freedom:
         """Those of some numbers."""
         arrays = (self.absent, self.low, self.high, self.minimum, self.maximum)
-        return Freedom(tuple(self.names[k] for k in own), *(array[own] for array in arrays))
+        return Freedom(*(array[own] for array in arrays))
 
 
 def freedom(*effects: Effect) -> Freedom:
     """The fields of some suspects in a row."""
     fields = [field for effect in effects for field in effect.fields]
     table = np.array([(f.absent, f.low, f.high, *f.possible) for f in fields], dtype=np.float64).reshape(-1, 5)
-    return Freedom(tuple(field.name for field in fields), *np.ascontiguousarray(table.T))
+    return Freedom(*np.ascontiguousarray(table.T))
 
 
 def places_of(suspects: Suspects, names: Iterable[str]) -> dict[str, slice]:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.search import CLEARLY, Expansion, Found
+from winchcascade.diagnosis.limits import CLEARLY
+from winchcascade.diagnosis.search import Expansion, Found
 from winchcascade.diagnosis.suspects import freedom, with_values
 
 if TYPE_CHECKING:

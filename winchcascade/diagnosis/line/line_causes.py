@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.block_means import BLOCK, PHASES
-from winchcascade.diagnosis.causes import AS_GOOD, COVERED, LAW, parameters_of, posterior_of, swap
+from winchcascade.diagnosis.causes import COVERED, parameters_of, posterior_of, swap
 from winchcascade.diagnosis.diagnosis_result import (
     Alternative,
     Experiment,
@@ -21,6 +21,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Spot,
     Stability,
 )
+from winchcascade.diagnosis.limits import AS_GOOD, LAW
 from winchcascade.diagnosis.line.line_data import POWER, Lines, power_columns
 from winchcascade.diagnosis.line.line_fit import FOLDS, LineFit, LineNoise, LineProblem, noise_of
 from winchcascade.diagnosis.marginal import Marginal

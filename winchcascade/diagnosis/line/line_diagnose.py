@@ -10,10 +10,8 @@ import numpy as np
 
 from winchcascade.core.jobs import linear_algebra_on_one_thread
 from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT, PHASES, scatter_about_course
-from winchcascade.diagnosis.closure import DRAWS, ROUGH
+from winchcascade.diagnosis.closure import DRAWS
 from winchcascade.diagnosis.diagnosis_result import (
-    HALF,
-    MOSTLY,
     Alarm,
     DiagnosisResult,
     Entries,
@@ -27,10 +25,10 @@ from winchcascade.diagnosis.diagnosis_result import (
     Where,
 )
 from winchcascade.diagnosis.gap_map import weigh
+from winchcascade.diagnosis.limits import CHANCE, HALF, MOSTLY, ROUGH
 from winchcascade.diagnosis.line.line_causes import is_material, line_causes, plan
 from winchcascade.diagnosis.line.line_data import POWER, LineRows, Lines, lines_of
 from winchcascade.diagnosis.line.line_fit import LineFit, fit_of, folds_of
-from winchcascade.diagnosis.stability import CHANCE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
