@@ -29,11 +29,6 @@ def run() -> wc.Run:
 
 
 @cache
-def open_run() -> wc.Run:
-    return wc.read_run(CAMPAIGN / "open_circuit.csv")
-
-
-@cache
 def reduction() -> wc.Reduction:
     return wc.reduce(run())
 
@@ -87,7 +82,7 @@ def keyword(call: Callable[..., Any], name: str, *others: Any) -> Callable[[Any]
 
 def ready(value: Any) -> Any:
     """A value, made now if it is one of those that are made when they are needed."""
-    late = (run, open_run, reduction, hsu, campaign, reduced, compared)
+    late = (run, reduction, hsu, campaign, reduced, compared)
     return value() if any(value is one for one in late) else value
 
 

@@ -16,7 +16,6 @@ from winchcascade.diagnosis.diagnosis_result import (
     Reported,
     Spot,
     Trend,
-    Where,
 )
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
@@ -48,41 +47,30 @@ def closure_kind(found: DiagnosisResult) -> str:
 
 
 def place_sentence(found: DiagnosisResult) -> str:
-    """Where the gap lies from end to end, and in which stage it arises, as the JSON has it; empty without a gap."""
-    if found.where is None:
-        return ""
-    own, explained = has_own_simulation(found), found.verdict == "explained"
-    lies = where_sentence(found.where, word_of(found), own_simulation=own, explained=explained)
-    return f"{lies} {arises_sentence(found.where.arises)}".rstrip()
+    """Where the gap lies: in which direction, at what currents and speeds, by how much, and in which stage it arises.
 
-
-def where_sentence(
-    where: Where, word: str = "measured", *, own_simulation: bool = False, explained: bool = True
-) -> str:
-    """Where a gap lies: in which direction, at what currents and speeds, by how much.
-
-    Parameters
-    ----------
-    word : what the power of a winch without a model is called
-    own_simulation : the logs are compared with a simulation of the owner
-    explained : the causes explain the gap, so that a wrong entry among them may be called its origin
+    As the JSON has it; empty without a gap. Only where the causes explain the gap, a wrong entry is called its origin.
     """
+    where = found.where
+    if where is None:
+        return ""
     worst = where.worst
     if worst.channel == POWER:
         return (
-            f"{where.stage}: in {phase_words(worst.phase)} the {word} power of the winch lies {abs(worst.bias) / 1e3:.2g} kW "
-            f"{'above' if worst.bias > 0.0 else 'below'} line tension times speed on average (z = {worst.z:+.0f}), "
-            f"{worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
+            f"{where.stage}: in {phase_words(worst.phase)} the {word_of(found)} power of the winch lies "
+            f"{abs(worst.bias) / 1e3:.2g} kW {'above' if worst.bias > 0.0 else 'below'} line tension times speed on average "
+            f"(z = {worst.z:+.0f}), {worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
         )
     region = ""
     if worst.phase == "payout" and math.isfinite(where.rpm[0]):
         region = f" between {where.rpm[0]:.0f} and {where.rpm[1]:.0f} rpm"
         if where.i_dc[1] > 0.5:
             region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
-    entry = "comes from a wrong entry" if explained else "is most like that of a wrong entry"
+    entry = "comes from a wrong entry" if found.verdict == "explained" else "is most like that of a wrong entry"
     place = {"sensor": "lies in a sensor", "entry": entry}.get(where.stage, f"lies in the {where.stage} stage")
-    gap = "The gap between your simulation and the logs" if own_simulation else "The gap"
-    return f"{gap} {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
+    gap = "The gap between your simulation and the logs" if has_own_simulation(found) else "The gap"
+    lies = f"{gap} {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
+    return f"{lies} {arises_sentence(where.arises)}".rstrip()
 
 
 def arises_sentence(own: Sequence[Place] | None) -> str:
