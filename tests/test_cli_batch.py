@@ -204,7 +204,7 @@ def test_results_that_are_none_are_reported(table: Path, tmp_path: Path) -> None
 
 def test_a_load_without_a_row_is_reported(out: Path, table: Path) -> None:
     table.write_text(table.read_text().replace("load_ohm = 36.0", "load_ohm = 37.0"))
-    assert "36 ohm has no row in table" in one_sentence("check", out, "--against", table)
+    assert "load_ohm 36 ohm" in one_sentence("check", out, "--against", table)
 
 
 @pytest.mark.parametrize("option", ["--json", "--junit"])

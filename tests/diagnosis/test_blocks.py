@@ -13,7 +13,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES, blocks_of
-from winchcascade.diagnosis.misfit import NOISELESS, noise_of, with_extra
+from winchcascade.diagnosis.block_noise import NOISELESS, noise_of, with_extra
 from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.phases import detect, smoothed_velocity

@@ -16,7 +16,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.contributions import (
     OF_DISCREPANCY,
     QUANTITIES,
-    Split,
+    Accounts,
     by_cost,
     contributions_of,
     leading_metric,
@@ -168,22 +168,20 @@ def test_without_a_cause_tolerances_and_residual_remain() -> None:
     assert kinds == {("tolerances", "residual"), ()}
 
 
-def test_a_law_errs_also_where_a_contribution_passes_zero() -> None:
-    def split(share: float, u: float) -> Split:
-        values = np.full(len(QUANTITIES), share), np.full(len(QUANTITIES), u)
-        nothing = np.zeros(len(QUANTITIES)), np.zeros(len(QUANTITIES))
-        return Split(nothing[0], np.full(len(QUANTITIES), 0.5), {"sync_inductance": values}, nothing, nothing, {})
+def accounts(share: list[float], u: list[float]) -> Accounts:
+    """Runs of which one cause has a share of every quantity, with the uncertainty of the fit alone; all else is 0."""
+    parts = np.zeros((2, len(share), 3, len(QUANTITIES)))
+    parts[0, :, 0], parts[1, :, 0] = np.array(share)[:, None], np.array(u)[:, None]
+    level = np.full((len(share), len(QUANTITIES)), 0.5)
+    return Accounts(0.0 * level, level, parts[0], parts[1], parts[0, :, :1])
 
-    of_law, of_model = LAW * 0.03, OF_DISCREPANCY * 0.002 * 0.5
-    splits = [split(0.0, 0.0), split(-0.03, 4e-4), split(0.2, 0.0)]
-    both = with_uncertain_laws(splits, [True, True, False], 0.002)[:2]
-    for one, u in zip(both, (0.0, 4e-4), strict=True):
-        assert one.causes["sync_inductance"][1] == pytest.approx(np.full(14, math.sqrt(u**2 + of_law**2 + of_model**2)))
+
+def test_a_law_errs_also_where_a_contribution_passes_zero() -> None:
+    of_law, of_model, own = LAW * 0.03, OF_DISCREPANCY * 0.002 * 0.5, [0.0, 4e-4, 0.0]
+    u = with_uncertain_laws(accounts([0.0, -0.03, 0.2], own), np.array([True, True, False]), 0.002)
+    for found, alone in zip(u[:2, 0], own, strict=False):
+        assert found == pytest.approx(np.full(len(QUANTITIES), math.sqrt(alone**2 + of_law**2 + of_model**2)))
 
 
 def test_what_changes_nothing_has_no_uncertain_law() -> None:
-    nothing = np.zeros(len(QUANTITIES))
-    split = Split(
-        nothing, nothing + 0.5, {"torque_gain": (nothing, nothing)}, (nothing, nothing), (nothing, nothing), {}
-    )
-    assert not np.any(with_uncertain_laws([split], [True], 0.002)[0].causes["torque_gain"][1])
+    assert not np.any(with_uncertain_laws(accounts([0.0], [0.0]), np.array([True]), 0.002))

@@ -28,7 +28,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Names,
 )
 from winchcascade.diagnosis.limits import LAW
-from winchcascade.diagnosis.misfit import LOCAL, Fitted, Log
+from winchcascade.diagnosis.misfit import Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.suspects import Suspects, varied
 from winchcascade.reduction.efficiency import METRICS
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
+    from winchcascade.core.run import Mask, Run, Signal
     from winchcascade.diagnosis.search import Fit, Found
     from winchcascade.reduction.reduction_result import CycleResult
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
@@ -57,9 +57,6 @@ to any metric. Assumed; a twin with laws of its own scatters about as much. [1]"
 
 ROUNDED = 1e-8
 """Largest contribution of a cause, as a share of the quantity, that is rounding of the simulation and counts as none. [1]"""
-
-SHAFT_STAGES = ("generator", "gearbox", "entry")
-"""Stages whose effects need another solution of the shaft. Subsets that differ in the others alone follow one another."""
 
 
 # ------------------------------------------------------------------------------------------------- metrics of one run
@@ -157,103 +154,81 @@ def shapley(values: Signal) -> Signal:
     return found
 
 
-class Variants(NamedTuple):
-    """Every model that the split of a fit needs: nuisances and effects of each, and its model of every log.
+class Accounts(NamedTuple):
+    """What the parts of each of L runs come to, SI units; NaN for what a log lacks.
 
-    In a row: subsets of the `names`; causes that act alone, one field after the other moved; all causes with the same fields
-    moved; all causes with the fitted nuisances; the same, one nuisance after the other moved. The fields belong to the causes
-    `owners`, by their number, are at `places` of all fields of the fit, and move by `steps`; `moved` are the nuisances.
+    `measured` and `as_given` are (L, 14); `parts` and their standard uncertainties `u` (L, k + 2, 14) are those of k causes, of
+    tolerances and residual. `by_model` (L, k, 14) is what each cause changes by the model, whether the log can give the
+    quantity or not.
     """
 
-    names: Names
+    measured: Signal
+    as_given: Signal
+    parts: Signal
+    u: Signal
+    by_model: Signal
+
+
+class Variants(NamedTuple):
+    """Every model that the accounts need, as nuisances and effects, and its model of every log.
+
+    In a row: subsets of the causes; all causes with one field after the other moved; all causes with the fitted nuisances; the
+    same, one nuisance after the other moved. The fields belong to the causes `owners`, are at `places` of all fields of the
+    fit, and move by `steps`.
+    """
+
     given: list[tuple[Signal, Sequence[ActiveEffect]]]
     models: list[list[Model]]
     owners: list[int]
     places: list[int]
     steps: Signal
-    moved: list[int]
 
 
 def variants_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Variants:
-    """List the models that the split of a fit among some of its causes needs."""
-    names = tuple(sorted(names, key=lambda name: suspects[name].stage in SHAFT_STAGES))
+    """List the models that the accounts of a fit with some of its causes need."""
     acting = dict(zip(best.names, best.effects(suspects), strict=True))
     nominal, everything = np.zeros_like(best.nu), [acting[name] for name in names]
     subsets = [[one for bit, one in enumerate(everything) if subset >> bit & 1] for subset in range(1 << len(names))]
-    alone: list[Sequence[ActiveEffect]] = []
     together: list[Sequence[ActiveEffect]] = []
     fields: list[tuple[int, int, float]] = []
     for owner, name in enumerate(names):
         own = best.place[name]
         for place, (moved, step) in enumerate(varied(suspects[name], best.x[own], MOVED), own.start):
-            alone.append([moved])
             together.append([moved if one is acting[name] else one for one in everything])
             fields.append((owner, place, step))
-    moving = [j for j, n in enumerate(data.nuisances) if n.kind not in LOCAL]
-    given = [(nominal, effects) for effects in (*subsets, *alone, *together)]
-    given += [(best.nu + shift, everything) for shift in (nominal, *np.eye(best.nu.size)[moving])]
+    given = [(nominal, effects) for effects in (*subsets, *together)]
+    given += [(best.nu + shift, everything) for shift in (nominal, *np.eye(best.nu.size)[: data.simulated])]
     owners, places, steps = ([field[k] for field in fields] for k in range(3))
     return Variants(
-        names,
-        given,
-        [data.models(*one) for one in given],
-        [*map(int, owners)],
-        [*map(int, places)],
-        np.array(steps),
-        moving,
+        given, [data.models(*one) for one in given], [*map(int, owners)], [*map(int, places)], np.array(steps)
     )
 
 
-class Split(NamedTuple):
-    """What the parts of one run come to, and their standard uncertainties, (14,) each, SI units; NaN for what the log lacks.
+def account_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Signal, causes: int) -> Accounts:
+    """Split the difference between the model of the rig file and one run among causes, tolerances and residual; L is 1.
 
-    `by_model` is what each cause changes by the model, whether the log can give the quantity or not.
-    """
-
-    measured: Signal
-    as_given: Signal
-    causes: dict[str, tuple[Signal, Signal]]
-    tolerances: tuple[Signal, Signal]
-    residual: tuple[Signal, Signal]
-    by_model: dict[str, Signal]
-
-
-def split_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Signal) -> Split:
-    """Split the difference between the model of the rig file and one run among causes, tolerances and residual.
-
-    A contribution moves with a field of its cause as the mean of what it does alone and with all causes: exact as long as no
-    three causes act on each other.
+    A contribution moves with a field of its cause as all causes together do.
 
     Parameters
     ----------
     covariance : (p + n, p + n) of the fields of the fit and then of its nuisances
+    causes : number of causes
     """
-    nuisances = len(data.nuisances)
-    first = covariance.shape[0] - nuisances
-    names, count, fields = variants.names, 1 << len(variants.names), len(variants.places)
-    subsets, alone, together, fitted = np.split(
-        _values(data, one, variants), np.cumsum([count, fields, fields]).tolist()
-    )
-    by_alone = (alone - subsets[[1 << owner for owner in variants.owners]]) / variants.steps[:, None]
-    by_all = (together - subsets[-1]) / variants.steps[:, None]
-    slopes = np.zeros((len(names) + 2, covariance.shape[0], len(QUANTITIES)))
-    slopes[variants.owners, variants.places] = 0.5 * (by_alone + by_all)
-    slopes[-2, [first + j for j in variants.moved]] = fitted[1:] - fitted[0]
+    first, count, fields = covariance.shape[0] - len(data.nuisances), 1 << causes, len(variants.places)
+    subsets, together, fitted = np.split(_values(data, one, variants), [count, count + fields])
+    by_field = (together - subsets[-1]) / variants.steps[:, None]
+    slopes = np.zeros((causes + 2, covariance.shape[0], len(QUANTITIES)))
+    slopes[variants.owners, variants.places] = by_field
+    slopes[-2, first : first + data.simulated] = fitted[1:] - fitted[0]
     slopes[-2, first:] += _by_zeros(data, one, variants, fitted[0])
-    slopes[-1, variants.places] = -by_all
+    slopes[-1, variants.places] = -by_field
     slopes[-1] -= slopes[-2]
-    used = np.flatnonzero(np.any(slopes != 0.0, axis=(0, 2)))
-    spread = np.tensordot(covariance[np.ix_(used, used)], slopes[:, used], axes=(1, 1)).swapaxes(0, 1)
-    u = np.sqrt(np.maximum(np.sum(slopes[:, used] * spread, axis=1), 0.0))
+    u = np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=1), 0.0))
     shares, measured = shapley(subsets), quantities_of(one.log.run, one.rig, one.windows)
-    missing = np.isnan(measured + fitted[0])
+    missing = np.where(np.isnan(measured + fitted[0]), math.nan, 0.0)
     parts = np.vstack([shares, fitted[0] - subsets[-1], measured - fitted[0]])
-    parts[:, missing], u[:, missing] = math.nan, math.nan
-    *causes, tolerances, residual = zip(parts, u, strict=True)
-    absent = np.where(missing, math.nan, 0.0)
-    by_name = dict(zip(names, causes, strict=True))
-    by_model = dict(zip(names, shares, strict=True))
-    return Split(measured + absent, subsets[0] + absent, by_name, tolerances, residual, by_model)
+    of_run = measured + missing, subsets[0] + missing, parts + missing, u + missing, shares
+    return Accounts(*(x[None] for x in of_run))
 
 
 def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
@@ -273,13 +248,13 @@ def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
 
 def _by_zeros(data: Fitted, one: WindowedLog, variants: Variants, fitted: Signal) -> Signal:
     """What one uncertainty of each zero moves with all causes and nuisances as `fitted`, (n, 14); 0 for other nuisances."""
-    nu, models = variants.given[-1 - len(variants.moved)][0], variants.models[-1 - len(variants.moved)]
+    nu, model = variants.given[-1 - data.simulated][0], variants.models[-1 - data.simulated][one.number]
     found = np.zeros((nu.size, len(QUANTITIES)))
     for j, n in enumerate(data.nuisances):
         if n.kind == "zero" and n.log == one.number:
             zeros = data.zeros(nu)[one.number]
             zeros[CHANNELS.index(n.name)] += n.sd
-            found[j] = one.simulated(models[one.number], data.skew(nu), zeros) - fitted
+            found[j] = one.simulated(model, data.skew(nu), zeros) - fitted
     return found
 
 
@@ -299,10 +274,7 @@ def joint_covariance(found: Found) -> Signal:
 
 
 def contributions_of(
-    data: Fitted,
-    found: Found,
-    causes: Sequence[NamedCause],
-    windows: Sequence[float | None] | None = None,
+    data: Fitted, found: Found, causes: Sequence[NamedCause], windows: Sequence[float | None] | None = None
 ) -> tuple[tuple[Contribution, ...], dict[str, list[LargestChange]]]:
     """Split every metric of every run among the causes that are named, tolerances and residual, the parts in this order.
 
@@ -314,32 +286,75 @@ def contributions_of(
     windows : of each run the length of its windows [s], None for the rule of the rig
     """
     names, suspects = tuple(cause.effect for cause in causes), found.problem.suspects
-    covariance = joint_covariance(found)
-    variants = variants_of(data, suspects, found.best, names)
+    covariance, variants = joint_covariance(found), variants_of(data, suspects, found.best, names)
 
-    def account(number: int, window: float | None) -> tuple[WindowedLog, Split]:
+    def account(number: int, window: float | None) -> tuple[WindowedLog, Accounts]:
         one = windowed(data, number, window)
-        return one, split_of(data, one, variants, covariance)
+        return one, account_of(data, one, variants, covariance, len(names))
 
     lengths = enumerate(windows or [None] * len(data.logs))
-    accounts = all_at_once([partial(account, number, window) for number, window in lengths], data.sizes)
-    loaded = [math.isfinite(one.log.run.load or math.inf) for one, _ in accounts]
-    with_laws = with_uncertain_laws([split for _, split in accounts], loaded, data.rig.model.discrepancy)
-    recorded = tuple(
-        contribution
-        for (one, _), split in zip(accounts, with_laws, strict=True)
-        for contribution in _recorded(one, split, names, suspects)
+    each = all_at_once([partial(account, number, window) for number, window in lengths], data.sizes)
+    logs, accounts = (
+        [one for one, _ in each],
+        Accounts(*map(np.concatenate, zip(*(own for _, own in each), strict=True))),
     )
+    loaded = np.array([math.isfinite(one.log.run.load or math.inf) for one in logs])
+    u = with_uncertain_laws(accounts, loaded, data.rig.model.discrepancy)
+    kinds: list[tuple[str | None, ContributionKind]] = [(name, kind_of(suspects[name])) for name in names]
+    kinds += [(None, "tolerances"), (None, "residual")]
+    recorded = [
+        Contribution(
+            log=one.number,
+            load=one.log.run.load,
+            plateau_speed=one.plateau_speed,
+            metric=quantity,
+            as_given=float(accounts.as_given[row, k]),
+            measured=float(accounts.measured[row, k]),
+            parts=tuple(
+                ContributionPart(*kinds[part], value, value - COVERED * spread, value + COVERED * spread)
+                for part, (value, spread) in enumerate(
+                    zip(accounts.parts[row, :, k].tolist(), u[row, :, k].tolist(), strict=True)
+                )
+            )
+            if np.isfinite(accounts.measured[row, k])
+            else (),
+        )
+        for row, one in enumerate(logs)
+        for k, quantity in enumerate(QUANTITIES)
+    ]
     changes = {
         name: [
-            LargestChange(metric, float(split.by_model[name][QUANTITIES.index(metric)]), load=one.log.run.load)
-            for one, split in accounts
+            LargestChange(metric, float(accounts.by_model[row, cause, QUANTITIES.index(metric)]), load=one.log.run.load)
+            for row, one in enumerate(logs)
             for metric in EFFICIENCIES
-            if np.isfinite(split.by_model[name][QUANTITIES.index(metric)])
+            if np.isfinite(accounts.by_model[row, cause, QUANTITIES.index(metric)])
         ]
-        for name in names
+        for cause, name in enumerate(names)
     }
-    return recorded, changes
+    return tuple(recorded), changes
+
+
+def with_uncertain_laws(accounts: Accounts, loaded: Mask, discrepancy: float) -> Signal:
+    """Standard uncertainties of the parts of every run, (L, k + 2, 14), those of the causes with that of their laws, too.
+
+    It is a share of the largest contribution of the cause, relative to the quantity, in any run with a load; for a run
+    without one, in any of these. A law errs also where the contribution passes zero. A share of the
+    discrepancy of the model is added.
+
+    Parameters
+    ----------
+    loaded : (L,) whether each run has a load
+    discrepancy : standard deviation of the model, as a share of the level [1]
+    """
+    causes = accounts.by_model.shape[1]
+    size, level = np.abs(accounts.parts[:, :causes]), np.abs(accounts.as_given)[:, None]
+    relative = np.divide(size, level, where=level > 0.0, out=np.zeros_like(size))
+    alike = [np.fmax.reduce(relative[loaded == own], axis=0) for own in loaded.tolist()]
+    largest = np.maximum(np.array(alike) * level, size)
+    of_model = np.where(largest > ROUNDED * level, OF_DISCREPANCY * discrepancy * level, 0.0)
+    u = accounts.u.copy()
+    u[:, :causes] = np.sqrt(u[:, :causes] ** 2 + (LAW * largest) ** 2 + of_model**2)
+    return u
 
 
 def efficiency_changes(
@@ -361,66 +376,6 @@ def efficiency_changes(
             change = float((after - before)[QUANTITIES.index(metric)])
             found += [LargestChange(metric, change, load=one.log.run.load)] if math.isfinite(change) else []
     return found
-
-
-def with_uncertain_laws(splits: Sequence[Split], loaded: Sequence[bool], discrepancy: float) -> list[Split]:
-    """Splits whose causes have the uncertainty of their laws, too.
-
-    It is a share of the largest contribution of the cause, relative to the quantity, in any run with a load; for a run
-    without one, in any of these. A law errs also where the contribution passes zero. A share of the
-    discrepancy of the model is added.
-
-    Parameters
-    ----------
-    splits : of every run, whose causes have the uncertainty of the fit alone
-    loaded : whether the run has a load
-    discrepancy : standard deviation of the model, as a share of the level [1]
-    """
-    levels = [np.abs(split.as_given) for split in splits]
-    found = []
-    for split, level, own in zip(splits, levels, loaded, strict=True):
-        alike = [(one, size) for one, size, other in zip(splits, levels, loaded, strict=True) if other == own]
-        causes = {}
-        for name, (value, u) in split.causes.items():
-            relative = [
-                np.divide(np.abs(one.causes[name][0]), size, where=size > 0.0, out=np.zeros_like(size))
-                for one, size in alike
-            ]
-            largest = np.maximum(np.fmax.reduce(relative) * level, np.abs(value))
-            of_model = np.where(largest > ROUNDED * level, OF_DISCREPANCY * discrepancy * level, 0.0)
-            causes[name] = (value, np.sqrt(u**2 + (LAW * largest) ** 2 + of_model**2))
-        found.append(split._replace(causes=causes))
-    return found
-
-
-def _recorded(one: WindowedLog, split: Split, names: Names, suspects: Suspects) -> list[Contribution]:
-    """The split of one run by quantity."""
-    columns: list[tuple[str | None, ContributionKind, tuple[Signal, Signal]]] = [
-        *((name, kind_of(suspects[name]), split.causes[name]) for name in names),
-        (None, "tolerances", split.tolerances),
-        (None, "residual", split.residual),
-    ]
-    return [
-        Contribution(
-            log=one.number,
-            load=one.log.run.load,
-            plateau_speed=one.plateau_speed,
-            metric=quantity,
-            as_given=float(split.as_given[k]),
-            measured=float(split.measured[k]),
-            parts=tuple(
-                ContributionPart(name, kind, float(value[k]), *_interval(float(value[k]), float(u[k])))
-                for name, kind, (value, u) in columns
-            )
-            if np.isfinite(split.measured[k])
-            else (),
-        )
-        for k, quantity in enumerate(QUANTITIES)
-    ]
-
-
-def _interval(value: float, u: float) -> tuple[float, float]:
-    return value - COVERED * u, value + COVERED * u
 
 
 def kind_of(effect: Effect) -> ContributionKind:

@@ -17,8 +17,9 @@ import numpy as np
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
+from winchcascade.diagnosis.block_noise import NOISELESS
 from winchcascade.diagnosis.diagnosis_result import Place, Where
-from winchcascade.diagnosis.misfit import NOISELESS, Fitted, Log
+from winchcascade.diagnosis.misfit import Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.stages import Along, StageOutput, along, outputs_along
