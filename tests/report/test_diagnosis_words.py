@@ -124,7 +124,7 @@ def test_the_documentation_states_the_numbers_of_the_code() -> None:
     assert f"over all logs | {limits.ROUGH:g} |" in text
     assert f"rings) | {limits.RESTLESS:g} |" in text
     assert f"in its standard uncertainties | {limits.PULLED:g} |" in text
-    assert f"costs less than {limits.CLEARLY:g}" in text
+    assert f"must be worth {limits.CLEARLY:g} more than its penalty" in text
     assert f"falls short by less than {limits.AS_GOOD:g}" in text
     assert f"from {closure.DRAWS} sets of cycles" in text
     assert all(f"{sd:g} N" in text for sd, _ in nuisances.ABSENT.values())
