@@ -157,7 +157,7 @@ def waterfall_source() -> Source:
     """What each cause costs in efficiency at each load, and the diagnosis that it comes from."""
     from winchcascade import open_campaign
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.load_costs import load_costs
+    from winchcascade.diagnosis.figure_data import load_costs
     from winchcascade.report.figures.cause_figures import part_name
 
     found = open_campaign(ROOT / CAMPAIGN).diagnose()

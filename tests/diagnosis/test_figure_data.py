@@ -17,10 +17,10 @@ from winchcascade.diagnosis.figure_data import (
     block_table,
     by_load,
     largest_gap,
+    load_costs,
     means_over_speed,
     profile_of,
 )
-from winchcascade.diagnosis.load_costs import load_costs
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS

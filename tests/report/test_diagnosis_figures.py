@@ -11,9 +11,8 @@ from diagnosed import diagnosed
 
 from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability
-from winchcascade.diagnosis.figure_data import block_table, largest_gap
+from winchcascade.diagnosis.figure_data import block_table, largest_gap, worst_costs
 from winchcascade.diagnosis.gap_map import STANDS_OUT
-from winchcascade.diagnosis.load_costs import worst_costs
 from winchcascade.diagnosis.model_comparison import COMPARED
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_names import signed

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk
-from winchcascade.diagnosis.figure_data import block_table, largest_gap
+from winchcascade.diagnosis.figure_data import block_table, cost_of, largest_gap, load_costs, mean_costs
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.load_costs import cost_of, load_costs, mean_costs
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report.content import (
