@@ -13,7 +13,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.entries import bound_to, price_of, same_in_logs
 from winchcascade.diagnosis.limits import RARER
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.rig_text import stated_causes
+from winchcascade.diagnosis.rig_text import corrections
 from winchcascade.diagnosis.search import usual_gain
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.render.terminal import terminal_text
@@ -150,5 +150,5 @@ def test_an_entry_of_one_log_moves_no_other() -> None:
 
 
 def test_wrong_entries_are_not_written_as_effects_of_the_rig() -> None:
-    assert stated_causes(found("drum_radius", 0.06)) == {}  # the radius itself is corrected
-    assert stated_causes(misstated()) == {}
+    assert corrections(found("drum_radius", 0.06))[0] == {}  # the radius itself is corrected
+    assert corrections(misstated()) == ({}, {})

@@ -19,8 +19,8 @@ from winchcascade.diagnosis.rig_text import corrected_text
 LOG = Path(__file__).parents[2] / "fixtures" / "campaign" / "r18ohm.csv"
 GAIN, SCALE, TORQUE = 0.05, 0.02, 4
 ERRORS = {
-    "torque_gain": StatedEffect({"gain_error": EffectNumber(GAIN, "1", "diagnosis")}, ("a.csv",)),
-    "encoder_scale": StatedEffect({"scale_error": EffectNumber(SCALE, "1", "diagnosis")}, ("a.csv",)),
+    "torque_gain": StatedEffect({"gain_error": EffectNumber(GAIN, "1", "diagnosis")}, ("a.csv",), of_a_sensor=True),
+    "encoder_scale": StatedEffect({"scale_error": EffectNumber(SCALE, "1", "diagnosis")}, ("a.csv",), of_a_sensor=True),
 }
 DRAG = {"line_drag": StatedEffect({"b": EffectNumber(0.7, "N.m.s/rad", "diagnosis")}, ("a.csv",))}
 READ_WRONG = ("--with", f"torque_gain.gain_error={GAIN}", "--with", f"encoder_scale.scale_error={SCALE}")
@@ -66,14 +66,11 @@ def test_the_library_simulates_the_physics_and_gives_a_model_of_what_is_logged(c
     assert model.sensors.gain["torque"] == pytest.approx(GAIN)
 
 
-def test_errors_of_sensors_among_the_effects_of_an_earlier_file_are_left_out_and_moved(tmp_path: Path) -> None:
+def test_errors_of_sensors_among_the_effects_are_left_out(tmp_path: Path) -> None:
     earlier = tmp_path / "earlier.toml"
     stated = f'[effects.torque_gain]\ngain_error = {{ value = {GAIN}, unit = "1" }}\n'
     earlier.write_text(f'based_on = "hsu2026"\nname = "earlier"\n\n{stated}', encoding="utf-8")
     assert np.array_equal(simulated(tmp_path, earlier), simulated(tmp_path, "hsu2026"))
-    again = tomllib.loads(corrected_text(load_rig(earlier), DRAG, {}, "Day 3"))
-    assert set(again["effects"]) == {"line_drag"}
-    assert again["sensors"]["errors"]["torque_gain"]["gain_error"]["value"] == GAIN
 
 
 @pytest.mark.parametrize("name", ["line_drag", "nothing"])

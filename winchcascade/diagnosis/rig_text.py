@@ -1,55 +1,41 @@
-"""Write calibrated numbers or named causes into the text of a rig file and keep all else: comments, order, line ends."""
+"""Edit rig files: calibrated numbers or named causes go into the document of the file, and all else of it stays as it is."""
 
 from __future__ import annotations
 
-import json
 import math
-import re
-from functools import partial
+import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.quantity import Quantity, Unit, find_unit
+from winchcascade.core.quantity import Calibrated, Quantity, Unit, find_unit
 from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
-from winchcascade.core.rig_toml import ERRORS, UNCERTAINTIES, built_in_text, parse_rig
+from winchcascade.core.rig_toml import built_in_text, parse_rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.causes import COVERED, posterior_of
 from winchcascade.diagnosis.limits import LAW
 from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.baseline import stated_effects
-from winchcascade.rig.effects.catalogue import EFFECTS, SHARED_RADIUS
+from winchcascade.rig.effects.catalogue import SHARED_RADIUS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping
+
+    from tomlkit.items import InlineTable, Table
 
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.calibrate import Calibration, Number
+    from winchcascade.diagnosis.calibrate import Calibration
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
 
-MARK = "# Calibrated by winchcascade/"
-"""Beginning of the first line of a calibrated rig file, by which the tool recognises its own files."""
+MARK, CORRECTED = "# Calibrated by winchcascade/", "# Corrected by winchcascade/"
+"""Beginnings of the first line of a calibrated rig file and of one with effects that a diagnosis found."""
 
-CORRECTED = "# Corrected by winchcascade/"
-"""How the first line of a rig file with effects that a diagnosis found begins."""
-
-CALIBRATED = "calibrated from "
-"""How the source of a calibrated number begins."""
-
-_HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(#.*)?$")
-_KEY = re.compile(r"""\s*([A-Za-z0-9_\-."' \t]+?)\s*=""")
-_SIGN = r"""[^{}"']|"(?:\\.|[^"\\])*"|'[^']*'"""
-_PRIOR = rf"\{{(?:{_SIGN})*\}}"
-_CALIBRATED = rf"\{{(?:{_SIGN}|{_PRIOR})*\}}"
-_TABLE = re.compile(rf"\{{(?:{_SIGN}|{_CALIBRATED})*\}}")
-_quoted = partial(json.dumps, ensure_ascii=False)
-"""A TOML string; JSON escapes the same characters by the same signs."""
-
-_OF_A_NUMBER = ("value", "unit", "source", "calibrated", *UNCERTAINTIES)
+Entry = dict[str, Any]
+"""A number as a rig file has it, in the unit of the file."""
 
 
 def calibrated_text(calibration: Calibration) -> str:
@@ -61,22 +47,24 @@ def calibrated_text(calibration: Calibration) -> str:
 
     Raises
     ------
-    RigError : the rig file cannot be read again, or writes a number in a way that cannot be replaced
+    RigError : the rig file cannot be read again
     LogError : a number comes out as no rig has it
     """
-    found = [number for number in calibration.numbers if number.new]
-    for number in found:
-        if number.value <= 0.0:
+    run, numbers = calibration.run, dict[tuple[str, str], Quantity]()
+    for n in (number for number in calibration.numbers if number.new):
+        if n.value <= 0.0:
             raise LogError(
-                f"{calibration.run.name}: {number.name} comes out as {number.value:.3g}, which no rig has, so that no rig file "
-                "is written; check sign, unit and zero of the log's force and torque."
+                f"{run.name}: {n.name} comes out as {n.value:.3g}, which no rig has, so that no rig file is written; check "
+                "sign, unit and zero of the log's force and torque."
             )
-    text = _text_of(calibration.rig)
-    for number in found:
-        text = _with_entry(text, (number.section, number.name), _entry(number, calibration))
-    text = _marked(text, MARK, log_name(calibration.run), [number.name for number in found] or ["no number"])
-    _check(text, calibration.rig, found)
-    return text
+        old = quantity_of(calibration.rig, n.section, n.name)
+        prior = old if old is None or old.calibrated is None else old.calibrated.prior
+        unit = n.unit if old is None else old.unit
+        was = "" if math.isnan(n.before) else f"; was {_in_file(n.before, unit):.6g}"
+        source, record = f"calibrated from {log_name(run)}: {n.how}{was}", Calibrated(run.name, run.sha256, prior)
+        numbers[n.section, n.name] = Quantity(n.value, unit, source, n.u, record)
+    names = ", ".join(name for _, name in numbers) or "no number"
+    return _edited(calibration.rig, f"{MARK}{__version__} from {log_name(run)}: {names}.", numbers, {})
 
 
 def corrected_text(
@@ -84,8 +72,8 @@ def corrected_text(
 ) -> str:
     """Write effects into the text of a rig file, in place of those that it states by the same names, and corrected numbers.
 
-    Errors of sensors, also those that the file stated among the effects of the rig, go to [sensors.errors]: they change what is
-    read of the rig. Calibrated numbers are as before their calibration again, since the effects were found against those.
+    Errors of sensors go to [sensors.errors]: they change what is read of the rig. Calibrated numbers are as before their
+    calibration again, since the effects were found against those.
 
     Parameters
     ----------
@@ -94,124 +82,74 @@ def corrected_text(
 
     Raises
     ------
-    RigError : the rig file cannot be read again, or states an effect in a way that cannot be replaced
+    RigError : the rig file cannot be read again
     """
+    numbers = {place: number.prior for place, number in calibrated_numbers(rig).items()} | dict(entries)
+    names = ", ".join([*effects, *(name for _, name in numbers)])
+    return _edited(rig, f"{CORRECTED}{__version__} from {printable_name(title)}: {names}.", numbers, effects)
+
+
+def _edited(
+    rig: Rig, mark: str, numbers: Mapping[tuple[str, str], Quantity], effects: Mapping[str, StatedEffect]
+) -> str:
+    """The text of a rig file with a first line, numbers by section and name, and effects; line ends as they are."""
+    import tomlkit
+
     text = _text_of(rig)
     first, _, rest = text.partition("\n")
-    text, end = rest if first.startswith(MARK) else text, _line_end(text)
-    effects = _by_place({**{name: one for name, one in rig.effects.items() if _is_misplaced(name, one)}, **effects})
+    document = tomlkit.parse((rest if first.startswith((MARK, CORRECTED)) else text).replace("\r\n", "\n"))
+    for (section, name), quantity in numbers.items():
+        _put(document.setdefault(section, tomlkit.table()), name, _entry(quantity), tomlkit.inline_table())
     for name, effect in effects.items():
-        for place in (("effects", name), ("sensors", ERRORS, name)):
-            text = "".join(_without_table(text.splitlines(keepends=True), place))
-        text = f"{text.rstrip()}{end}{end}{end.join(_effect_lines(name, effect))}{end}"
-    changed = {place: number.prior for place, number in calibrated_numbers(rig).items()} | dict(entries)
-    for place, number in changed.items():
-        text = _with_entry(text, place, _quantity_entry(number) if place in entries else _prior_entry(number))
-    text = _marked(text, CORRECTED, printable_name(title), [*effects, *(name for _, name in changed)])
-    expected = msgspec.structs.replace(rig, effects={**rig.effects, **effects}, assumed=False)
-    try:
-        again = parse_rig(text, rig.path)
-        for place, number in changed.items():
-            written = quantity_of(again, *place)
-            if written is not None and written.calibrated is None and written.source == number.source:
-                again = with_quantity(again, *place, quantity_of(rig, *place))
-    except RigError as fault:
+        group = document
+        for part in effect.table(name).split(".")[:-1]:
+            group = group.setdefault(part, tomlkit.table(is_super_table=True))
+        numbers_of = {field: msgspec.to_builtins(number) for field, number in effect.fields.items()}
+        stated = {field: {key: x for key, x in number.items() if x is not None} for field, number in numbers_of.items()}
+        _put(group, name, {"logs": list(effect.logs), **stated}, tomlkit.table())
+    edited = document.as_string()
+    if tomllib.loads(edited) != document.unwrap():
         raise RigError(
-            f"{rig.path}: cannot be corrected ({fault}); write each effect that it states as a table [effects.NAME]."
-        ) from None
-    if again != expected:
-        raise RigError(
-            f"{rig.path}: cannot be corrected without a change to other entries; put each on a line of its own."
+            f"{rig.path}: cannot be edited without a change to other entries; put each on a line of its own."
         )
-    return text
+    parse_rig(edited, rig.path)
+    return f"{mark}\n{edited}".replace("\n", "\r\n" if "\r\n" in text else "\n")
 
 
-def _is_misplaced(name: str, effect: StatedEffect) -> bool:
-    """Whether an effect of the catalogue is an error of a sensor that a rig file states among the effects of the rig."""
-    return name in EFFECTS and EFFECTS[name].of_a_sensor and not effect.of_a_sensor
+def _put(parent: Any, name: str, entry: Entry, new: Table | InlineTable) -> None:
+    """Give a table of a document these keys alone: the one that is there, with its comments, or a new one."""
+    from tomlkit import inline_table
+    from tomlkit.items import Table
 
-
-def _by_place(effects: Mapping[str, StatedEffect]) -> dict[str, StatedEffect]:
-    """Effects, each with the place of its table."""
-    return {
-        name: msgspec.structs.replace(effect, of_a_sensor=True) if _is_misplaced(name, effect) else effect
-        for name, effect in effects.items()
-    }
-
-
-def _quantity_entry(number: Quantity) -> dict[str, str]:
-    """Keys and TOML values of a number in the unit of its file."""
-    scale, u = find_unit(number.unit) or Unit("number", 1.0), number.u or 0.0
-    return {
-        "value": rounded((number.value - scale.offset) / scale.factor, u / scale.factor),
-        "unit": _quoted(number.unit),
-        "u": f"{u / scale.factor:.3g}",
-        "source": _quoted(number.source),
-    }
-
-
-def _prior_entry(number: Quantity) -> dict[str, str]:
-    """Keys and TOML values of a number as it was before its calibration."""
-    stated = _stated(number)
-    return {"value": stated["value"], "unit": _quoted(number.unit), **stated}
-
-
-def _stated(number: Quantity) -> dict[str, str]:
-    """Value, standard uncertainty and source of a number, in the unit of its file; none that is not stated."""
-    scale = find_unit(number.unit) or Unit("number", 1.0)
-    entry = {"value": f"{(number.value - scale.offset) / scale.factor:.12g}"}
-    if number.u is not None:
-        entry["u"] = f"{number.u / scale.factor:.12g}"
-    return entry | ({"source": _quoted(number.source)} if number.source else {})
-
-
-def _inline(entry: Mapping[str, str]) -> str:
-    """An inline table."""
-    return f"{{ {', '.join(f'{key} = {value}' for key, value in entry.items())} }}"
-
-
-def _effect_lines(name: str, effect: StatedEffect) -> Iterator[str]:
-    yield f"[{effect.table(name)}]"
-    yield "logs = ["
-    yield from (f"    {_quoted(log)}," for log in effect.logs)
-    yield "]"
-    for field, number in effect.fields.items():
-        yield f"{field} = {{ {', '.join(_effect_entries(number))} }}"
-
-
-def _effect_entries(number: EffectNumber) -> Iterator[str]:
-    yield f"value = {number.value!r}"
-    yield f"unit = {_quoted(number.unit)}"
-    yield from (f"{name} = {end!r}" for name in ("low", "high") if (end := getattr(number, name)) is not None)
-    yield f"source = {_quoted(number.source)}"
-
-
-def _without_table(lines: Sequence[str], path: tuple[str, ...]) -> Iterator[str]:
-    """Lines without a table and the tables in it; comments before the next header stay."""
-    inside, held = False, list[str]()
-    for line in lines:
-        if header := _HEADER.match(line):
-            inside = _path(header[1])[: len(path)] == path
-        if not inside:
-            yield from (*held, line)
-            held = []
-        elif line.strip() and not line.lstrip().startswith("#"):
-            held = []
+    if not isinstance(parent.get(name), Table):
+        parent[name] = new
+    for key in list(parent[name]):
+        parent[name].pop(key)
+    for key, value in entry.items():
+        if isinstance(value, dict):
+            _put(parent[name], key, value, inline_table())
         else:
-            held.append(line)
-    yield from held
+            parent[name][key] = value
 
 
-def _line_end(text: str) -> str:
-    return "\r\n" if "\r\n" in text else "\n"
+def _entry(number: Quantity) -> Entry:
+    """A number in the unit of its file; a number before its calibration has the same unit, which is not repeated."""
+    entry: Entry = {"value": float(f"{_in_file(number.value, number.unit):.9g}"), "unit": number.unit}
+    if number.u is not None:
+        entry["u"] = float(f"{number.u * (_in_file(1.0, number.unit) - _in_file(0.0, number.unit)):.9g}")
+    if number.source:
+        entry["source"] = number.source
+    if (found := number.calibrated) is not None:
+        entry["calibrated"] = {"log": printable_name(found.log), "sha256": found.sha256}
+        if found.prior is not None:
+            entry["calibrated"]["prior"] = {key: x for key, x in _entry(found.prior).items() if key != "unit"}
+    return entry
 
 
-def _marked(text: str, mark: str, source: str, names: Sequence[str]) -> str:
-    """The text with a first line that names this tool, its version and where the named entries come from."""
-    first, _, rest = text.partition("\n")
-    return f"{mark}{__version__} from {source}: {', '.join(names)}.{_line_end(text)}" + (
-        rest if first.startswith(mark) else text
-    )
+def _in_file(value: float, unit: str) -> float:
+    """A number in the unit that a rig file has for it, of its value in SI units."""
+    scale = find_unit(unit) or Unit("number", 1.0)
+    return (value - scale.offset) / scale.factor
 
 
 def _text_of(rig: Rig) -> str:
@@ -234,168 +172,49 @@ def log_name(run: Run) -> str:
     return f"{printable_name(run.name)} (sha256 {run.sha256[:12] or 'unknown'}, {run.samples} samples)"
 
 
-def _entry(number: Number, calibration: Calibration) -> dict[str, str]:
-    """Keys and TOML values of a calibrated number, in the unit that the rig file has for it."""
-    old = quantity_of(calibration.rig, number.section, number.name)
-    unit = number.unit if old is None else old.unit
-    scale = find_unit(unit) or Unit("number", 1.0)
-    u = number.u / scale.factor
-    was = "" if math.isnan(number.before) else f"; was {(number.before - scale.offset) / scale.factor:.6g}"
-    record = {"log": _quoted(printable_name(calibration.run.name)), "sha256": _quoted(calibration.run.sha256)}
-    prior = old if old is None or old.calibrated is None else old.calibrated.prior
-    if prior is not None:
-        record["prior"] = _inline(_stated(prior))
-    return {
-        "value": rounded((number.value - scale.offset) / scale.factor, u),
-        "unit": _quoted(unit),
-        "u": f"{u:.3g}",
-        "source": _quoted(f"{CALIBRATED}{log_name(calibration.run)}: {number.how}{was}"),
-        "calibrated": _inline(record),
-    }
-
-
-def rounded(value: float, u: float) -> str:
-    """A number with digits down to a hundredth of its uncertainty.
-
-    >>> rounded(0.0618228492643, 6.3e-5)
-    '0.0618228'
-    """
-    decimals = 2 - math.floor(math.log10(u)) if u > 0.0 else 12
-    return repr(round(value, decimals))
-
-
-def _with_entry(text: str, wanted: tuple[str, str], entry: dict[str, str]) -> str:
-    """Replace the entry of a number by section and name, an inline table or keys of their own, or add it if there is none."""
-    lines = text.splitlines(keepends=True)
-    end = _line_end(text)
-    inline = _inline(entry)
-    section, own = None, []
-    for k, here, key in _keys(lines):
-        path = here + _path(key)
-        if path == wanted and (table := _TABLE.search(lines[k])):
-            lines[k] = lines[k][: table.start()] + inline + lines[k][table.end() :]
-            return "".join(lines)
-        if path[:-1] == wanted and path[-1] in _OF_A_NUMBER:
-            own.append((k, key))
-        section = k if here == wanted[:1] else section
-    if own:
-        return "".join(_with_keys(lines, own, entry, end))
-    added = f"{wanted[1]} = {inline}{end}"
-    if section is None:
-        return f"{text.rstrip()}{end}{end}[{wanted[0]}]{end}{added}"
-    lines[section] = f"{lines[section].rstrip()}{end}{added}"
-    return "".join(lines)
-
-
-def _keys(lines: Sequence[str]) -> Iterator[tuple[int, tuple[str, ...], str]]:
-    """Lines with a header or a key: number of the line, path of the table that it stands in, and the key, "" for a header."""
-    here: tuple[str, ...] = ()
-    for k, line in enumerate(lines):
-        if header := _HEADER.match(line):
-            here = _path(header[1])
-            yield k, here, ""
-        elif key := _KEY.match(line):
-            yield k, here, key[1]
-
-
-def _path(key: str) -> tuple[str, ...]:
-    """Parts of a dotted key."""
-    return tuple(part.strip().strip("\"'") for part in key.split("."))
-
-
-def _with_keys(lines: Sequence[str], own: Sequence[tuple[int, str]], entry: dict[str, str], end: str) -> Iterator[str]:
-    """Lines in which the keys of one number, each on a line of its own, are replaced."""
-    first, key = own[0]
-    stem = key[: key.rfind(".") + 1]
-    gone = {k for k, _ in own}
-    for k, line in enumerate(lines):
-        if k == first:
-            yield from (f"{stem}{name} = {value}{end}" for name, value in entry.items())
-        elif k not in gone:
-            yield line
-
-
-def _check(text: str, rig: Rig, found: Sequence[Number]) -> None:
-    """Read the text again: the calibrated numbers must be in it, and nothing else may have changed."""
-    try:
-        again = parse_rig(text, rig.path)
-    except RigError:
-        again = None
-    for number in found:
-        new = None if again is None else quantity_of(again, number.section, number.name)
-        if again is None or new is None or not new.source.startswith(CALIBRATED):
-            raise RigError(
-                f"{rig.path}: [{number.section}] {number.name} stands there in a way that cannot be replaced; write it as "
-                f'{number.name} = {{ value = ..., unit = "...", source = "..." }} under [{number.section}].'
-            )
-        old = quantity_of(rig, number.section, number.name)
-        again = with_quantity(again, number.section, number.name, old)
-    if again != msgspec.structs.replace(rig, assumed=False):
-        raise RigError(
-            f"{rig.path}: cannot be rewritten without a change to other entries; put each on a line of its own."
-        )
-
-
 def corrected_rig_text(found: ModelDiagnosis) -> str:
     """Write the named causes of a diagnosis into the text of its rig file; RigError where that is not possible."""
-    return corrected_text(found.rig, stated_causes(found), corrected_entries(found), found.title)
+    return corrected_text(found.rig, *corrections(found), found.title)
 
 
 def corrected_rig(found: ModelDiagnosis) -> Rig:
     """The rig that a diagnosis started from, with its named causes as effects."""
-    rig = msgspec.structs.replace(found.data.rig, effects=_by_place({**found.rig.effects, **stated_causes(found)}))
-    for place, number in corrected_entries(found).items():
+    effects, entries = corrections(found)
+    rig = msgspec.structs.replace(found.data.rig, effects={**found.rig.effects, **effects})
+    for place, number in entries.items():
         rig = with_quantity(rig, *place, number)
     return rig
 
 
-def corrected_entries(found: ModelDiagnosis) -> dict[tuple[str, str], Quantity]:
-    """Numbers of the rig file, by section and name, that named wrong entries correct, with their standard uncertainty.
+def corrections(found: ModelDiagnosis) -> tuple[dict[str, StatedEffect], dict[tuple[str, str], Quantity]]:
+    """Named causes as a rig file states them: effects with the logs of the fit, and corrected numbers by section and name.
 
-    A wrong load of one run is an entry of the campaign and not among them.
-    """
-    fit = found.found.best
-    u = np.sqrt(np.diag(posterior_of(found.found, fit).covariance))
-    numbers = {}
-    for cause in found.causes:
-        effect, k = found.suspects[cause.effect], fit.place[cause.effect].start
-        if effect.entry is None or not effect.number:
-            continue
-        section, _, name = effect.number.partition(".")
-        stated = quantity_of(found.data.rig, section, name)
-        if stated is not None:
-            share = 1.0 + float(fit.x[k])
-            source = f"diagnosis of {printable_name(found.title)}: {share:.4g} times the stated number"
-            numbers[section, name] = Quantity(
-                stated.value * share, stated.unit, source, abs(stated.value) * float(u[k])
-            )
-    return numbers
-
-
-def stated_causes(found: ModelDiagnosis) -> dict[str, StatedEffect]:
-    """Named causes as effects that a rig file states, each with 95 % intervals and the logs of the fit.
-
-    A cause that the rig file states already is a further change: its values become those of both together. Wrong entries are
-    corrected themselves; only the motion that a logger computes with the same wrong radius gets its scale.
+    A wrong entry corrects its number, with its standard uncertainty; only the motion that a logger computes with the same wrong
+    radius gets its scale. A wrong load of one run is an entry of the campaign. A cause that the rig file states already is a
+    further change: its values become those of both together.
     """
     logs = tuple(log_name(run) for k, run in enumerate(found.runs) if k not in found.data.withheld)
-    names = [cause.effect for cause in found.causes]
-    fit = found.found.best
+    names, fit, title = [cause.effect for cause in found.causes], found.found.best, printable_name(found.title)
     u = np.sqrt(np.diag(posterior_of(found.found, fit).covariance))
-    stated = {}
+    effects, entries = dict[str, StatedEffect](), dict[tuple[str, str], Quantity]()
     for name in names:
-        others = [other for other in names if other != name]
-        beside = f", fitted with {' and '.join(others)}" if others else ""
-        source = f"diagnosis of {printable_name(found.title)}{beside}"
-        place = fit.place[name]
-        entry = found.suspects[name].entry
-        if found.suspects[name].law is SHARED_RADIUS.law:
-            scale = 1.0 / (1.0 + float(fit.x[place.start])) - 1.0
-            stated["encoder_scale"] = StatedEffect({"scale_error": EffectNumber(scale, "1", source)}, logs)
-        if entry is not None and (found.suspects[name].number or entry.log >= 0):
-            continue
-        stated[name] = StatedEffect(_numbers(found, name, fit.x[place], u[place], source), logs)
-    return stated
+        effect, place = found.suspects[name], fit.place[name]
+        share = 1.0 + float(fit.x[place.start])
+        if effect.law is SHARED_RADIUS.law:
+            scale = EffectNumber(1.0 / share - 1.0, "1", f"diagnosis of {title}")
+            effects["encoder_scale"] = StatedEffect({"scale_error": scale}, logs, of_a_sensor=True)
+        if effect.entry is not None and effect.number:
+            section, _, key = effect.number.partition(".")
+            if (old := quantity_of(found.data.rig, section, key)) is not None:
+                source = f"diagnosis of {title}: {share:.4g} times the stated number"
+                new_u = abs(old.value) * float(u[place.start])
+                entries[section, key] = Quantity(old.value * share, old.unit, source, new_u)
+        elif effect.entry is None or effect.entry.log < 0:
+            beside = " and ".join(other for other in names if other != name)
+            source = f"diagnosis of {title}{f', fitted with {beside}' if beside else ''}"
+            numbers = _numbers(found, name, fit.x[place], u[place], source)
+            effects[name] = StatedEffect(numbers, logs, of_a_sensor=effect.of_a_sensor)
+    return effects, entries
 
 
 def _numbers(found: ModelDiagnosis, name: str, values: Signal, u: Signal, source: str) -> dict[str, EffectNumber]:
@@ -409,7 +228,7 @@ def _numbers(found: ModelDiagnosis, name: str, values: Signal, u: Signal, source
         ends[:, k] += (-half[k], 0.0, half[k])
         changes = [with_values(effect, row) for row in ends]
         low, value, high = ((change if earlier is None else change.after(earlier)).values[k] for change in changes)
-        low, value, high = (float(rounded(x, (high - low) / (2.0 * COVERED))) for x in (low, value, high))
+        low, value, high = (float(f"{x:.6g}") for x in (low, value, high))
         minimum, maximum = field.possible
         interval = {"low": max(low, minimum), "high": min(high, maximum)} if u[k] else {}
         numbers[field.name] = EffectNumber(value, field.unit, source, **interval)
