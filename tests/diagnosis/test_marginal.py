@@ -14,7 +14,17 @@ from scipy.stats import multivariate_normal, truncnorm
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.causes import Posterior, parameters_of, posterior_of
 from winchcascade.diagnosis.marginal import Columns, Marginal, huber
-from winchcascade.diagnosis.search import Fit, Found, covariance_of, expand, fit_set, located, minimum_within, search
+from winchcascade.diagnosis.search import (
+    Fit,
+    Found,
+    covariance_of,
+    expand,
+    fit_set,
+    located,
+    marginal_about,
+    minimum_within,
+    search,
+)
 from winchcascade.diagnosis.suspects import Suspects, freedom
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import ActiveEffect
@@ -32,7 +42,7 @@ class Linear:
         self.free = freedom(*self.suspects.values())
         self.ways = rng.normal(size=(ROWS, self.free.absent.size)) / self.free.sd
         local = np.where(rng.random((ROWS, LOCAL)) < 0.2, rng.normal(size=(ROWS, LOCAL)), 0.0)
-        self.nuisances = Columns(0.5 * rng.normal(size=(ROWS, DENSE)), csr_array(local))
+        self.moves = Columns(0.5 * rng.normal(size=(ROWS, DENSE)), csr_array(local))
         self.truth = np.zeros(self.free.absent.size)
         for name, share in planted.items():
             k = self.first(name)
@@ -51,22 +61,27 @@ class Linear:
     def price(self, name: str) -> float:
         return 2.0 + 0.1 * NAMES.index(name)
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
+    @property
+    def nuisances(self) -> int:
+        return DENSE + LOCAL
+
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
         x = np.zeros((self.truth.size, len(several)))
         for column, effects in enumerate(several):
             for one in effects:
                 k = self.first(one.effect.name)
                 x[k : k + len(one.values), column] = one.values
-        return self.measured[:, None] - self.ways @ x
+        return (self.measured - self.moves @ nu)[:, None] - self.ways @ x
 
-    def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:
+    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         assert len(effects) <= len(NAMES)
-        return self.nuisances
+        assert nu.size == DENSE + LOCAL
+        return self.moves
 
     @property
     def covariance(self) -> Signal:
         """Covariance of the measured numbers without any suspect."""
-        j = np.hstack([self.nuisances.dense, self.nuisances.local.toarray()])
+        j = np.hstack([self.moves.dense, self.moves.local.toarray()])
         return np.asarray(np.eye(ROWS) + j @ j.T)
 
     def evidence(self, *names: str) -> float:
@@ -88,7 +103,7 @@ def found() -> tuple[Linear, Found]:
 
 def test_nuisances_integrated_out_leave_the_inverse_of_the_covariance() -> None:
     problem = Linear({})
-    marginal, z = Marginal(problem.nuisances), np.random.default_rng(1).normal(size=(ROWS, 3))
+    marginal, z = Marginal(np.zeros(DENSE + LOCAL), problem.moves), np.random.default_rng(1).normal(size=(ROWS, 3))
     r = marginal(z)
     np.testing.assert_allclose(r.T @ r, z.T @ np.linalg.solve(problem.covariance, z), rtol=1e-9)
     np.testing.assert_allclose(marginal.undone(r), z, rtol=1e-9, atol=1e-12)
@@ -98,10 +113,19 @@ def test_nuisances_integrated_out_leave_the_inverse_of_the_covariance() -> None:
     assert of_some @ of_some == pytest.approx(z[rows > 0, 0] @ np.linalg.solve(own, z[rows > 0, 0]))
 
 
+def test_the_place_about_which_nuisances_are_linear_changes_no_fit_of_a_linear_problem() -> None:
+    problem, names = Linear({"line_drag": 0.8}), ("line_drag",)
+    fits = [
+        fit_set(problem, marginal_about(problem, [], place * np.ones(DENSE + LOCAL)), names) for place in (0.0, 1.5)
+    ]
+    np.testing.assert_allclose(fits[0].r, fits[1].r, atol=1e-9)
+    np.testing.assert_allclose(fits[0].nu, fits[1].nu, atol=1e-9)
+
+
 def test_the_best_nuisances_are_those_of_least_squares_with_their_prior_and_keep_to_their_reach() -> None:
     problem = Linear({})
-    marginal, z = Marginal(problem.nuisances), np.random.default_rng(2).normal(size=ROWS)
-    j = np.hstack([problem.nuisances.dense, problem.nuisances.local.toarray()])
+    marginal, z = Marginal(np.zeros(DENSE + LOCAL), problem.moves), np.random.default_rng(2).normal(size=ROWS)
+    j = np.hstack([problem.moves.dense, problem.moves.local.toarray()])
     exact = np.linalg.solve(np.eye(j.shape[1]) + j.T @ j, j.T @ z)
     nu, left = marginal.best(z)
     np.testing.assert_allclose(nu, exact, atol=0.02)

@@ -12,9 +12,8 @@ from planted import driven, logged
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import Stability
-from winchcascade.diagnosis.marginal import Marginal
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
-from winchcascade.diagnosis.search import Found, fit_set, search
+from winchcascade.diagnosis.search import Found, fit_set, marginal_about, search
 from winchcascade.diagnosis.stability import stabilities, strengths, trends_of
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
@@ -59,7 +58,7 @@ def test_strengths_of_the_runs_are_the_changes_that_were_planted(changes: tuple[
     np.testing.assert_array_less(np.abs(own - np.array(changes)), 3.0 * u + ROBUST * np.ptp(changes) + 0.01)
     alone = fit_set(
         RigProblem(data, {COPPER: EFFECTS[COPPER]}),
-        Marginal(data.columns(np.zeros(len(data.nuisances)), [])),
+        marginal_about(RigProblem(data, {COPPER: EFFECTS[COPPER]}), [], np.zeros(len(data.nuisances))),
         (COPPER,),
     )
     assert alone.x == pytest.approx(found.best.x, rel=0.02)

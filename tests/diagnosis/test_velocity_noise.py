@@ -8,9 +8,8 @@ from scipy.ndimage import gaussian_filter1d
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.entries import bound_to
-from winchcascade.diagnosis.marginal import Marginal
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
-from winchcascade.diagnosis.search import fit_set
+from winchcascade.diagnosis.search import fit_set, marginal_about
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import simulate
 
@@ -45,7 +44,8 @@ def found_inertia(run: Run) -> float:
     """Relative change of the rotor's inertia by the best fit. [1]"""
     rig = built_in()
     problem = RigProblem(Fitted([run], rig), bound_to(EFFECTS, rig, [run]))
-    return float(fit_set(problem, Marginal(problem.nuisance_columns([])), ("rotor_inertia",)).x[0])
+    marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
+    return float(fit_set(problem, marginal, ("rotor_inertia",)).x[0])
 
 
 @pytest.mark.parametrize("seed", [2, 3])

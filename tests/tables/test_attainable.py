@@ -141,7 +141,7 @@ def test_what_is_named_brings_the_paper_within_reach_when_it_is_simulated() -> N
         effects = [make_effect(name, fields) for name, fields in values.fields.items()]
         eta = problem.efficiencies(effects)
         assert problem.by_metric(eta).sum() == 0.0
-        assert np.sum(problem.residuals([effects]) ** 2) == pytest.approx(values.misfit, rel=1e-6)
+        assert np.sum(problem.residuals([effects], np.zeros(0)) ** 2) == pytest.approx(values.misfit, rel=1e-6)
         assert eta[:, 2] == pytest.approx(eta[:, 0] * eta[:, 1], rel=1e-6)
     for name, k in (("screw_friction", 0), ("gear_mesh_loss", 1)):
         (needed,) = [one.abilities[k].needed for one in paper().suspects if one.effect == name]

@@ -237,7 +237,9 @@ def _start(found: Found, name: str, other: str) -> dict[str, Signal]:
     kept = [one for one, of in zip(found.best.effects(suspects), found.best.names, strict=True) if of != name]
 
     changes = share, 1.0 / (1.0 + share) - 1.0
-    z = found.problem.residuals([[*kept, with_values(suspects[other], change)] for change in changes])
+    z = found.problem.residuals(
+        [[*kept, with_values(suspects[other], change)] for change in changes], found.marginal.place
+    )
     return {other: changes[int(np.argmin(np.sum(z**2, axis=0)))]}
 
 

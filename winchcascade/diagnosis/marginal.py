@@ -1,6 +1,6 @@
 """A problem of least squares with its nuisances integrated out.
 
-Whitened residuals z are linear in the nuisances about one place: z - J nu, each nuisance with a unit normal prior. Integrated
+Whitened residuals z are linear in the nuisances nu about one place, each nuisance with a unit normal prior about 0. Integrated
 out, they leave a normal distribution of covariance C = I + J J'. One multiplication by C^(-1/2) makes independent numbers of
 unit variance of the residuals again, and what remains is a small bounded problem in the fields of a few effects.
 """
@@ -88,10 +88,14 @@ class Problem(Protocol):
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
-        """Measured minus predicted with each of several lists of effects, whitened, all nuisances at 0, (n, k)."""
+    @property
+    def nuisances(self) -> int:
+        """Number of the nuisances."""
 
-    def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
+        """Measured minus predicted with each of several lists of effects and some nuisances, whitened, (n, k)."""
+
+    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         """Whitened derivative of the prediction over the nuisances, in units of their tolerance."""
 
 
@@ -100,11 +104,12 @@ class Marginal:
 
     Parameters
     ----------
-    columns : whitened derivative of the prediction over the nuisances
+    place : nuisances about which residuals are linear, in units of their tolerance
+    columns : whitened derivative of the prediction over the nuisances there
     """
 
-    def __init__(self, columns: Columns) -> None:
-        self.columns = columns
+    def __init__(self, place: Signal, columns: Columns) -> None:
+        self.place, self.columns, self._moved = place, columns, columns @ place
         square, ways = np.linalg.eigh(columns.squared())
         keep = square > IDLE * max(float(square[-1]), 1e-300) if square.size else np.zeros(0, dtype=bool)
         self._square, self._ways = square, ways = square[keep], ways[:, keep]
@@ -126,6 +131,10 @@ class Marginal:
     def __call__(self, z: Signal) -> Signal:
         """Residuals, (n, ...), as independent numbers of unit variance, nuisances included: C^(-1/2) z."""
         return np.asarray(z - self.columns @ (self._shrink @ self.columns.onto(z)))
+
+    def centred(self, z: Signal) -> Signal:
+        """Residuals at the place, (n, ...), as they are for nuisances of 0, which the prior is centred at."""
+        return np.asarray(z + self._moved.reshape(-1, *(1,) * (z.ndim - 1)))
 
     def undone(self, r: Signal) -> Signal:
         """The inverse, C^(1/2) r, (n, ...)."""
@@ -150,4 +159,4 @@ class Marginal:
 
     def masked(self, rows: Signal) -> Marginal:
         """The same with each row times a weight, (n,); 0 for what takes no part."""
-        return Marginal(self.columns.masked(rows))
+        return Marginal(self.place, self.columns.masked(rows))

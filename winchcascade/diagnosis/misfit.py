@@ -343,17 +343,21 @@ class RigProblem(msgspec.Struct, frozen=True):
         """Logarithm of the prior odds against a suspect [1]."""
         return price_of(name)
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
+    @property
+    def nuisances(self) -> int:
+        """Number of the nuisances."""
+        return len(self.data.nuisances)
+
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
         """Measured minus predicted blocks with each of several lists of effects, whitened, (M * 5, k)."""
         data = self.data
-        nothing = np.zeros(len(data.nuisances))
-        z = data.whiten(data.measured[:, :, None] - data.predictions([(nothing, effects) for effects in several]))
+        z = data.whiten(data.measured[:, :, None] - data.predictions([(nu, effects) for effects in several]))
         z = np.clip(np.nan_to_num(z, nan=WILD), -WILD, WILD)
         return z if self.rows is None else z * self.rows[:, None]
 
-    def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:
+    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         """Whitened derivative of the prediction over the nuisances."""
-        columns = self.data.columns(np.zeros(len(self.data.nuisances)), effects)
+        columns = self.data.columns(nu, effects)
         return columns if self.rows is None else columns.masked(self.rows)
 
 

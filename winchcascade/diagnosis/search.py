@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.limits import CLEARLY
+from winchcascade.diagnosis.limits import CLEARLY, REACH
 from winchcascade.diagnosis.marginal import Marginal, Problem, huber, weights
 from winchcascade.diagnosis.suspects import Freedom, freedom, places_of, varied, with_values
 
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 STEP = 0.02
 """Share of the plausible range of a field by which its derivative is taken."""
+
+AT_ONCE = 16
+"""Number of derivatives that are computed at once, so that those of many logs keep to their memory."""
 
 STEPS, WORTHWHILE = 8, 0.05
 """Maximum number of steps of a fit, and the improvement of the objective below which it has settled."""
@@ -157,9 +160,12 @@ def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[
         for moved, step in varied(problem.suspects[name], here, STEP):
             variants.append([*others, moved])
             steps.append(step)
-    if not variants:
-        return np.zeros((fit.given.size, 0))
-    return marginal((problem.residuals(variants) - fit.given[:, None]) / np.array(steps))
+    columns = np.zeros((fit.given.size, len(variants)))
+    for first in range(0, len(variants), AT_ONCE):
+        several = slice(first, first + AT_ONCE)
+        z = marginal.centred(problem.residuals(variants[several], marginal.place))
+        columns[:, several] = marginal((z - fit.given[:, None]) / np.array(steps[several]))
+    return columns
 
 
 def begun(suspects: Suspects, names: Names, start: Mapping[str, Signal]) -> Signal:
@@ -172,7 +178,8 @@ def located(problem: Problem, marginal: Marginal, names: Names, x: Signal) -> Fi
     """A set of suspects with given fields, (k,), not fitted."""
     suspects = problem.suspects
     place, free = places_of(suspects, names), freedom(*(suspects[name] for name in names))
-    given = problem.residuals([[with_values(suspects[name], x[own]) for name, own in place.items()]])[:, 0]
+    effects = [with_values(suspects[name], x[own]) for name, own in place.items()]
+    given = marginal.centred(problem.residuals([effects], marginal.place)[:, 0])
     r = marginal(given)
     return Fit(names, place, x, huber(r) + prior_of(x, free), r, np.zeros((x.size, x.size)), free, given, r, r)
 
@@ -286,7 +293,9 @@ def expand(
     value[own] = fit.x
     acting = dict(zip(names, fit.effects(suspects), strict=True))
     without = [[one for other, one in acting.items() if other != name] for name in names]
-    removed = marginal(problem.residuals(without) - fit.given[:, None]) if names else np.zeros((fit.r.size, 0))
+    removed = np.zeros((fit.r.size, 0))
+    if names:
+        removed = marginal(marginal.centred(problem.residuals(without, marginal.place)) - fit.given[:, None])
     both = np.hstack([columns, removed])
     weighted = both * weights(fit.r)[:, None]
     curve, slope = weighted.T @ both, -weighted.T @ fit.r
@@ -345,6 +354,12 @@ def start_of(fit: Fit) -> dict[str, Signal]:
     return {name: fit.x[own] for name, own in fit.place.items()}
 
 
+def marginal_about(problem: Problem, effects: Sequence[ActiveEffect], nu: Signal) -> Marginal:
+    """The nuisances of a problem integrated out about some effects and nuisances, these within `REACH`."""
+    place = np.clip(nu, -REACH, REACH)
+    return Marginal(place, problem.nuisance_columns(effects, place))
+
+
 def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None) -> Found:
     """Find the set of suspects with the most evidence.
 
@@ -355,7 +370,9 @@ def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None
     ----------
     on_progress : called with a sentence on each step
     """
-    marginal = Marginal(problem.nuisance_columns([]))
+    marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
+    given = fit_set(problem, marginal, ())
+    marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
     best = null
     fits: dict[Names, Fit] = {(): null}
@@ -375,7 +392,7 @@ def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None
         if top.names in visited or (len(best.names) > MANY and best.scale > HOPELESS):
             return Found(best, null, fits, msgspec.structs.replace(expansion, evidence=weighing), marginal)
         visited.add(top.names)
-        marginal = Marginal(problem.nuisance_columns(top.effects(problem.suspects)))
+        marginal = marginal_about(problem, top.effects(problem.suspects), top.nu)
         best, expansion = expand(problem, marginal, top.names, start_of(top), weighing.scale)
         fits = {best.names: best}
 
@@ -391,7 +408,7 @@ def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
     """
     begins = [(name, np.array([value])) for name, values in problem.begins.items() for value in values]
     effects = [[], *([with_values(problem.suspects[name], x)] for name, x in begins)]
-    given, *losses = (huber(marginal(z)) for z in problem.residuals(effects).T)
+    given, *losses = (huber(marginal(marginal.centred(z))) for z in problem.residuals(effects, marginal.place).T)
     lower = [k for k in np.argsort(losses).tolist()[:REFITTED] if losses[k] < MUCH_LOWER * given]
     return [fit_set(problem, marginal, (begins[k][0],), dict([begins[k]])) for k in lower]
 

@@ -233,7 +233,12 @@ class TableProblem:
         total = np.nansum(self.excess(eta), axis=-2)
         return np.where(total < DUST, 0.0, total)
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
+    @property
+    def nuisances(self) -> int:
+        """None."""
+        return 0
+
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal) -> Signal:
         """Printed minus simulated efficiencies in standard uncertainties with each of several lists of effects, (n, k)."""
         return np.stack([self.misfit(self.efficiencies(effects)) for effects in several], axis=1)
 
@@ -241,11 +246,11 @@ class TableProblem:
         """No suspect is less probable than another."""
         return 0.0
 
-    def nuisance_columns(self, effects: Sequence[ActiveEffect]) -> Columns:  # noqa: ARG002
+    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
         """No nuisance: the standard uncertainties hold the tolerances of the rig."""
         from scipy.sparse import csr_array
 
-        return Columns(np.zeros((self.printed.size, 1)), csr_array((self.printed.size, 0)))
+        return Columns(np.zeros((self.printed.size, 0)), csr_array((self.printed.size, 0)))
 
     def misfit(self, eta: Signal) -> Signal:
         """Printed minus such efficiencies in standard uncertainties, (n,)."""

@@ -24,8 +24,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.limits import AS_GOOD, LAW
 from winchcascade.diagnosis.line.line_data import POWER, Lines, power_columns
 from winchcascade.diagnosis.line.line_fit import FOLDS, LineFit, LineNoise, LineProblem, noise_of
-from winchcascade.diagnosis.marginal import Marginal
-from winchcascade.diagnosis.search import columns_of
+from winchcascade.diagnosis.search import columns_of, marginal_about
 from winchcascade.diagnosis.stability import trends_of
 
 if TYPE_CHECKING:
@@ -120,10 +119,11 @@ def _stability(fit: LineFit, noise: LineNoise, cause: str) -> Stability:
     problem, k = LineProblem(lines.suspects, noise.whitened(noise.within), noise.fold), best.names.index(cause)
     cycles = np.unique(lines.rows.blocks.cycle)
     cycle = noise.fold // -(-FOLDS // cycles.size)  # the folds of a cycle together
-    here = msgspec.structs.replace(best, given=problem.residuals([best.effects(lines.suspects)])[:, 0])
-    column = columns_of(problem, Marginal(problem.nuisance_columns([])), here, (cause,))[:, 0]
+    marginal = marginal_about(problem, [], np.zeros(0))
+    given = problem.residuals([best.effects(lines.suspects)], marginal.place)[:, 0]
+    column = columns_of(problem, marginal, msgspec.structs.replace(best, given=given), (cause,))[:, 0]
     height = np.maximum(np.bincount(cycle, column**2, cycles.size), 1e-300)
-    own = best.x[k] - np.bincount(cycle, column * here.given, cycles.size) / height
+    own = best.x[k] - np.bincount(cycle, column * given, cycles.size) / height
     u, runs = np.hypot(height**-0.5, LAW * best.x[k]), []
     known = COVERED * u < 2.0 * best.free.sd[k]
     for row, (value, half) in enumerate(zip(own.tolist(), (COVERED * u).tolist(), strict=True)):

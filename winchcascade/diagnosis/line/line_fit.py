@@ -137,14 +137,19 @@ class LineProblem(msgspec.Struct, frozen=True):
         """Logarithm of the number of suspects [1]."""
         return math.log(max(len(self.suspects), 2))
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]]) -> Signal:
+    @property
+    def nuisances(self) -> int:
+        """None."""
+        return 0
+
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal) -> Signal:
         """Measured minus predicted coefficients of several sets of effects, (n, sets)."""
         numbers = [{one.effect.name: one.values[0] for one in effects} for effects in several]
         coefficients = np.array([coefficients_of(tuple(self.suspects), each) for each in numbers])
         found: Signal = self.rows[:, -1:] - self.rows[:, :-1] @ coefficients.reshape(len(several), -1).T
         return found
 
-    def nuisance_columns(self, _effects: Sequence[ActiveEffect]) -> Columns:
+    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
         """None."""
         return Columns(np.zeros((len(self.rows), 0)), csr_array((len(self.rows), 0)))
 
