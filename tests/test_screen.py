@@ -114,7 +114,7 @@ QUIET = {
     "batch": (COMMANDS["batch"], 1, "header_only.csv"),
     "check": (COMMANDS["check"], None, ""),
     "compare": (COMMANDS["compare"], 0, ""),
-    "audit": (COMMANDS["audit"], 1, "36 ohm, power_gen"),
+    "audit": (COMMANDS["audit"], 1, "36 ohm"),
     "simulate": (COMMANDS["simulate"], 0, ""),
     "effects": (("effects",), 0, ""),
     "rig": (("rig",), 0, ""),

@@ -26,7 +26,7 @@ from winchcascade.diagnosis.contributions import (
 )
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
-from winchcascade.diagnosis.limits import LAW
+from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect

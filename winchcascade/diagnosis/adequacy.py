@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
-from winchcascade.diagnosis.limits import CANCELLED, CANCELLED_SHARE, WITHIN
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.verdict_limits import CANCELLED, CANCELLED_SHARE, WITHIN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

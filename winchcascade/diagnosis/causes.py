@@ -11,11 +11,11 @@ from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.closure import share_closed
 from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Names, Reported, Spot
 from winchcascade.diagnosis.entries import is_entry, same_in_logs
-from winchcascade.diagnosis.limits import AS_GOOD, LAW, SAME_ORDER, UNCONFUSED
 from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Evidence, Fit, Found, columns_of, covariance_of, inside_of, usual_gain
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
+from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, SAME_ORDER, UNCONFUSED
 from winchcascade.rig.effects.run_order import warming
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_abo
 from winchcascade.diagnosis.block_noise import MIN_BLOCKS, unsteadiness_of
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.limits import MIN_EXCESS, PULLED, REACH, RESTLESS, ROUGH, UNSTEADY, WORSE
 from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, RigProblem, log_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.diagnosis.search import Fit, Found, fit_set, start_of
+from winchcascade.diagnosis.verdict_limits import MIN_EXCESS, PULLED, REACH, RESTLESS, ROUGH, UNSTEADY, WORSE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

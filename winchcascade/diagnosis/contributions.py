@@ -27,10 +27,10 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Names,
 )
-from winchcascade.diagnosis.limits import LAW
 from winchcascade.diagnosis.misfit import Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.suspects import Suspects, varied
+from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.phase_summary import mean_plateau_speed
 from winchcascade.reduction.reduce import metrics_within, reduce

@@ -32,7 +32,6 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.gap_map import arises, compare, deviating_stage, locate, stagewise, without_zeros
-from winchcascade.diagnosis.limits import DISPENSABLE, HALF, NAMED, OPEN
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.next_run import plan_run
 from winchcascade.diagnosis.nuisances import before_calibration
@@ -41,6 +40,7 @@ from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, expand, search, start_of
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
+from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, NAMED, OPEN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.diagnosis.limits import AGREES, MIN_RUNS, RARER
 from winchcascade.diagnosis.nuisances import quantity_of
+from winchcascade.diagnosis.verdict_limits import AGREES, MIN_RUNS, RARER
 from winchcascade.rig.effects.catalogue import ENTRIES, OF_THE_RIG, SHARED_RADIUS
 from winchcascade.rig.effects.effect import Effect, Stated, Values
 

@@ -24,10 +24,10 @@ from winchcascade.diagnosis.closure import alarms_of, closure_between
 from winchcascade.diagnosis.contributions import from_own_simulation, without
 from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Place, Spot
 from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
-from winchcascade.diagnosis.limits import MIN_EXCESS
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, search
+from winchcascade.diagnosis.verdict_limits import MIN_EXCESS
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.line_velocity import SMOOTHING
 

@@ -11,8 +11,8 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.diagnosis_result import StageEnergy
-from winchcascade.diagnosis.limits import LAW
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.verdict_limits import LAW
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal

@@ -16,9 +16,9 @@ from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
 from winchcascade.core.rig_toml import built_in_text, parse_rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.causes import COVERED, posterior_of
-from winchcascade.diagnosis.limits import LAW
 from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity
 from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.baseline import stated_effects
 from winchcascade.rig.effects.catalogue import SHARED_RADIUS
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.limits import CLEARLY, REACH
 from winchcascade.diagnosis.marginal import Marginal, Problem, huber, weights
 from winchcascade.diagnosis.suspects import Freedom, freedom, places_of, varied, with_values
+from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

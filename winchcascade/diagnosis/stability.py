@@ -14,11 +14,11 @@ import numpy as np
 
 from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import Along, NamedCause, RunValue, Stability, Trend
-from winchcascade.diagnosis.limits import CHANCE, LAW, MIN_RUNS
 from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import grown, inside_of
 from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.verdict_limits import CHANCE, LAW, MIN_RUNS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.limits import CLEARLY
 from winchcascade.diagnosis.search import Expansion, Found
 from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.verdict_limits import CLEARLY
 
 if TYPE_CHECKING:
     from collections.abc import Callable

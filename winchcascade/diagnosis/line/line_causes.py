@@ -21,11 +21,11 @@ from winchcascade.diagnosis.diagnosis_result import (
     Spot,
     Stability,
 )
-from winchcascade.diagnosis.limits import AS_GOOD, LAW
 from winchcascade.diagnosis.line.line_data import POWER, Lines, power_columns
 from winchcascade.diagnosis.line.line_fit import FOLDS, LineFit, LineNoise, LineProblem, noise_of
 from winchcascade.diagnosis.search import columns_of, marginal_about
 from winchcascade.diagnosis.stability import trends_of
+from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal

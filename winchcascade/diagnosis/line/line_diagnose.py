@@ -25,10 +25,10 @@ from winchcascade.diagnosis.diagnosis_result import (
     Where,
 )
 from winchcascade.diagnosis.gap_map import weigh
-from winchcascade.diagnosis.limits import CHANCE, HALF, MOSTLY, ROUGH
 from winchcascade.diagnosis.line.line_causes import is_material, line_causes, plan
 from winchcascade.diagnosis.line.line_data import POWER, LineRows, Lines, lines_of
 from winchcascade.diagnosis.line.line_fit import LineFit, fit_of, folds_of
+from winchcascade.diagnosis.verdict_limits import CHANCE, HALF, MOSTLY, ROUGH
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -17,9 +17,9 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT
-from winchcascade.diagnosis.limits import MIN_RUNS
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
+from winchcascade.diagnosis.verdict_limits import MIN_RUNS
 from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_names import (
     about_words,
