@@ -49,6 +49,8 @@ class ModelClosure(GapClosure, frozen=True):
 def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> ModelClosure:
     """Predict each withheld log from a fit without the logs of its load, or its cycles in turn where `left_out` says so.
 
+    What the other logs do not determine, as a roll-off at currents that they do not reach, stays as it was found.
+
     Parameters
     ----------
     found : the best fit of which has the causes; where it already lacks the withheld logs it serves as it is
@@ -69,7 +71,8 @@ def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> Mod
             names = tuple(name for name, one in acting.items() if one not in known)
             problem, marginal = RigProblem(data, suspects, rows.ravel()), found.marginal.masked(rows.ravel())
             columns = found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
-            fit = fit_set(problem, marginal, names, start_of(best), marginal(columns * rows.reshape(-1, 1)))
+            columns = marginal(columns * rows.reshape(-1, 1))
+            fit = fit_set(problem, marginal, names, start_of(best), columns, centred=True)
         predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
         own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
         counted = np.isin(own, held)
