@@ -33,6 +33,7 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     low, high : plausible range, a prior of a fit
     possible : outside of it, both ends included, a value has no physical meaning
     absent : value at which the effect is absent
+    start : of a share that says how an effect acts and not how much, where a fit begins, as its absence is an end of the range
     path : number of the model that it changes, `generator.r_s`, for a sensor with the channel, `sensors.gain.torque`; empty
         where a law of the effect takes the value
     operation : `add`, `scale` for a relative change, `compound` for a relative deviation that the model holds as such
@@ -54,6 +55,7 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     path: str = ""
     operation: Operation = "add"
     absent: float = 0.0
+    start: float | None = None
     per: float = 1.0
     sd: float = 0.0
     role: Literal["effect", "entry", "nuisance"] = "effect"
