@@ -117,7 +117,7 @@ class Alternative(msgspec.Struct, frozen=True):
 
 
 class RunValue(msgspec.Struct, frozen=True):
-    """Number of a cause from one run alone with its 95 % interval; NaN where it is `withheld` or hardly depends on it."""
+    """Number of a cause in one run with its 95 % interval; NaN where it is `withheld` or hardly depends on it."""
 
     run: int
     value: float = math.nan
@@ -145,7 +145,7 @@ class Trend(msgspec.Struct, frozen=True):
 
 
 class Stability(msgspec.Struct, frozen=True):
-    """The number of a cause from every run alone, in their order, and what differs between them beyond their uncertainties."""
+    """The number of a cause in every run, in their order, and what differs between them beyond their uncertainties."""
 
     runs: tuple[RunValue, ...]
     trends: tuple[Trend, ...]

@@ -146,7 +146,7 @@ MARKED = {"order": "drifts", "load": "changes with the load", "scatter": "scatte
 
 
 def stability_figure(found: DiagnosisResult) -> Figure | None:
-    """Draw the number of each cause from every run alone, one panel per cause, with the joint number and its interval."""
+    """Draw the number of each cause in every run, one panel per cause, with the joint number and its interval."""
     causes = [cause for cause in found.causes if runs_with_number(cause)]
     if not causes:
         return None

@@ -198,7 +198,7 @@ def numbers(found: DiagnosisResult) -> Section:
         ),
         picture(
             stability_figure(found), "stability",
-            f"Number of each cause from every {item} alone, 95 %; band: the joint number.",
+            f"Number of each cause in every {item}, 95 %; band: the joint number.",
             f"Points with error bars for every {item}, and a band; the values are in the JSON.",
         ),
         folded=True,

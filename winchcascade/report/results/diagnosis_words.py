@@ -283,7 +283,7 @@ def stability_words(found: DiagnosisResult) -> str:
         if len(runs_with_number(cause)) >= MIN_RUNS and not (cause.stability and cause.stability.trends)
     ]
     which = "every cause" if len(steady) == len(found.causes) else ", ".join(steady)
-    return f"From every {item} alone, the number of {which} is the same within its intervals." if steady else ""
+    return f"In every {item} the number of {which} is the same within its intervals." if steady else ""
 
 
 def trend_sentences(found: DiagnosisResult) -> list[str]:
