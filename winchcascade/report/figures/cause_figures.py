@@ -158,7 +158,7 @@ def stability_figure(found: DiagnosisResult) -> Figure | None:
         ax.set_axis_off()
     item = "cycle" if isinstance(found, LineDiagnosis) else "run"
     entries = [
-        line_entry(f"one {item} alone, 95 %", "ink", marker="o", ms=3.5, lw=1.1),
+        line_entry(f"one {item}, 95 %", "ink", marker="o", ms=3.5, lw=1.1),
         line_entry("joint fit", "gen", lw=1.2),
         patch_entry("its interval, 95 %", "gen", alpha=0.25, lw=0),
     ]
