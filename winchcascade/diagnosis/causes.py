@@ -210,7 +210,8 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
         fit = found.fit(swap(best.names, name, other), _start(found, name, other) if other in same else None)
         lost, by_evidence = fit.loss - best.loss, evidence.of(best) - evidence.of(fit)
         if other in entries:
-            by_evidence = lost / found.scale - min(gain_of(evidence, fit), 0.0)
+            usual = usual_gain(suspects, fit.names, fit.x, fit.free, fit.curve / found.scale)
+            by_evidence = lost / found.scale - min(usual, 0.0)
         elif other in confused or (other in same and lost < UNCONFUSED * (without.loss - best.loss)):
             by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
@@ -218,11 +219,6 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
     several = [fit for fit in several if len(set(fit.names) - set(best.names)) > 1]
     alike += [LookAlike(fit, evidence.of(best) - evidence.of(fit)) for fit in several]
     return sorted((one for one in alike if one.short <= AS_GOOD), key=lambda one: one.short)
-
-
-def gain_of(evidence: Evidence, fit: Fit) -> float:
-    """Evidence that the wrong entries of a fit gain or lose by how near they are to usual multiples."""
-    return usual_gain(evidence.problem.suspects, fit.names, fit.x, fit.free, fit.curve / evidence.scale)
 
 
 def _start(found: Found, name: str, other: str) -> dict[str, Signal]:

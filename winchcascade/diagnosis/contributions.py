@@ -106,9 +106,7 @@ class WindowedLog(NamedTuple):
         ----------
         skew, zeros : (5,) delay of the reading of each channel [s], and its zero
         """
-        run, course = self.log.run, self.log.course
-        on_grid = course.on_grid(model, skew=skew)
-        read = course.at_stamps(on_grid) + self.log.offset_at_stamps + zeros
+        run, read = self.log.run, self.log.at_stamps(model, skew, zeros)
         channels = {"velocity": run.channels["velocity"]} | {name: read[:, k] for k, name in enumerate(CHANNELS)}
         return quantities_of(msgspec.structs.replace(run, channels=channels), self.rig, self.windows)
 

@@ -76,6 +76,15 @@ class Log(msgspec.Struct, frozen=True):
         """Load, inf for an open circuit. [ohm]"""
         return self.course.load
 
+    def at_stamps(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
+        """What the sensors read by a model at the stamps of the log, (n, 5), SI units, columns of `predict.CHANNELS`.
+
+        Parameters
+        ----------
+        skew, zeros : (5,) delay of the reading of each channel [s], and its zero
+        """
+        return self.course.at_stamps(self.course.on_grid(model, skew=skew)) + self.offset_at_stamps + zeros
+
 
 Variant = tuple["Signal", "Sequence[ActiveEffect]"]
 """Nuisances in units of their tolerance, and the effects that act."""
@@ -443,6 +452,12 @@ def _repeats(runs: Sequence[Run], blocks: Sequence[Blocks], withheld: Collection
     return [max(payouts.get(run.load, 0) / USUAL, 1.0) for run in runs]
 
 
+def means_over(blocks: Blocks, run: Run) -> Signal:
+    """Means of the channels of a run over blocks, (m, 5), SI units, columns of `predict.CHANNELS`; 0 for one that it lacks."""
+    nothing = np.zeros(run.t.size)
+    return np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
+
+
 def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> Log:
     """Prepare a log.
 
@@ -456,8 +471,7 @@ def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> 
     fine_grid = finely.on_grid(nominal)
     coarse, fine = course.block_mean(grid), finely.block_mean(fine_grid)
     at_stamps = course.at_stamps(grid)
-    nothing = np.zeros(run.t.size)
-    measured = np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
+    measured = means_over(blocks, run)
     noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
     level = _levels(blocks, fine)
     deviation = rig.model.discrepancy * _in_a_block(blocks, at_stamps, level[blocks.phase])

@@ -24,7 +24,7 @@ from winchcascade.diagnosis.closure import alarms_of, closure_between
 from winchcascade.diagnosis.contributions import from_own_simulation, without
 from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Place, Spot
 from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
-from winchcascade.diagnosis.misfit import Fitted, RigProblem
+from winchcascade.diagnosis.misfit import Fitted, RigProblem, means_over
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, search
 from winchcascade.diagnosis.verdict_limits import MIN_EXCESS
@@ -193,10 +193,7 @@ def beside_own_simulation(
     """
     data = result.data
     given = np.concatenate(
-        [
-            np.column_stack([log.course.blocks.mean(run.channels.get(name, np.zeros(run.t.size))) for name in CHANNELS])
-            for log, run in zip(data.logs, simulations, strict=True)
-        ]
+        [means_over(log.course.blocks, run) for log, run in zip(data.logs, simulations, strict=True)]
     )
     nothing = np.zeros(len(data.nuisances))
     places = compare(data, given, data.tolerances(nothing, [], result.predicted))

@@ -34,10 +34,8 @@ def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[StageEnergy
 
     def of_run(k: int) -> list[StageEnergy]:
         log = data.logs[k]
-        own = log.offset_at_stamps + zeros[k]
         before, after = (
-            log.course.at_stamps(log.course.on_grid(model, skew=late)) + own
-            for model, late in ((given[k], np.zeros_like(skew)), (fitted[k], skew))
+            log.at_stamps(model, late, zeros[k]) for model, late in ((given[k], np.zeros_like(skew)), (fitted[k], skew))
         )
         return [one for stage in FACTORS for one in _of_stage(data, k, stage, before, after)]
 

@@ -221,8 +221,8 @@ def check(
             continue
         names = [name for name in compared if name in row.cells]
         cells += [_cell(table, row, name, result, factors) for result in (of_row or (None,)) for name in names]
-        if told := tuple(dict.fromkeys(text for result in of_row for text in result.findings)):
-            findings.append((row, told))
+        if messages := tuple(dict.fromkeys(text for result in of_row for text in result.findings)):
+            findings.append((row, messages))
     notes += [f"no result belongs to {first_of(empty, MAX_NAMED, '; ')}; left out."] if empty else []
     if not cells:
         raise CheckError(
