@@ -1,25 +1,27 @@
-"""Docstrings as the site reads them, which are shorter than NumPy's: an entry `name : what it is` has no type of its own."""
+"""An extension of Griffe: descriptions behind a colon in the docstrings of this package.
 
-from __future__ import annotations
+NumPy's style has `name : type`, and the description below. Types of this package stand in the signatures alone, and a
+description stands behind the colon; the extension puts both where the site looks for them.
+"""
 
 import re
-from typing import TYPE_CHECKING, Any
 
-from griffe import Extension
+import griffe
 
-if TYPE_CHECKING:
-    from griffe import Object
-
-SECTION = re.compile(r"^(?:Parameters|Raises)\n-+\n(?:.+(?:\n|$))+", re.MULTILINE)
-ENTRY = re.compile(r"^(\S.*?) : ", re.MULTILINE)
+SECTION = re.compile(r"^(?:Parameters|Raises|Attributes)\n-+\n(?:.+\n?|\n(?!\w.*\n-))+", re.MULTILINE)
+ITEM = re.compile(r"^(\w[\w, ]*) : (.+)$", re.MULTILINE)
 
 
-class EntriesWithoutType(Extension):
-    """Put the text of an entry below its name, so that its type is that of the signature, or of the field of a struct."""
+class Descriptions(griffe.Extension):
+    """Move each description to a line of its own, and put the type of a field of a class behind the colon."""
 
-    def on_object(self, *, obj: Object, **_: Any) -> None:
-        """Change the docstring of one object before it is read."""
-        if obj.docstring is None:
-            return
-        text = SECTION.sub(lambda found: ENTRY.sub(r"\1\n    ", found[0]), obj.docstring.value)
-        obj.docstring.value = text.replace("Parameters\n----------", "Attributes\n----------") if obj.is_class else text
+    def on_object(self, *, obj: griffe.Object, **_: object) -> None:
+        """Rewrite the docstring of a function, a class or a module."""
+
+        def item(found: re.Match[str]) -> str:
+            field = obj.members.get(found[1]) if obj.is_class else None
+            kind = f" : {field.annotation}" if isinstance(field, griffe.Attribute) else ""
+            return f"{found[1]}{kind}\n    {found[2]}"
+
+        if obj.docstring:
+            obj.docstring.value = SECTION.sub(lambda section: ITEM.sub(item, section[0]), obj.docstring.value)
