@@ -25,7 +25,7 @@ from winchcascade.report.results.effects import effects_report
 from winchcascade.rig.baseline import baseline, load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS, SIMPLIFICATIONS, make_effect
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
-from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, numbers_of, with_part
+from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, in_rig_file, numbers_of, with_part
 from winchcascade.rig.simulate import READ, Simulation, simulate
 
 ROOT = Path(__file__).parent.parent.parent
@@ -326,13 +326,8 @@ STAGES = {"generator": "Generator", "gearbox": "Gearbox", "transmission": "Trans
 
 
 def paragraph(effect: Effect) -> str:
-    """An effect as the page describes it."""
-    text = (
-        f"**`{effect.name}`** {effect.summary} Shows as: {effect.shows_as} Easily taken for: {effect.taken_for} "
-        f"Reported as `{effect.parameter}` ({effect.unit})."
-    )
-    if len(effect.fields) > 1:
-        text += f" Fields: {', '.join(f'`{field.name}`' for field in effect.fields)}."
+    """An effect as the page describes it: what is reported of it, what the baseline lacks, in italics where it shows."""
+    text = f"**`{effect.name}`** (`{effect.parameter}`, {effect.unit}): {effect.summary} *{effect.shows_as}*"
     return textwrap.fill(text, 128, break_on_hyphens=False, break_long_words=False)
 
 
@@ -341,13 +336,12 @@ def page() -> str:
     parts = [PAGE.read_text(encoding="utf-8").split("\n\n## ")[0]]
     for stage, heading in STAGES.items():
         parts += [f"## {heading}", *(paragraph(effect) for effect in EFFECTS.values() if effect.stage == stage)]
-    rows = ["| number | unit | by default | what it is |", "|---|---|---|---|"]
+    rows = ["|number|unit|by default|what it is|", "|---|---|---|---|"]
     for part, kind in PARTS.items():
         for name, number in numbers_of(part).items():
-            default = kind._field_defaults.get(name)
-            stated = "of the rig file" if default is None else f"{default:g}"
-            rows.append(f"| `{part}.{name}` | {number.unit} | {stated} | {number.what} |")
-    parts += ["## Numbers of the model", "Effects change these numbers, each by its path.", "\n".join(rows)]
+            stated = "stated" if name in in_rig_file(part) else f"{kind._field_defaults[name]:g}"
+            rows.append(f"|`{part}.{name}`|{number.unit}|{stated}|{number.what}|")
+    parts += ["## Numbers of the model", "\n".join(rows)]
     return "\n\n".join(parts) + "\n"
 
 
