@@ -1,4 +1,5 @@
 import math
+import re
 from pathlib import Path
 
 import pytest

@@ -15,13 +15,15 @@ from winchcascade.core.cascade import BUILT_IN as STAGES
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.quantity import read_as
+from winchcascade.core.rig_file import NUMBERS_OF
 from winchcascade.core.rig_toml import BUILT_IN, DEFAULT_RIG, built_in, built_in_text, parse_rig
 from winchcascade.ingest.assign import named_column, near_channel
 from winchcascade.ingest.log_facts import ColumnFacts, LogFacts
 from winchcascade.ingest.read import read_by
 from winchcascade.reduction.phase_proposal import FEW_ROWS
 from winchcascade.reduction.reduce import reduce
-from winchcascade.rig.parts import PARTS, numbers_of, path_in_rig, required
+from winchcascade.rig.baseline import needed
+from winchcascade.rig.parts import PARTS, in_rig_file, numbers_of
 
 Candidates = Mapping[str, Sequence[ColumnFacts]]
 """Columns that may be a channel, by its name."""
@@ -182,14 +184,20 @@ def _numbers() -> list[str]:
     paper, blocks = tomllib.loads(built_in_text(DEFAULT_RIG)), [_NUMBERS]
     for section in PARTS:
         lines = [f"[{section}]" + comment(PLACES[section])]
-        for number in required(section):
-            name = path_in_rig(f"{section}.{number}").split(".")[1]
-            stated, about = paper[section][name], numbers_of(section)[number]
+        if section == "restoring":
+            lines += [f"# kind = {quoted(kind)}{comment(_instead(names))}" for kind, names in NUMBERS_OF.items()][1:]
+        own = {name: number for number, name in in_rig_file(section).items()}
+        for name in needed(built_in(DEFAULT_RIG), section):
+            stated, about = paper[section][name], numbers_of(section)[own[name]]
             what = about.what.replace("absolute pressure", "gauge pressure") if about.unit == "Pa" else about.what
             value = f"value = {stated['value']}, unit = {quoted(stated['unit'])}"
             lines.append(f"# {name} = {{ {value} }}" + comment(what))
         blocks.append("\n".join(lines) + "\n")
     return blocks
+
+
+def _instead(names: Sequence[str]) -> str:
+    return f"in place of all below: {', '.join(names) or 'no number'}"
 
 
 def _few_numbers(log: LogFacts, base: str) -> list[str]:
