@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.arguments import STEP_LENGTH, check_arguments
@@ -20,6 +19,7 @@ from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
+from winchcascade.core.viewed import Viewed
 from winchcascade.rig import physics
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS, LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
@@ -73,7 +73,7 @@ READ = ("pressure", "force", "torque", "vdc", "idc")
 """Channels that sensors of the rig read."""
 
 
-class Simulation(msgspec.Struct, frozen=True):
+class Simulation(Viewed, frozen=True):
     """What a model does along a motion.
 
     `run` holds what the sensors would have logged; `rpm_gen` [rpm], `i_s` [A] and `torque_em` [N m] have no sensor and are
