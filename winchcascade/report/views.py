@@ -16,6 +16,7 @@ import numpy as np
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.arguments import FLAG, PATH, check_arguments
 from winchcascade.core.errors import OptionError, check_choice, check_type
+from winchcascade.core.extras import require
 from winchcascade.core.run import Run
 from winchcascade.core.viewed import LateModule, Units
 from winchcascade.diagnosis.calibrate import Calibration
@@ -123,6 +124,8 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     ending = path.suffix.casefold()
     if ending not in (".html", ".pdf"):
         raise OptionError(f"{path}: no ending of a report; expected a name that ends in .html or .pdf.")
+    if ending == ".pdf":
+        require("typst", str(path))
     report = report_of(result)
     publish(report, html=path if ending == ".html" else None, pdf=path if ending == ".pdf" else None, force=force)
     return path
