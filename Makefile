@@ -9,7 +9,7 @@ PYTEST := $(BIN)/pytest --numprocesses auto --maxprocesses 8 --dist loadfile
 # compile again what has changed since the installation.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-types test-fast test-all test-browser bench trials clean
+.PHONY: demo test test-types test-fast test-all test-browser docs bench trials clean
 
 demo: $(VENV)/installed
 	$(BIN)/winchcascade demo --out demo
@@ -35,6 +35,11 @@ test-browser: $(VENV)/developing
 	$(INSTALL) -e ".[browser]"
 	WINCHCASCADE_BROWSER=1 $(BIN)/pytest tests/report/test_browser.py
 
+# The site of the documents, in site/; it loads nothing from the network.
+docs: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+
 # One table of ratios in a quarter of an hour or less; make bench BENCH=--quick takes about a minute and is rougher.
 bench: $(VENV)/developing
 	$(BIN)/python benchmarks/bench.py $(BENCH)
@@ -57,4 +62,4 @@ $(VENV)/developing: $(VENV)/installed
 	@touch $@
 
 clean:
-	rm -rf $(VENV) demo build dist
+	rm -rf $(VENV) demo build dist site

@@ -1,16 +1,12 @@
-"""The documents as a whole: an index that lists all, links that lead somewhere, and the page of the model.
-
-`PYTHONPATH=tests python tests/test_docs.py` writes the present output into that page.
-"""
+"""The documents as a whole: an index that lists all, links that lead somewhere, and the page of the model."""
 
 import re
-import tempfile
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pages import DOCS, ROOT, follow, shown, with_fixtures, write_outputs
+from pages import DOCS, ROOT
 
 from winchcascade import baseline, read_run, simulate
 from winchcascade.core.campaign_file import load_campaign
@@ -81,14 +77,3 @@ def test_the_steps_of_the_model_are_as_exact_as_its_page_says() -> None:
     for done in simulated(STEP):
         joule = {name: entry[-1] for name, entry in done.energy.items()}
         assert sum(joule.values()) - joule["line"] == pytest.approx(joule["line"], rel=2e-7)
-
-
-@pytest.mark.slow
-def test_the_page_of_the_model_can_be_followed(tmp_path: Path) -> None:
-    assert follow("model.md", with_fixtures(tmp_path)) == shown("model.md")
-    assert (tmp_path / "planned.csv").is_file()
-
-
-if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as folder:
-        write_outputs("model.md", follow("model.md", with_fixtures(Path(folder))))

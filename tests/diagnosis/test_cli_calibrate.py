@@ -1,22 +1,14 @@
-"""The command calibrate as a user meets it, and what its manual shows.
+"""The command calibrate as a user meets it."""
 
-`PYTHONPATH=tests python tests/diagnosis/test_cli_calibrate.py` writes the present output into the manual.
-"""
-
-import doctest
 import json
 import shutil
-import tempfile
 from pathlib import Path
 
 import pytest
-from pages import DOCS, ROOT, follow, shown, with_fixtures, write_outputs
 from test_cli import one_sentence, winchcascade
 
 from winchcascade import load_rig
 from winchcascade.diagnosis.nuisances import calibrated_numbers
-
-PAGE = "calibrate.md"
 
 
 @pytest.fixture
@@ -74,14 +66,3 @@ def test_a_simulation_of_a_rig_gives_its_numbers_back(log: Path, tmp_path: Path)
     assert found["b_rotor"] == pytest.approx(8.5e-4, rel=2e-3)
     assert found["k_e"] == pytest.approx(0.0620, rel=1e-3)
     assert found["mu_screw"] == pytest.approx(0.04, rel=2e-3)
-
-
-def test_the_manual_shows_what_commands_and_python_give(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert follow(PAGE, with_fixtures(tmp_path)) == shown(PAGE)
-    monkeypatch.chdir(ROOT)
-    assert doctest.testfile(str(DOCS / PAGE), module_relative=False).failed == 0
-
-
-if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as folder:
-        write_outputs(PAGE, follow(PAGE, with_fixtures(Path(folder))))

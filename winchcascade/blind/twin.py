@@ -106,10 +106,15 @@ TETHER_NOISE, TETHER_WIDTH = 3.4, 0.14
 """Other noise of the tether: standard deviation, and width of the bell curve that smooths it. [N, s]"""
 
 
+FIXED = Fixed()
+"""The numbers of the paper's rig that every campaign shares."""
+
+
 class Twin(msgspec.Struct, frozen=True):
     """Rig of one campaign, or of one run of it: its numbers, its loads, the gains of its sensors, and what is injected.
 
-    `zeros` are zeros of sensors by channel beside those that a log draws, in the unit of the log.
+    `zeros` are zeros of sensors by channel beside those that a log draws, in the unit of the log. `fixed` are the numbers that
+    no campaign draws.
     """
 
     numbers: Numbers
@@ -117,6 +122,7 @@ class Twin(msgspec.Struct, frozen=True):
     gains: dict[str, float]
     hidden: Hidden
     zeros: dict[str, float] = {}
+    fixed: Fixed = FIXED
 
 
 class Solved(msgspec.Struct, frozen=True):
@@ -227,7 +233,6 @@ def _stepped(value: Signal, step: float, decimals: int) -> Signal:
     return np.round(np.round(value / step) * step, decimals)
 
 
-FIXED = Fixed()
 FULL_TORQUE = 500.0
 """Torque at the slow shaft against which a loss of the gear under load is stated. [N m]"""
 
@@ -257,7 +262,7 @@ def draw_twin(hidden: Hidden, rng: np.random.Generator, scatter: float = 1.0) ->
 
 def drive_of(twin: Twin, log: str) -> Drive:
     """Numbers of the drive for one log, with what is injected."""
-    n, hidden = twin.numbers, twin.hidden
+    n, fixed, hidden = twin.numbers, twin.fixed, twin.hidden
     numbers = n._replace(
         eta_mesh=n.eta_mesh + hidden.get("gear_mesh_loss"),
         b_rotor=n.b_rotor + hidden.get("rotor_viscous"),
@@ -265,8 +270,8 @@ def drive_of(twin: Twin, log: str) -> Drive:
         r_s=n.r_s * (1.0 + hidden.get("copper_heating")),
         l_s=n.l_s * (1.0 + hidden.get("sync_inductance")),
     )
-    rotor = FIXED.j_rotor * (1.0 + hidden.get("rotor_inertia"))
-    diodes = FIXED.v_diode + hidden.get("diode_drop") + hidden.get("diode_extra")
+    rotor = fixed.j_rotor * (1.0 + hidden.get("rotor_inertia"))
+    diodes = fixed.v_diode + hidden.get("diode_drop") + hidden.get("diode_extra")
     same = (
         "rotor_windage",
         "rotor_friction",
@@ -278,7 +283,7 @@ def drive_of(twin: Twin, log: str) -> Drive:
     )
     rolloff = {name: hidden.laws[name] for name in ("law", "knee", "width", "power") if name in hidden.laws}
     return Drive(
-        fixed=FIXED._replace(j_rotor=rotor, v_diode=diodes),
+        fixed=fixed._replace(j_rotor=rotor, v_diode=diodes),
         numbers=numbers,
         load=twin.loads[log] * (1.0 + hidden.get("load_drift") * (log != "open_circuit")),
         warming=hidden.get("warming_load") / 40e3,
@@ -313,9 +318,9 @@ def gas_pressure(volume: Signal, pressure: float, exponent: float, cooling: floa
     return out
 
 
-def efficiencies(mu: float) -> tuple[float, float]:
+def efficiencies(mu: float, fixed: Fixed) -> tuple[float, float]:
     """Forward and reverse efficiency of the screw, Sec. 4.1.1."""
-    lead, thread = math.radians(FIXED.lead_angle), math.radians(FIXED.thread_angle)
+    lead, thread = math.radians(fixed.lead_angle), math.radians(fixed.thread_angle)
     rise, flank = math.tan(lead), math.cos(thread)
     return (flank - mu * rise) / (flank + mu / rise), (flank - mu / rise) / (flank + mu * rise)
 
@@ -328,7 +333,7 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
     x, v : (n + 1,) payout and its rate at the ends of the grid's intervals [m, m/s]
     resting : where friction holds at rest, -1 as in haul-in, 1 as in payout
     """
-    hidden, r, phase = twin.hidden, FIXED.r_drum, twin.hidden.laws.get("phase", 0.0)
+    hidden, fixed, r, phase = twin.hidden, twin.fixed, twin.fixed.r_drum, twin.hidden.laws.get("phase", 0.0)
     t: Signal = (np.arange(x.size - 1, dtype=np.float64) + 0.5) * GRID
     middle: Signal = 0.5 * (x[1:] + x[:-1])
     speed, pull = 0.5 * (v[1:] + v[:-1]), np.diff(v) / GRID
@@ -338,8 +343,8 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
     out, stored = run_drive(v / r, mesh, drive_of(twin, log), fine)
     torque = out[:, 0] - hidden.get("clutch_drag") * np.where(speed < 0.0, np.abs(turned), 0.0)
     gauge, slow, seals = _gauge(twin, middle, t), _slow_friction(hidden, speed), hidden.laws.get("slow_seals", 0.0)
-    screw = _screw(twin, gauge, way, slow * way * seals * 2.0 * math.pi / FIXED.lead)
-    inertia = (FIXED.j_drum + hidden.get("drum_inertia")) * pull / r
+    screw = _screw(twin, gauge, way, slow * way * seals * 2.0 * math.pi / fixed.lead)
+    inertia = (fixed.j_drum + hidden.get("drum_inertia")) * pull / r
     friction = hidden.get("line_friction") * way + hidden.get("line_drag") * speed / r + _braking(twin, t, turned)
     lost = friction + slow * way * (1.0 - seals)
     eccentric = hidden.get("eccentric_drum") * np.cos(middle / r + phase)
@@ -352,9 +357,9 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
 
 def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
     """Gauge pressure in the accumulator. [Pa]"""
-    hidden, n = twin.hidden, twin.numbers
+    hidden, n, fixed = twin.hidden, twin.numbers, twin.fixed
     area = n.area * (1.0 + hidden.get("piston_area"))
-    volume = n.v_gas + hidden.get("gas_volume") - area * FIXED.lead * x / (2.0 * math.pi * FIXED.r_drum)
+    volume = n.v_gas + hidden.get("gas_volume") - area * fixed.lead * x / (2.0 * math.pi * fixed.r_drum)
     absolute = gas_pressure(
         volume,
         pressure=n.p_gas * (1.0 + hidden.get("precharge")),
@@ -381,10 +386,10 @@ def _screw(twin: Twin, gauge: Signal, way: Signal, seal_slow: Signal) -> Signal:
     ----------
     seal_slow : further friction of the seals near standstill, (n,) [N]
     """
-    hidden, n = twin.hidden, twin.numbers
-    forward, reverse = efficiencies(n.mu + hidden.get("screw_friction"))
+    hidden, n, lead = twin.hidden, twin.numbers, twin.fixed.lead
+    forward, reverse = efficiencies(n.mu + hidden.get("screw_friction"), twin.fixed)
     thrust = gauge * n.area * (1.0 + hidden.get("piston_area")) + hidden.get("seal_friction") * way + seal_slow
-    return thrust * FIXED.lead / (2.0 * math.pi) * (0.5 * (1.0 + way) / forward + 0.5 * (1.0 - way) * reverse)
+    return thrust * lead / (2.0 * math.pi) * (0.5 * (1.0 + way) / forward + 0.5 * (1.0 - way) * reverse)
 
 
 def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:

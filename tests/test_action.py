@@ -1,38 +1,25 @@
-"""The page on checks that run by themselves: its commands, and the action that it describes.
-
-`PYTHONPATH=tests python tests/test_ci_page.py` writes the present output into it.
-"""
+"""The action that checks logs in a repository: its inputs, and what it does with them."""
 
 import os
 import re
 import subprocess
 import sys
-import tempfile
 import textwrap
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from calls import call
-from pages import DOCS, ROOT, follow, shown, steps, with_fixtures, write_outputs
+from pages import DOCS, ROOT, read, steps, with_fixtures
 
-PAGE = "ci.md"
+PAGE = DOCS / "ci.md"
 ACTION = (ROOT / "action.yml").read_text(encoding="utf-8")
 CHECK = {"CAMPAIGN": "fixtures/campaign", "TABLE": "hsu2026-table2"}
 LOGS = {"LOGS": "fixtures/campaign/r9*.csv\nfixtures/damaged_logs/dropouts.csv\n"}
 
 
-@pytest.mark.slow
-def test_the_page_can_be_followed(tmp_path: Path) -> None:
-    place = with_fixtures(tmp_path)
-    assert follow(PAGE, place) == shown(PAGE)
-    suites = ElementTree.parse(place / "check.xml").getroot()
-    assert (suites.get("tests"), suites.get("failures")) == ("3", "0")
-
-
 def test_the_inputs_are_those_of_the_action() -> None:
     inputs = re.findall(r"^  (\w+):\n    description: [^\n]*\n    default: (\S*)$", ACTION, re.MULTILINE)
-    page = (DOCS / PAGE).read_text(encoding="utf-8")
+    page = read(PAGE)
     rows = re.findall(r"^\| `(\w+)` \| (?:`([^`]*)` )?\| ", page, re.MULTILINE)
     assert rows == [(name, default.strip('"')) for name, default in inputs]
     used = {key for step in steps(PAGE) if step.kind == "yaml" for key in re.findall(r"^ {10}(\w+):", step.text, re.M)}
@@ -92,8 +79,3 @@ def test_the_action_does_what_the_page_says(
 def test_the_exit_codes_are_those_of_the_help() -> None:
     for command in (["check"], ["audit"], ["batch"], ["blind", "deal"], ["blind", "diagnose"]):
         assert "The exit code is 1 if" in " ".join(call(*command, "--help").out.split()), command
-
-
-if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as folder:
-        write_outputs(PAGE, follow(PAGE, with_fixtures(Path(folder))))
