@@ -37,7 +37,7 @@ test-browser: $(VENV)/developing
 
 # The site of the documents, in site/; it loads nothing from the network.
 docs: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	$(INSTALL) -e ".[docs]"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 # One table of ratios in a quarter of an hour or less; make bench BENCH=--quick takes about a minute and is rougher.

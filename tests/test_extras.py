@@ -42,7 +42,7 @@ def test_a_simulation_without_numba_gives_the_same_numbers(fixtures: Path, tmp_p
         assert done.returncode == 0, done.stderr
         assert ("winchcascade[fast]" in done.stderr) == (name == "plain")
         tables.append(np.loadtxt(tmp_path / f"{name}.csv", delimiter=",", skiprows=1))
-    np.testing.assert_allclose(*tables, rtol=SAME, atol=SAME)
+    np.testing.assert_allclose(tables[0], tables[1], rtol=SAME, atol=SAME)
 
 
 @pytest.mark.slow
@@ -57,7 +57,7 @@ def test_a_diagnosis_without_numba_gives_the_same_numbers(fixtures: Path, tmp_pa
         done = ran(code, "diagnose", tmp_path, "--suspect", "gear_mesh_loss", "--json", record)
         assert done.returncode == 0, done.stderr
         found.append(numbers_in(msgspec.json.decode(record.read_bytes())))
-    np.testing.assert_allclose(*found, rtol=SAME, atol=SAME)
+    np.testing.assert_allclose(found[0], found[1], rtol=SAME, atol=SAME)
 
 
 def test_a_pdf_without_typst_is_rejected_before_any_work(fixtures: Path, tmp_path: Path) -> None:
