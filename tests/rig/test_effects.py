@@ -317,13 +317,8 @@ STAGES = {"generator": "Generator", "gearbox": "Gearbox", "transmission": "Trans
 
 
 def paragraph(effect: Effect) -> str:
-    """An effect as the page describes it."""
-    text = (
-        f"**`{effect.name}`** {effect.summary} Shows as: {effect.shows_as} Easily taken for: {effect.taken_for} "
-        f"Reported as `{effect.parameter}` ({effect.unit})."
-    )
-    if len(effect.fields) > 1:
-        text += f" Fields: {', '.join(f'`{field.name}`' for field in effect.fields)}."
+    """An effect as the page describes it: what is reported of it, what the baseline lacks, in italics where it shows."""
+    text = f"**`{effect.name}`** (`{effect.parameter}`, {effect.unit}): {effect.summary} *{effect.shows_as}*"
     return textwrap.fill(text, 128, break_on_hyphens=False, break_long_words=False)
 
 
@@ -332,13 +327,13 @@ def page() -> str:
     parts = [PAGE.read_text(encoding="utf-8").split("\n\n## ")[0]]
     for stage, heading in STAGES.items():
         parts += [f"## {heading}", *(paragraph(effect) for effect in EFFECTS.values() if effect.stage == stage)]
-    rows = ["| number | unit | by default | what it is |", "|---|---|---|---|"]
+    rows = ["|number|unit|by default|what it is|", "|---|---|---|---|"]
     for part, kind in PARTS.items():
         for name, number in numbers_of(part).items():
             default = kind._field_defaults.get(name)
-            stated = "of the rig file" if default is None else f"{default:g}"
-            rows.append(f"| `{part}.{name}` | {number.unit} | {stated} | {number.what} |")
-    parts += ["## Numbers of the model", "Effects change these numbers, each by its path.", "\n".join(rows)]
+            stated = "stated" if default is None else f"{default:g}"
+            rows.append(f"|`{part}.{name}`|{number.unit}|{stated}|{number.what}|")
+    parts += ["## Numbers of the model", "\n".join(rows)]
     return "\n\n".join(parts) + "\n"
 
 
