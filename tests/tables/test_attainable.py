@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from functools import cache
 from pathlib import Path
 
@@ -36,7 +35,6 @@ from winchcascade.tables.payouts import Cell
 from winchcascade.tables.published_table import PublishedTable
 from winchcascade.tables.table_file import load_table
 
-ROOT = Path(__file__).parents[2]
 RIG = built_in()
 SOME = ("copper_heating", "gear_mesh_loss", "screw_friction", "torque_gain", "clutch_drag")
 SIZE = 0.015
@@ -239,16 +237,6 @@ def test_the_command_adds_the_physics_and_rejects_a_rig_without_a_model(tmp_path
     unmodelled, unused = call("audit", path, "--physics", "--rig", "kitepower"), call("audit", path, "--rig", "hsu2026")
     assert (unmodelled.code, "rig kitepower: no model can be made" in unmodelled.err) == (2, True)
     assert (unused.code, "--rig hsu2026: is of use with --physics alone" in unused.err) == (2, True)
-
-
-def test_the_manual_shows_what_the_command_prints() -> None:
-    """Of the table of the paper, as it is stored; a slow test compares what is stored with what is printed."""
-    shown = re.search(
-        r"hsu2026-table2 --physics`:\n\n```text\n(.*?)```", (ROOT / "docs" / "tables.md").read_text(), re.DOTALL
-    )
-    stored = (ROOT / "tests" / "reference" / "outputs" / "physics" / "physics.txt").read_text(encoding="utf-8")
-    assert shown is not None
-    assert shown[1] == stored[stored.index("What the rig can attain") :]
 
 
 def test_values_with_which_the_model_gives_no_printed_power_explain_nothing() -> None:

@@ -52,7 +52,14 @@ def open_campaign(
 
 
 class OpenedCampaign(msgspec.Struct, frozen=True):
-    """A campaign with what its calls have in common: its logs with their settings, and a rig in place of its own."""
+    """A campaign with what its calls have in common.
+
+    Parameters
+    ----------
+    path : of its file, or of the folder of logs
+    plan : its logs with their settings
+    rig : a rig file or the name of a built-in rig in place of its own
+    """
 
     path: Path
     plan: Plan

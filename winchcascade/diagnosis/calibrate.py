@@ -119,9 +119,18 @@ class FittedBlocks(msgspec.Struct, frozen=True):
 class Calibration(msgspec.Struct, frozen=True):
     """Numbers of a rig from an open-circuit log, the regression of the back-EMF, and what cannot be distinguished.
 
-    `misfit` is the mean square of the residuals of force, torque and pressure, in units of their noise: about 1 where damper
-    and screw explain the log [1]. `strained` are the tolerances that the fit exceeds. `settled`: the fit converged; its
-    numbers are no result otherwise. `payouts` are those that were used, each from its onset to the start of its braking [s].
+    Parameters
+    ----------
+    run, rig : the log, and the rig as its file states it
+    numbers : each that was found, with its value before, standard uncertainty and 95 % interval
+    regression : back-EMF over generator speed
+    together : sentences on numbers that an open circuit cannot distinguish
+    misfit : mean square of the residuals of force, torque and pressure, in units of their noise; about 1 where damper and
+        screw explain the log [1]
+    strained : tolerances that the fit exceeds
+    settled : the fit converged; its numbers are no result otherwise
+    payouts : those that were used, each from its onset to the start of its braking [s]
+    blocks : block means of the log and of the fit
     """
 
     run: Run

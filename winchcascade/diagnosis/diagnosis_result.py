@@ -341,10 +341,24 @@ class OwnSimulation(msgspec.Struct, frozen=True):
 class DiagnosisResult(Viewed, frozen=True, kw_only=True):
     """The answer of a diagnosis, by a model or without one.
 
-    `chosen` are the effects of the fit, `fitted` their numbers, and `causes` those of them that are named; `sets` holds the
-    probability of every set of suspects that was fitted, `places` the map of the gap. `minor` are effects that are significant
-    but too small to matter, and hints. `closure` and `experiment` are None where no cause is named, `where` and `remainder`
-    where there is no gap.
+    Parameters
+    ----------
+    title : of the campaign
+    rig : which the logs are compared with
+    seed : of the resampling of cycles
+    runs : the logs
+    suspects : effects that could have been named
+    verdict : `no_gap`, `explained`, `partly_explained` or `unexplained`
+    where : the stages that deviate, None where there is no gap
+    chosen : effects of the fit
+    causes : those of them that are named, with value, interval, probability and look-alikes
+    fitted : numbers of all effects of the fit
+    minor : effects that are significant but too small to matter, and hints
+    closure : share of the gap that the causes close on held-out logs, None where no cause is named
+    remainder : what no effect explains, None where there is no gap
+    experiment : the next run, None where no cause is named
+    sets : probability of every set of suspects that was fitted
+    places : map of the gap
     """
 
     title: str

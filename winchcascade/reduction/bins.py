@@ -38,10 +38,15 @@ AROUND = 5000
 
 
 class Bin(msgspec.Struct, frozen=True):
-    """One bin of generator speed [rpm]: samples in it, and means by name: of the power of each stage [W], of the `TORQUE` [N m]
-    and of the powers that go into `STORES` while the speed changes [W]: P_mech - P_gen less these is a loss.
+    """One bin of generator speed.
 
-    The standard error is s/sqrt(n) of the samples as if they were independent; a single sample has none.
+    Parameters
+    ----------
+    rpm_low, rpm_high : its ends [rpm]
+    count : samples in it
+    mean : by name, of the power of each stage [W], of the `TORQUE` [N m], and of the powers that go into `STORES` while the
+        speed changes [W]; P_mech - P_gen less these is a loss
+    standard_error : s/sqrt(n) of the same, as if samples were independent; a single sample has none
     """
 
     rpm_low: float

@@ -19,7 +19,18 @@ from winchcascade.reduction.phases import Cycle
 
 
 class CycleResult(msgspec.Struct, frozen=True):
-    """One cycle: its instants, its window, what its phases were like, its metrics, and its span from onset to onset."""
+    """One cycle: its instants, its window, what its phases were like, its metrics, and its span from onset to onset.
+
+    Parameters
+    ----------
+    cycle : its number in the log, from 1 on
+    complete : whether it counts in means, deviations and bins
+    phases : instants of onset, end of payout, hold and haul-in on the clock of the log [s]
+    window : begin and end of the integration [s]
+    summary : travel, plateau speed and durations of its phases
+    metrics : energies [J], mean powers [W] and efficiencies [1] of the window and of the whole cycle, by name
+    net : span of the whole cycle, or why it has none
+    """
 
     cycle: int
     complete: bool
@@ -40,11 +51,19 @@ class MeasuredLoad(msgspec.Struct, frozen=True):
 class Reduction(Viewed, frozen=True):
     """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over generator speed.
 
-    `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums. The
-    net energies of whole cycles are over those complete cycles that have them.
-    `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
-    them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
-    or third sample alone changes of it [J]. `measured_load` is Vdc / Idc, whatever load is stated.
+    Parameters
+    ----------
+    run, rig : the log that was reduced, and the rig that it was reduced with
+    window : rule of the window, or its length [s]
+    cycles : all of them, incomplete ones too
+    mean : over complete cycles; of whole cycles over those complete ones that have net energies
+    max_deviation_percent : maximum deviation of a complete cycle from the mean, of each metric [%]
+    total : sums of the energies of complete cycles, and ratios of these sums
+    bins : means over generator speed in complete cycles
+    quality : findings of the log and of the reduction
+    bridged : of each stage that has gaps, what bridging them could have changed of the energy of each cycle [J]
+    sampled : where the sampling is not clearly fine, what every second or third sample alone changes of the energy [J]
+    measured_load : Vdc / Idc, whatever load is stated
     """
 
     run: Run

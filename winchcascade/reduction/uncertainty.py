@@ -111,11 +111,17 @@ class Interval(NamedTuple):
 
 
 class Uncertainty(msgspec.Struct, frozen=True):
-    """Uncertainty of the means of a reduction: the budget, the draws and what is stated of them.
+    """Uncertainty of the means of a reduction.
 
-    `standard` is that of the budget where the draws confirm it, else that of the draws (`drawn`), by `method`. `interval_95`
-    holds the mean over cycles of this kind, sensors and repeatability together; `interval_95_sensors` the mean of these very
-    cycles, sensors alone.
+    Parameters
+    ----------
+    budget : contributions by the GUM
+    seed, draws : of the Monte Carlo, and its number of draws
+    drawn : standard uncertainties by the draws
+    standard : that of the budget where the draws confirm it, else that of the draws, in the unit of the metric
+    method : which of both, of each metric
+    interval_95 : of the mean over cycles of this kind, by sensors and repeatability together
+    interval_95_sensors : of the mean of these very cycles, by sensors alone
     """
 
     budget: Budget

@@ -76,8 +76,14 @@ READ = ("pressure", "force", "torque", "vdc", "idc")
 class Simulation(msgspec.Struct, frozen=True):
     """What a model does along a motion.
 
-    `run` holds what the sensors would have logged; `rpm_gen` [rpm], `i_s` [A] and `torque_em` [N m] have no sensor and are
-    given at the same stamps. `solution` is that of the kernel at every step of the motion.
+    Parameters
+    ----------
+    run : what the sensors would have logged
+    rpm_gen : (n,) generator speed at the stamps of the run [rpm]
+    i_s : (n,) stator current, rms [A]
+    torque_em : (n,) air-gap torque [N m]
+    model, motion : what was simulated, along which motion of the line
+    solution : state of the kernel at every step of the motion
     """
 
     run: Run
