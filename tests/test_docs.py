@@ -1,18 +1,10 @@
-"""The documents as a whole: an index that lists all, links that lead somewhere, and the page of the model."""
+"""The documents as a whole: an index that lists all, and links that lead somewhere."""
 
 import re
-from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
 from pages import DOCS, ROOT
-
-from winchcascade import baseline, read_run, simulate
-from winchcascade.core.campaign_file import load_campaign
-from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.predict import COARSE
-from winchcascade.rig.simulate import READ, STEP, Simulation
 
 PAGES = sorted([*DOCS.glob("*.md"), *ROOT.glob("*.md"), ROOT / "fixtures" / "README.md"])
 
@@ -46,34 +38,3 @@ def test_every_room_stands_among_the_packages_of_the_house() -> None:
     inside = [path for path in (ROOT / "winchcascade").iterdir() if not path.name.startswith("__")]
     packages = {path.name for path in inside if (path / "__init__.py").is_file()}
     assert packages == set(re.findall(r"^\| \d \| `(\w+)` \|", text, re.MULTILINE))
-
-
-@cache
-def simulated(step: float) -> tuple[Simulation, ...]:
-    model = baseline(built_in())
-    runs = [read_run(run.file, load=run.load) for run in load_campaign(ROOT / "fixtures" / "campaign").runs]
-    return tuple(simulate(run, model, step=step) for run in runs)
-
-
-def largest_change(one: float, other: float) -> float:
-    """Of any channel along any shipped log, as a share of its largest value."""
-    return max(
-        float(np.abs(a.run.channels[name] - b.run.channels[name]).max() / np.abs(a.run.channels[name]).max())
-        for a, b in zip(simulated(one), simulated(other), strict=True)
-        for name in READ
-    )
-
-
-@pytest.mark.slow
-def test_the_steps_of_the_model_are_as_exact_as_its_page_says() -> None:
-    page = " ".join((DOCS / "model.md").read_text(encoding="utf-8").split())
-    assert f"takes steps of {1e3 * STEP:g} ms" in page
-    assert f"take {1e3 * COARSE:g} ms" in page
-    assert "half the step changes no channel by more than 0.02 %" in page
-    assert largest_change(STEP, 0.5 * STEP) < 2e-4
-    assert "at most 0.05 % of a channel's largest value away" in page
-    assert largest_change(STEP, COARSE) < 5e-4
-    assert "within 2e-7 of it" in page
-    for done in simulated(STEP):
-        joule = {name: entry[-1] for name, entry in done.energy.items()}
-        assert sum(joule.values()) - joule["line"] == pytest.approx(joule["line"], rel=2e-7)

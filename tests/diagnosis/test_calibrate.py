@@ -196,7 +196,7 @@ def test_a_coarse_estimate_and_a_log_without_torque_give_the_damper_too() -> Non
     [
         ({"load": 18.0}, r"made.csv: a log with a load of 18 ohm; a calibration needs an open circuit"),
         ({"load": None}, r"its load is unknown; .* --load-ohm inf"),
-        ({"lost": "force"}, "no line tension, which damper and screw friction"),
+        ({"lost": "force"}, "no line tension, which the losses"),
         ({"lost": "vdc"}, "no DC voltage, which a back"),
         ({"idc": 2.0}, "stated as an open circuit, but it delivers .* W "),
     ],

@@ -1,6 +1,5 @@
 """A diagnosis in words: every number of the catalogue has a name, digits as they are known, names of what is stated."""
 
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -8,7 +7,6 @@ import pytest
 from diagnosed import diagnosed
 
 from winchcascade.core.campaign_file import Origin
-from winchcascade.diagnosis import closure, nuisances, verdict_limits
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, Reported
 from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
@@ -117,15 +115,3 @@ def test_logs_are_called_measured_where_that_is_stated_of_all_whatever_the_title
     ):
         given = zip(found.runs, origins, strict=True)
         assert word_of(changed(found, runs=tuple(msgspec.structs.replace(r, origin=o) for r, o in given))) == word
-
-
-def test_the_documentation_states_the_numbers_of_the_code() -> None:
-    text = " ".join((Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8").split())
-    assert f"over all logs | {verdict_limits.ROUGH:g} |" in text
-    assert f"rings) | {verdict_limits.RESTLESS:g} |" in text
-    assert f"in its standard uncertainties | {verdict_limits.PULLED:g} |" in text
-    assert f"must be worth {verdict_limits.CLEARLY:g} more than its penalty" in text
-    assert f"falls short by less than {verdict_limits.AS_GOOD:g}" in text
-    assert f"from {closure.DRAWS} sets of cycles" in text
-    assert all(f"{sd:g} N" in text for sd, _ in nuisances.ABSENT.values())
-    assert all(f"{100 * share:g} %" in text for share in nuisances.OF_THE_MODEL.values())

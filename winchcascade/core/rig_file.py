@@ -167,9 +167,28 @@ class Winch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     line_can_push: bool = False
 
 
-class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Screw, piston and gas-charged accumulator that keep the tether taut."""
+RestoringKind = Literal["gas_screw", "spring", "counterweight", "none"]
+"""What keeps the tether taut."""
 
+NUMBERS_OF: Mapping[RestoringKind, tuple[str, ...]] = {
+    "gas_screw": ("lead", "lead_angle", "half_angle", "mu_screw", "area_piston", "p_precharge", "volume_gas"),
+    "spring": ("force", "stiffness"),
+    "counterweight": ("mass",),
+    "none": (),
+}
+"""Numbers that a model needs of each kind of restoring module."""
+
+WITH_FRICTION: tuple[RestoringKind, ...] = ("spring", "counterweight")
+"""Kinds that may state a friction; that of a screw is `mu_screw`."""
+
+
+class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What keeps the tether taut: screw, piston and gas-charged accumulator, a spring, a counterweight, or nothing.
+
+    `force` of a spring at zero payout, its `stiffness` and the `friction` against the motion are those that the line feels.
+    """
+
+    kind: RestoringKind = "gas_screw"
     lead: Annotated[Quantity | None, Measure("lead", Positive)] = None
     lead_angle: Annotated[Quantity | None, Measure("angle")] = None
     half_angle: Annotated[Quantity | None, Measure("angle")] = None
@@ -177,12 +196,37 @@ class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     area_piston: Annotated[Quantity | None, Measure("area", Positive)] = None
     p_precharge: Annotated[Quantity | None, Measure("pressure")] = None
     volume_gas: Annotated[Quantity | None, Measure("volume", Positive)] = None
+    force: Annotated[Quantity | None, Measure("force")] = None
+    stiffness: Annotated[Quantity | None, Measure("line_stiffness")] = None
+    mass: Annotated[Quantity | None, Measure("force", Positive)] = None  # by its weight: a kg is read as a kgf
+    friction: Annotated[Quantity | None, Measure("force")] = None
+
+    def __post_init__(self) -> None:
+        """Reject numbers of another kind: ValueError."""
+        own = (*self.needed, *(("friction",) if self.kind in WITH_FRICTION else ()))
+        other = [name for name in measures(Restoring) if getattr(self, name) is not None and name not in own]
+        if other:
+            raise ValueError(
+                f"{', '.join(other)} of another kind of restoring module: kind is {self.kind}, which has "
+                f"{', '.join(own) or 'no number'}. State the kind, or remove what it does not have."
+            )
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Numbers that a model needs."""
+        return NUMBERS_OF[self.kind]
+
+    @property
+    def has_gas(self) -> bool:
+        """Whether screw, piston and gas are there, and a pressure."""
+        return self.kind == "gas_screw"
 
 
 class Drivetrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Clutch, shaft, gear and fast shaft between drum and generator.
 
-    `one_way_clutch` is None where the file does not state it: the model then has one, and bins hold whole payouts.
+    With the gear ratio 1 the machine is on the shaft of the drum. `one_way_clutch` is None where the file does not state it:
+    the model then has one, and bins hold whole payouts.
     """
 
     gear_ratio: Annotated[Quantity | None, Measure("number", Annotated[float, Meta(ge=1e-3, le=1e5)])] = None
@@ -192,6 +236,11 @@ class Drivetrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     c_shaft: Annotated[Quantity | None, Measure("damping")] = None
     inertia_rotor: Annotated[Quantity | None, Measure("inertia")] = None
     one_way_clutch: bool | None = None
+
+    @property
+    def direct(self) -> bool:
+        """Whether there is no gear, so that its mesh efficiency is 1."""
+        return self.gear_ratio is not None and self.gear_ratio.value == 1.0 and self.eta_mesh is None
 
 
 class Generator(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

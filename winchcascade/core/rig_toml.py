@@ -25,6 +25,7 @@ from winchcascade.core.rig_file import (
     Measure,
     NotNegative,
     Positive,
+    Restoring,
     Rig,
     Sensor,
     StatedEffect,
@@ -104,7 +105,7 @@ def parse_rig(text: str, where: str) -> Rig:
     if base is not None:
         if base not in BUILT_IN:
             raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
-        raw = _merged(toml_values(built_in_text(str(base)), str(base), RigError), raw)
+        raw = _merged(_without_other_kind(toml_values(built_in_text(str(base)), str(base), RigError), raw), raw)
     texts, tables = ("name", "title", "source", "note"), ("sensors", "channels", "effects", "stage")
     check_keys(raw, (*texts, *PARTS, *tables, "columns", "cascade", "log"), f"{where}:", RigError)
     sensors, channels, effects, stages = (
@@ -142,6 +143,16 @@ class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Table [log]: what holds for every log of the rig."""
 
     sample_rate_hz: Positive | None = None
+
+
+def _without_other_kind(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
+    """Tables of the rig below without its restoring module, where the rig above has one of another kind."""
+    kinds = [
+        table.get("kind", Restoring().kind)
+        for rig in (base, over)
+        if isinstance(table := rig.get("restoring", {}), Mapping)
+    ]
+    return {key: value for key, value in base.items() if key != "restoring" or kinds[-1] == kinds[0]}
 
 
 def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> Table:

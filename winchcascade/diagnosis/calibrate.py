@@ -28,12 +28,12 @@ from winchcascade.diagnosis.nuisances import (
 )
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.reduction.reduce import reduce
-from winchcascade.rig.backemf import COVERED, RPM_MIN, BackEmf, back_emf
+from winchcascade.rig.backemf import COVERED, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
 
 FREED = {("drivetrain", "b_rotor"): 0.5, ("restoring", "mu_screw"): 0.5}
 """Numbers that are found from the line tension, by section and name, and their prior width as a share of the value: wide enough
-to have no effect."""
+to have no effect. A rig without a screw has no friction of it."""
 
 FOUND_FROM = {"force": "line tension", "torque": "torque", "pressure": "pressure"}
 """Channels that they are found from: those before the machine."""
@@ -106,7 +106,8 @@ class Strain(msgspec.Struct, frozen=True):
 class FittedBlocks(msgspec.Struct, frozen=True):
     """Means over blocks of the log and of the fit: generator speed `rpm` (m,), `phase` (m,) as an index of `PHASES`, and of the
     channels of `CHANNELS`, SI units, `measured` (m, 5), NaN where there is none, and `fitted` (m, 5). `damper` (m,) is the
-    torque that the damper takes, at the PTO shaft [N m].
+    torque that the damper takes, at the PTO shaft [N m], `displacement` (m,) that of the line, where the rig has no gas
+    [m].
     """
 
     rpm: Signal
@@ -114,6 +115,7 @@ class FittedBlocks(msgspec.Struct, frozen=True):
     measured: Signal
     fitted: Signal
     damper: Signal
+    displacement: Signal | None = None
 
 
 class Calibration(msgspec.Struct, frozen=True):
@@ -176,7 +178,10 @@ def calibrate(run: Run, rig: Rig | None = None, *, cycles: tuple[int, int] | Non
     before = before_calibration(rig)
     freed = _freed(before)
     regression = back_emf_of(run, freed, payouts)
-    how, u = f"regression of Vdc above {RPM_MIN:g} rpm, R2 = {regression.r2:.5f}", regression.high - regression.k_e
+    how, u = (
+        f"regression of Vdc above {regression.rpm_min:.4g} rpm, R2 = {regression.r2:.5f}",
+        regression.high - regression.k_e,
+    )
     k_e = _number(before, ("generator", "k_e"), "V/rpm", regression.k_e, u / COVERED, how)
     known = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, u=k_e.u)
     exact = msgspec.structs.replace(freed, model=ModelAccuracy(discrepancy=0.0))
@@ -209,7 +214,7 @@ def _payouts(run: Run, rig: Rig, cycles: tuple[int, int] | None) -> tuple[tuple[
     """
     if run.load is None or not math.isinf(run.load) or "force" not in run.channels:
         wrong = "its load is unknown" if run.load is None else f"a log with a load of {run.load:g} ohm"
-        wrong = "no line tension, which damper and screw friction are found from" if run.open_circuit else wrong
+        wrong = "no line tension, which the losses are found from" if run.open_circuit else wrong
         raise LogError(
             f"{run.name}: {wrong}; a calibration needs an open circuit with line tension and Vdc. Choose such a log; "
             "--load-ohm inf, or load_ohm = inf in the campaign.toml beside it, states that no load was connected."
@@ -318,7 +323,8 @@ def _blocks(data: Fitted, nu: Signal) -> FittedBlocks:
     damper = np.where(omega > 0.0, shaft.gear / shaft.eta_mesh * shaft.b_rotor * omega, 0.0)
     rpm, phase = omega * 30.0 / math.pi, log.course.blocks.phase
     measured = np.where(data.seen, data.measured, math.nan)
-    return FittedBlocks(rpm, phase, measured, data.predict(nu, []), damper)
+    displacement = None if model.restoring.has_gas else log.course.blocks.mean(log.course.displacement)
+    return FittedBlocks(rpm, phase, measured, data.predict(nu, []), damper, displacement)
 
 
 def _together(data: Fitted, covariance: Signal, at: Sequence[int], regression: BackEmf) -> Iterator[str]:

@@ -41,6 +41,7 @@ from winchcascade.diagnosis.search import Found, expand, search, start_of
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
 from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, NAMED, OPEN
+from winchcascade.rig.simulate import read_by
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -77,7 +78,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     @property
     def missing_channels(self) -> list[str]:
         """Channels of the model that no log has."""
-        return [name for name in CHANNELS if not any(name in run.channels for run in self.runs)]
+        return [name for name in read_by(self.data.nominal) if not any(name in run.channels for run in self.runs)]
 
 
 @linear_algebra_on_one_thread()
@@ -117,9 +118,10 @@ def diagnose(
     on_progress("simulating the model of the rig file")
     before = before_calibration(rig)
     data, suspects = Fitted(runs, before, cycles, withheld), bound_to(suspects, before, runs)
+    channels = read_by(data.nominal)
     if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
         raise LogError(
-            f"{data.logs[0].run.name}: no log that takes part has {', '.join(CHANNELS[:-1])} or {CHANNELS[-1]} that the model "
+            f"{data.logs[0].run.name}: no log that takes part has {', '.join(channels[:-1])} or {channels[-1]} that the model "
             "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
             "[columns]."
         )

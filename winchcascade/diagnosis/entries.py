@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.diagnosis.nuisances import quantity_of
+from winchcascade.diagnosis.nuisances import at_gear, quantity_of
 from winchcascade.diagnosis.verdict_limits import AGREES, MIN_RUNS, RARER
 from winchcascade.rig.effects.catalogue import ENTRIES, OF_THE_RIG, SHARED_RADIUS
 from winchcascade.rig.effects.effect import Effect, Stated, Values
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 LOAD, RADIUS = "load_entry", "drum_radius"
 """Entries that have several forms: one for each run, and one for each place of the encoder."""
+
+GEAR = ("drivetrain.gear", "drivetrain.eta_mesh")
+"""Numbers that only a rig with a gear has."""
 
 
 def effect_name(suspect: str) -> str:
@@ -42,10 +45,13 @@ def is_entry(suspect: str) -> bool:
 def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run]) -> Suspects:
     """Suspects of a diagnosis: wrong entries report the numbers of the rig file, and each run has its own wrong load.
 
-    A drum radius is suspected twice: the logged motion may be true, or computed with the same radius.
+    A drum radius is suspected twice: the logged motion may be true, or computed with the same radius. Effects of parts that the
+    rig has not are left out, and the plausible losses of a fast shaft are those for its gear.
     """
     found: dict[str, Effect] = {}
-    for name, effect in suspects.items():
+    for name, effect in (
+        (name, at_its_gear(effect, rig)) for name, effect in suspects.items() if has_part(effect, rig)
+    ):
         if effect.over_runs is not None and len(runs) < MIN_RUNS:
             continue
         if effect.entry is None or effect.entry.log >= 0:
@@ -58,6 +64,29 @@ def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run]) -> Suspects:
         shared = SHARED_RADIUS
         found[f"{RADIUS}(shared)"] = _of_the_rig(shared, rig)
     return found
+
+
+def has_part(effect: Effect, rig: Rig) -> bool:
+    """Whether a rig has the part that an effect acts on: gas, screw and seals, a gear, a number that its file can state."""
+    if not rig.restoring.has_gas and (effect.stage == "restoring" or effect.path == "sensors.gain.pressure"):
+        return False
+    if rig.drivetrain.direct and effect.path in GEAR:
+        return False
+    return effect.entry is None or not effect.number or quantity_of(rig, *effect.number.split(".")) is not None
+
+
+def at_its_gear(effect: Effect, rig: Rig) -> Effect:
+    """An effect whose ranges are plausible at the gear of a rig."""
+    factors = [at_gear(rig, field.path) for field in effect.fields]
+    if all(factor == 1.0 for factor in factors):
+        return effect
+    fields = tuple(
+        msgspec.structs.replace(
+            field, low=by * field.low, high=by * field.high, possible=(by * field.possible[0], by * field.possible[1])
+        )
+        for field, by in zip(effect.fields, factors, strict=True)
+    )
+    return msgspec.structs.replace(effect, fields=fields)
 
 
 def _multiple(stated: float, values: Values) -> float:

@@ -28,7 +28,7 @@ from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
 from winchcascade.rig.parts import Model, changed, possible
-from winchcascade.rig.simulate import STEP
+from winchcascade.rig.simulate import STEP, read_by
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -110,6 +110,7 @@ class Fitted:
     ) -> None:
         self._same, self.stated_by_run = _without_changes_by_run(rig)
         self.rig, self.nominal, self.withheld = rig, baseline(self._same), frozenset(withheld)
+        runs = [with_channels_of(self.nominal, run) for run in runs]
         self.order = _order(runs)
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs)
         self.cycles = cycles or [None] * len(runs)
@@ -437,6 +438,13 @@ def _order(runs: Sequence[Run]) -> RunOrder:
     """When the runs were made, the heat of their currents and their temperatures."""
     squares = tuple(float(np.mean(run.channels["idc"] ** 2)) if "idc" in run.channels else 0.0 for run in runs)
     return order_of(tuple(run.started for run in runs), squares, tuple(run.temperature for run in runs))
+
+
+def with_channels_of(model: Model, run: Run) -> Run:
+    """A log without the channels of the fit that the rig does not have, such as the pressure without gas."""
+    foreign = set(CHANNELS) - set(read_by(model))
+    kept = {name: x for name, x in run.channels.items() if name not in foreign}
+    return msgspec.structs.replace(run, channels=kept) if len(kept) < len(run.channels) else run
 
 
 USUAL = 3.0

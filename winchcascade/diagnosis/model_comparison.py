@@ -14,7 +14,7 @@ from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.quantity import KGCM2
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Mask, Run, Signal
-from winchcascade.reduction.bins import engaged, stored_powers
+from winchcascade.reduction.bins import bin_width, engaged, stored_powers
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.rig.baseline import NoModel, model_of
@@ -263,7 +263,8 @@ def _curves(found: SimulatedLog, samples: pd.DataFrame) -> dict[str, ComparedCur
         if not rows.any() or not {*columns} <= {*log.columns}:
             continue
         x = samples[over][rows]
-        width = max(found.rig.thresholds.rpm_bin if over == "rpm" else 1e-9, float(np.ptp(x)) / BINS)
+        least = bin_width(found.rig, float(x.max())) if over == "rpm" else 1e-9
+        width = max(least, float(np.ptp(x)) / BINS)
         bins = pd.concat([x, *(side.loc[rows, list(columns)] for side in (log, simulated))], axis=1).groupby(
             np.floor(x / width)
         )

@@ -36,6 +36,10 @@ DERIVED = {"restoring": {"eta_forward": "1", "eta_reverse": "1"}}
 """Numbers that follow from those of a part, with their units."""
 
 
+PULL = ("force", "stiffness", "mass", "friction")
+"""Numbers of a restoring module without gas; all others are of screw, piston and gas."""
+
+
 def check_export(path: Path | None) -> None:
     """Reject a name that is of no format: OptionError."""
     if path is not None and path.suffix.casefold() not in FORMATS:
@@ -64,6 +68,8 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
     parts = {}
     for part in PARTS:
         units = {name: number.unit for name, number in numbers_of(part).items()} | DERIVED.get(part, {})
+        if part == "restoring":
+            units = {name: unit for name, unit in units.items() if (name in PULL) != rig.restoring.has_gas}
         parts[part] = {name: _number(rig, (given, model), f"{part}.{name}", unit) for name, unit in units.items()}
     return {
         "schema": MODEL_SCHEMA,

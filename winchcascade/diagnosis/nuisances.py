@@ -13,7 +13,7 @@ from winchcascade.core.quantity import Quantity
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.effects.effect import Parameter
-from winchcascade.rig.parts import path_in_rig, required
+from winchcascade.rig.parts import IN_RIG, in_rig_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run
 
 SECTIONS = ("winch", "restoring", "drivetrain", "generator", "dc_link")
-
-IN_RIG = {"restoring.lead": 2.0 * math.pi}
-"""Numbers of the rig file over those of the model, where their units differ: a lead for each turn."""
 
 OF_THE_MODEL = {
     ("generator", "v_diode"): 0.08,
@@ -127,15 +124,36 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
 def _of_the_rig(rig: Rig) -> list[Nuisance]:
     """Numbers that the rig file states, by their names there, and laws of the model that it has not."""
     found = []
-    for path in (f"{part}.{number}" for part in SECTIONS for number in required(part)):
-        section, name = path_in_rig(path).split(".")
-        value, per = quantity_of(rig, section, name), IN_RIG.get(path, 1.0)
+    for section, number, name in ((part, *names) for part in SECTIONS for names in in_rig_file(part).items()):
+        value, path = quantity_of(rig, section, name), f"{section}.{number}"
         if value is not None:
+            per = IN_RIG.get(path, 1.0)
             sd = math.hypot(value.u or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
             found.append(Nuisance(name, value.unit, kind="rig", sd=sd, path=path, per=per, section=section))
     for (part, name), (sd, unit) in ABSENT.items():
-        found.append(Nuisance(name, unit, kind="law", sd=sd, path=f"{part}.{name}", section=part))
+        if part == "restoring" and not rig.restoring.has_gas:
+            continue
+        path = f"{part}.{name}"
+        found.append(Nuisance(name, unit, kind="law", sd=sd * at_gear(rig, path), path=path, section=part))
     return found
+
+
+GEAR_STATED = 50.0
+"""Gear ratio for which the plausible losses of the fast shaft are stated, that of the paper. [1]"""
+
+POWER_OF_GEAR = {"drivetrain.friction": 1, "drivetrain.b_rotor": 2, "drivetrain.windage": 3}
+"""Power of the gear ratio with which a loss of the fast shaft acts at the drum: losses of a slow shaft are larger. [1]"""
+
+
+def at_gear(rig: Rig, path: str) -> float:
+    """What a plausible loss of the fast shaft is multiplied by for the gear of a rig; 1 for other numbers. [1]
+
+    >>> from winchcascade.core.rig_toml import built_in
+    >>> at_gear(built_in("hsu2026"), "drivetrain.b_rotor")
+    1.0
+    """
+    gear = rig.drivetrain.gear_ratio
+    return 1.0 if gear is None else (GEAR_STATED / gear.value) ** POWER_OF_GEAR.get(path, 0)
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:

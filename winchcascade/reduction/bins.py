@@ -33,6 +33,9 @@ STORED_WITHIN = 0.2
 the noise averages out in a bin, as its changes add up to the difference of the ends. [s]"""
 
 
+DIRECT_BINS = 10
+"""Bins up to the maximum speed of a machine on the shaft of the drum, where the width of the rig file would give one or two."""
+
 AROUND = 5000
 """Samples on either side of a part of a log that smooth its ends: those of `STORED_WITHIN` at up to 50 kHz. [1]"""
 
@@ -137,7 +140,8 @@ def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plat
     if found is None:
         return ()
     speed, rpm = found
-    maximum = largest(speed) * rpm / rig.thresholds.rpm_bin
+    width = bin_width(rig, largest(speed) * rpm)
+    maximum = largest(speed) * rpm / width
     if maximum > MAX_BINS:
         raise OptionError(
             f"{run.name}: {maximum:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
@@ -147,7 +151,23 @@ def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plat
     averaged = {name: watts for name, watts in streams.items() if watts is not None}
     averaged |= {name: run.channels[name].__getitem__ for name in (TORQUE,) if name in run.channels}
     averaged |= stored_powers(run, rig)
-    return bin_powers(speed, rpm, engaged(run, cycles, plateaus, rig), averaged, rig.thresholds.rpm_bin)
+    return bin_powers(speed, rpm, engaged(run, cycles, plateaus, rig), averaged, width)
+
+
+def bin_width(rig: Rig, rpm_top: float) -> float:
+    """Width of the bins of generator speed up to a maximum speed: that of the rig file, without a gear a narrower one. [rpm]
+
+    >>> from winchcascade.core.rig_toml import parse_rig
+    >>> direct = parse_rig('name = "d"\\n[drivetrain]\\ngear_ratio = { value = 1, unit = "1" }', "d.toml")
+    >>> bin_width(direct, 43.0), bin_width(direct, 1000.0)
+    (5.0, 100.0)
+    """
+    width, gear = rig.thresholds.rpm_bin, rig.drivetrain.gear_ratio
+    if gear is None or gear.value != 1.0 or not 0.0 < rpm_top < 2.0 * width:
+        return width
+    tenth = rpm_top / DIRECT_BINS
+    decade = 10.0 ** math.floor(math.log10(tenth))
+    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= tenth)
 
 
 def bin_powers(speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Stream], width: float) -> tuple[Bin, ...]:

@@ -124,6 +124,14 @@ _RIG_NUMBERS = {
 }
 """Numbers of the rig file and channels in plain words."""
 
+_PULL = {
+    "force": "force of the spring",
+    "stiffness": "stiffness of the spring",
+    "mass": "mass of the counterweight",
+    "friction": "friction of the restoring module",
+}
+"""Numbers of spring and counterweight in plain words; channels have some of the same names."""
+
 LAWS = {
     "friction of the winch": "friction of line and drum",
     "stribeck of the winch": "friction near standstill",
@@ -143,7 +151,7 @@ def nuisance_words(n: Nuisance, files: Sequence[str]) -> str:
     """
     name = _RIG_NUMBERS.get(n.name, n.name)
     return {
-        "rig": name,
+        "rig": _PULL.get(n.name, name),
         "law": LAWS.get(str(n), str(n)),
         "load": f"load of {load_words(n.load, 'ohm')}",
         "gain": f"gain of {name}",

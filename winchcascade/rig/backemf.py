@@ -15,7 +15,10 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import RPM
 
 RPM_MIN = 1000.0
-"""The regression begins at this generator speed (Sec. 4.2). [rpm]"""
+"""The regression begins at this generator speed (Sec. 4.2), [rpm]"""
+
+SLOW_SHARE = 0.5
+"""or, of a machine that stays below it, at this share of its maximum speed. [1]"""
 
 BLOCK = 0.44
 """Length of a block of time whose samples share their error: noise of the smoothed velocity, ringing, gusts. [s]"""
@@ -33,7 +36,7 @@ class BackEmf(msgspec.Struct, frozen=True):
     `u_fit` is the standard uncertainty of the fit, `u_sensor` that of the voltage sensor's gain [V/rpm]; `lag` [s] is how
     late Vdc is recorded, with its standard uncertainty `u_lag`. `rpm`, `v_ll` and `vdc`, (n,) each, are the samples that
     were fitted: generator speed, back-EMF that follows from the DC side [V], and measured DC voltage [V]. `eq8` is the
-    constant by Eq. 8 alone, without bleed and commutation [V/rpm].
+    constant by Eq. 8 alone, without bleed and commutation [V/rpm]; `rpm_min` where the fit begins [rpm].
     """
 
     k_e: float
@@ -45,13 +48,24 @@ class BackEmf(msgspec.Struct, frozen=True):
     lag: float
     u_lag: float
     eq8: float
+    rpm_min: float
     rpm: Signal
     v_ll: Signal
     vdc: Signal
 
 
+def rpm_min(rpm: Signal) -> float:
+    """Generator speed from which a regression takes the samples of a log, whose speeds are given, (n,). [rpm]
+
+    >>> rpm_min(np.array([0.0, 2000.0])), rpm_min(np.array([0.0, 40.0]))
+    (1000.0, 20.0)
+    """
+    fastest = float(np.max(rpm))
+    return RPM_MIN if fastest > RPM_MIN else SLOW_SHARE * fastest
+
+
 def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, u_gain: float = 0.0) -> BackEmf:
-    """Fit the back-EMF constant to an open-circuit log above 1000 rpm.
+    """Fit the back-EMF constant to an open-circuit log above 1000 rpm, or above half of the speed of a slow machine.
 
     While the bridge conducts, it carries the currents of bleed and capacitor. The back-EMF that gives them, commutation and
     diodes included, is proportional to the speed. Samples in which the capacitor holds its voltage against a falling speed
@@ -65,18 +79,19 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
 
     Raises
     ------
-    LogError : no Vdc, or too few samples above 1000 rpm with a conducting bridge
+    LogError : no Vdc, or too few samples above that speed with a conducting bridge
     """
     if "vdc" not in run.channels:
         raise LogError(f"{run.name}: no DC voltage, which a back-EMF constant is fitted to; log Vdc.")
     vdc, speed = run.channels["vdc"], local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
     bleed, current = dc_currents(run, model, vdc)
     rpm = speed / model.r_motion * model.drivetrain.gear * RPM
-    used = (rpm > RPM_MIN) & (current > 0.5 * bleed)
+    begin = rpm_min(rpm)
+    used = (rpm > begin) & (current > 0.5 * bleed)
     used &= np.logical_or.reduce([(run.t >= begin) & (run.t <= end) for begin, end in payouts])
     if np.count_nonzero(used) < MIN_SAMPLES:
         raise LogError(
-            f"{run.name}: {np.count_nonzero(used)} samples above {RPM_MIN:g} rpm in which the bridge conducts; a "
+            f"{run.name}: {np.count_nonzero(used)} samples above {begin:.4g} rpm in which the bridge conducts; a "
             f"back-EMF constant needs at least {MIN_SAMPLES}: pay out faster, or for longer."
         )
     slope, rpm, vdc = np.gradient(rpm, run.t)[used], rpm[used], vdc[used]
@@ -93,6 +108,7 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
         lag=lag,
         u_lag=u_lag,
         eq8=float(np.sum(rpm * (vdc + 2.0 * model.generator.v_diode)) / (math.sqrt(2.0) * np.sum(rpm**2))),
+        rpm_min=begin,
         rpm=rpm,
         v_ll=v_ll,
         vdc=vdc,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -10,11 +10,11 @@ import msgspec
 from winchcascade.core.arguments import RIG_NAME, check_arguments
 from winchcascade.core.errors import OptionError, RigError, check_type
 from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
-from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import read_rig
+from winchcascade.core.rig_file import NUMBERS_OF, Rig
+from winchcascade.core.rig_toml import DEFAULT_RIG, read_rig
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.effects.effect import ActiveEffect
-from winchcascade.rig.parts import PARTS, Model, path_in_rig, required
+from winchcascade.rig.parts import IN_RIG, PARTS, Model, in_rig_file, with_part
 
 
 def load_rig(rig: str | Path) -> Rig:
@@ -56,35 +56,56 @@ def baseline(rig: Rig) -> Model:
 
 def model_of(rig: Rig) -> Model | NoModel:
     """Make the model of a rig file, as `baseline` does, or report why that is not possible."""
+    numbers: dict[str, dict[str, float]] = {}
     missing: dict[str, list[str]] = {}
-    numbers = {}
     for section in PARTS:
-        for name in required(section):
-            _, in_rig = path_in_rig(f"{section}.{name}").split(".")
-            stated: Quantity | None = getattr(getattr(rig, section), in_rig)
-            if stated is None:
-                missing.setdefault(section, []).append(in_rig)
-            numbers[section, name] = math.nan if stated is None else stated.value
+        stated: dict[str, Quantity | None] = {
+            name: getattr(getattr(rig, section), in_rig) for name, in_rig in in_rig_file(section).items()
+        }
+        numbers[section] = {name: number.value for name, number in stated.items() if number is not None}
+        lacking = [name for name in needed(rig, section) if getattr(getattr(rig, section), name) is None]
+        missing |= {section: lacking} if lacking else {}
     if missing:
-        lacking = "; ".join(f"{', '.join(names)} under [{section}]" for section, names in missing.items())
-        return NoModel(
-            f"rig {rig.name}: no model can be made, as it lacks {lacking}. Add them to the rig file (see "
-            "`winchcascade rig hsu2026`)."
-        )
+        return NoModel(_lacking(rig, missing))
     if rig.drivetrain.one_way_clutch is False:
         return NoModel(
             f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, and the generator of the "
             "model is driven in payout alone."
         )
-    numbers["restoring", "lead"] /= 2.0 * math.pi
-    numbers["restoring", "pressure"] += ATMOSPHERE
-    parts = {
-        section: kind(**{name: numbers[section, name] for name in required(section)}) for section, kind in PARTS.items()
-    }
-    model = Model(**parts)
+    if rig.restoring.has_gas:
+        numbers["restoring"]["lead"] /= IN_RIG["restoring.lead"]
+        numbers["restoring"]["pressure"] += ATMOSPHERE
+    if "mass" in numbers["restoring"]:
+        numbers["restoring"]["mass"] /= IN_RIG["restoring.mass"]
+    if rig.drivetrain.direct:
+        numbers["drivetrain"]["eta_mesh"] = 1.0
+    model = Model(**{section: kind(**numbers[section]) for section, kind in PARTS.items()})
+    model = with_part(model, "winch", goes_slack=not (rig.restoring.has_gas or rig.winch.line_can_push))
     for effect in stated_effects(rig):
         model = effect.apply(model)
     return model
+
+
+def needed(rig: Rig, section: str) -> tuple[str, ...]:
+    """Numbers of a part that a model of a rig needs, by their names in a rig file."""
+    if section == "restoring":
+        return rig.restoring.needed
+    return tuple(name for name in in_rig_file(section).values() if not (name == "eta_mesh" and rig.drivetrain.direct))
+
+
+def _lacking(rig: Rig, missing: Mapping[str, Sequence[str]]) -> str:
+    """A sentence on the numbers that a rig file lacks, by part, and what to do."""
+    parts = [f"{', '.join(names)} under [{section}]" for section, names in missing.items() if section != "restoring"]
+    if "restoring" in missing:
+        kind, others = rig.restoring.kind, " or ".join(f'"{kind}"' for kind in NUMBERS_OF if kind != rig.restoring.kind)
+        parts.append(
+            f"{', '.join(missing['restoring'])} under [restoring], which a restoring module of kind {kind} needs (for another "
+            f"one state kind = {others} there)"
+        )
+    return (
+        f"rig {rig.name}: no model can be made, as it lacks {'; '.join(parts)}. Add them to the rig file; "
+        f'based_on = "{DEFAULT_RIG}" takes all that it does not state from the rig of the paper.'
+    )
 
 
 def stated_effects(rig: Rig) -> list[ActiveEffect]:

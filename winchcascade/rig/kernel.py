@@ -28,7 +28,7 @@ from winchcascade.rig.parts import (
     WinchModel,
     rolloff_curve,
 )
-from winchcascade.rig.physics import FASTMATH, RPM, TURN
+from winchcascade.rig.physics import FASTMATH, RPM
 
 SHAFT = ("clutch", "i_s", "torque_em", "i_bridge", "vdc", "idc", "omega_gen", "twist")
 """Output of `run_shaft` at every step: torque of the clutch [N m], stator current, rms [A], air-gap torque [N m], current of
@@ -42,7 +42,7 @@ COLUMNS = (*SHAFT, *LINE)
 """Columns of a solution."""
 
 SATURATED = 20.0
-"""Speed in multiples of `TURN` from which friction has its full size to the last digit. [1]"""
+"""Speed in multiples of `physics.turn` from which friction has its full size to the last digit. [1]"""
 
 MAX_RETURNED = 0.5
 """Share of the damping of the fast shaft that a negative friction, a deviation of the model within its tolerance, may return:
@@ -214,8 +214,8 @@ def _turned(
     em, brakes = machine
     share = shaft.eta_mesh / shaft.gear
     stiff = 0.5 * dt * shaft.k_shaft + shaft.c_shaft
-    mass = shaft.inertia_rotor / dt
-    sign = math.tanh(half_way / TURN) if physics.has_dry_friction(shaft) and half_way < SATURATED * TURN else 1.0
+    mass, turn = shaft.inertia_rotor / dt, physics.turn(shaft)
+    sign = math.tanh(half_way / turn) if physics.has_dry_friction(shaft) and half_way < SATURATED * turn else 1.0
     each = physics.shaft_losses(half_way, sign, shaft)
     drag, slope = physics.total(each)
     dry, steep = each[0]
@@ -231,7 +231,7 @@ def _turned(
     if torque > 0.0:
         return torque, twist + dt * slip, max(after, 0.0)
     if shaft.coast_drag != 0.0:  # the overrunning clutch brakes the rotor
-        steep = shaft.coast_drag / shaft.gear * (1.0 - sign * sign) / TURN
+        steep = shaft.coast_drag / shaft.gear * (1.0 - sign * sign) / turn
         losses += 0.5 * steep
         driven -= shaft.coast_drag / shaft.gear * sign - steep * (half_way - 0.5 * omega)
     return -shaft.coast_drag * sign, 0.0, max(driven / (mass + losses), 0.0)
@@ -251,7 +251,7 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
     """
     machine, r_s = c.generator, c.generator.r_s + c.generator.r_diode
     omega = omega_before = twist = v_dc = guess = before = 0.0
-    middle_before = (0.0, 0.0, 0.0, 0.0)
+    middle_before, slow = (0.0, 0.0, 0.0, 0.0), 2.0 * physics.turn(c.drivetrain)
     for n in range(v.size):
         # bridge at the present DC voltage and the predicted speed half-way
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
@@ -268,7 +268,7 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
         holds = 2.0 * c.c_dc / dt + 1.0 / c.load - b_v
         fills = (i_b - v_dc / c.load) / holds
         if conducts:
-            per = 1.0 / half_way if half_way > 1.0 else 0.0
+            per = 1.0 / half_way if half_way > slow else 0.0
             em = physics.air_gap_power(v_dc, i_b, i_s, machine) * per
             em_v = (i_b + v_total * b_v + 6.0 * r_s * i_s * s_v) * per
             em_h = (v_total * b_h + 6.0 * r_s * i_s * s_h - em) * per
@@ -310,9 +310,10 @@ def steady_shaft(v: Signal, a: Signal, c: ShaftNumbers, table: Signal, inertia: 
     omega = np.maximum(v * per, 0.0)
     v_total, i_s = dc_voltages(machine, omega, np.zeros(v.size), table, 1.0 / c.load)
     v_dc = np.maximum(v_total - 2.0 * machine.v_diode, 0.0)
-    idc, turns = v_dc / c.load, omega > 1.0
+    idc, turn = v_dc / c.load, physics.turn(shaft)
+    turns = omega > 2.0 * turn
     em = np.where(turns, physics.air_gap_power(v_dc, idc, i_s, machine) / np.where(turns, omega, 1.0), 0.0)
-    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, TURN), shaft))
+    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, turn), shaft))
     torque = shaft.gear / shaft.eta_mesh * (em + drag + inertia * np.where(omega > 0.0, a * per, 0.0))
     return np.column_stack([np.maximum(torque, 0.0), i_s, em, idc, v_dc, idc, omega, np.zeros(v.size)])
 
@@ -338,7 +339,7 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1) -> Sig
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal, out: Signal) -> None:
-    """Compute the line tension and its parts: gas, screw, losses and inertia at the drum, torque of the clutch.
+    """Compute the line tension and its parts: gas and screw, spring or counterweight, losses and inertia at the drum, clutch.
 
     Parameters
     ----------
@@ -349,6 +350,7 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
     """
     x, v, a, dt = motion.x, motion.v, motion.a, motion.step
     winch, gas = c.winch, c.restoring
+    pulls = physics.pulls(gas)
     fades = winch.stribeck != 0.0 or gas.stribeck != 0.0
     heat = log_volume = 0.0
     for n in range(v.size):
@@ -371,5 +373,8 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
         needed = (
             screw + seen + physics.line_losses(v[n] / c.r_motion, sign, slow, winch) + winch.inertia * a[n] / c.r_motion
         )
+        if pulls:
+            needed += physics.pull_torque(x[n] / c.r_motion, a[n] / c.r_motion, winch.r_drum, gas)
+            needed += physics.pull_friction(sign, winch.r_drum, gas)
         force = needed / physics.rope_radius(x[n], winch) * physics.line_over_drum(sign, winch)
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = gauge, force, seen, screw

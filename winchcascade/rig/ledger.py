@@ -8,7 +8,7 @@ from winchcascade.core.run import Signal
 from winchcascade.rig import physics
 from winchcascade.rig.kernel import COLUMNS, LineMotion, constants
 from winchcascade.rig.parts import Model
-from winchcascade.rig.physics import ELECTRICAL_LOSSES, SHAFT_LOSSES, TURN
+from winchcascade.rig.physics import ELECTRICAL_LOSSES, SHAFT_LOSSES
 
 
 class Booked(NamedTuple):
@@ -41,6 +41,7 @@ LEDGER = {
     "seal": Booked("lost to friction of the seals", "seal", "friction of the piston", True),
     "screw": Booked("lost to friction of the screw", "screw", "friction of the ball screw", True),
     "gas": Booked("stored in the gas", "stored gas", "held by the accumulator when the window ends", True),
+    "pull": Booked("stored in spring or counterweight", "stored pull", "held by them when the window ends", True),
 }
 """Energy of the line and where it goes, from the DC link back to the line: delivered, stored, or lost."""
 
@@ -48,7 +49,8 @@ LEDGER = {
 def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[str, Signal]:
     """Book the energy of a solution from its beginning to each step by the entries of `LEDGER`, (n,) each [J].
 
-    The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it.
+    The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it. While a
+    rope is slack, it is that of what turns the drum.
     """
     c, got, shaft = constants(model, load), dict(zip(COLUMNS, out.T, strict=True)), model.drivetrain
     omega_drum, omega, sign = motion.v / c.r_motion, got["omega_gen"], physics.direction(motion.v)
@@ -57,14 +59,17 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     driven, overrun = np.maximum(got["clutch"], 0.0), np.minimum(got["clutch"], 0.0)
     push = physics.piston_torque(got["pressure"], model.restoring)
     seal = physics.seal_torque(sign, slow, model.restoring)
-    fast = physics.shaft_losses(omega, physics.direction(omega, TURN), shaft)
+    fast = physics.shaft_losses(omega, physics.direction(omega, physics.turn(shaft)), shaft)
     electrical = physics.electrical_losses(got["i_bridge"], got["i_s"], model.generator)
     watts = {
         "line": line,
         "gas": push * omega_drum,
+        "pull": physics.pull_torque(motion.x / c.r_motion, motion.a / c.r_motion, model.winch.r_drum, model.restoring)
+        * omega_drum,
         "screw": (got["screw"] - push - seal) * omega_drum,
         "seal": seal * omega_drum,
         "line_loss": physics.line_losses(omega_drum, sign, slow, model.winch) * omega_drum
+        + physics.pull_friction(sign, model.winch.r_drum, model.restoring) * omega_drum
         + line * (1.0 - 1.0 / physics.line_over_drum(sign, model.winch)),
         "clutch": (got["torque"] - driven) * omega_drum - overrun * omega / shaft.gear,
         "mesh": driven * omega / shaft.gear * (1.0 - shaft.eta_mesh),

@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_type_
 import msgspec
 import numpy as np
 
+from winchcascade.core.quantity import ATMOSPHERE, KGF
+from winchcascade.core.rig_file import PARTS as SECTIONS
+from winchcascade.core.rig_file import measures
 from winchcascade.core.run import Signal
 
 if TYPE_CHECKING:
@@ -37,7 +40,11 @@ ABOVE_ZERO = math.ulp(0.0)
 
 
 class WinchModel(NamedTuple):
-    """Drum, rope, and what acts between line and torque sensor. The encoder turns with the drum."""
+    """Drum, rope, and what acts between line and torque sensor. The encoder turns with the drum.
+
+    `goes_slack`: the line is a rope without gas that keeps it taut, so that no tension below zero is read: something else turns
+    the drum then.
+    """
 
     r_drum: Annotated[float, Number("m", "radius of the drum")]
     inertia: Annotated[float, Number("kg.m2", "inertia at the drum", least=0.0)]
@@ -47,22 +54,35 @@ class WinchModel(NamedTuple):
     stribeck: Annotated[float, Number("N.m", "friction at standstill beyond the constant one")] = 0.0
     stribeck_speed: Annotated[float, Number("m/s", "speed of the line at which 1/e of that is left")] = 0.1
     loss_share: Annotated[float, Number("1", "share of the tension lost between crane and drum")] = 0.0
+    goes_slack: bool = False
 
 
 class RestoringModel(NamedTuple):
-    """Screw, piston and gas; pressure and volume are those at zero payout."""
+    """Screw, piston and gas, or a spring or a counterweight that pulls at the drum, or nothing, as by default.
 
-    lead: Annotated[float, Number("m/rad", "lead of the screw")]
-    lead_angle: Annotated[float, Number("rad", "lead angle of the screw")]
-    half_angle: Annotated[float, Number("rad", "half angle of the thread")]
-    mu: Annotated[float, Number("1", "friction coefficient of the screw", "mu_screw", 0.0)]
-    area: Annotated[float, Number("m2", "area of the piston", "area_piston")]
-    pressure: Annotated[float, Number("Pa", "absolute pressure of the gas", "p_precharge", ABOVE_ZERO)]
-    volume: Annotated[float, Number("m3", "volume of the gas", "volume_gas", ABOVE_ZERO)]
+    Pressure, volume and force are those at zero payout. Without a piston the gas is as the atmosphere, and nothing presses.
+    """
+
+    lead: Annotated[float, Number("m/rad", "lead of the screw")] = 0.0
+    lead_angle: Annotated[float, Number("rad", "lead angle of the screw")] = 0.25 * math.pi
+    half_angle: Annotated[float, Number("rad", "half angle of the thread")] = 0.0
+    mu: Annotated[float, Number("1", "friction coefficient of the screw", "mu_screw", 0.0)] = 0.0
+    area: Annotated[float, Number("m2", "area of the piston", "area_piston")] = 0.0
+    pressure: Annotated[float, Number("Pa", "absolute pressure of the gas", "p_precharge", ABOVE_ZERO)] = ATMOSPHERE
+    volume: Annotated[float, Number("m3", "volume of the gas", "volume_gas", ABOVE_ZERO)] = 1.0
     exponent: Annotated[float, Number("1", "polytropic exponent of a fast motion; 1 is isothermal")] = 1.0
     cooling: Annotated[float, Number("s", "time in which the gas gives back its heat")] = 6.0
     seal_friction: Annotated[float, Number("N", "constant friction of the piston")] = 0.0
     stribeck: Annotated[float, Number("N.m", "friction of the seals at standstill beyond that, at the drum")] = 0.0
+    force: Annotated[float, Number("N", "force of the spring")] = 0.0
+    stiffness: Annotated[float, Number("N/m", "stiffness of the spring", least=0.0)] = 0.0
+    mass: Annotated[float, Number("kg", "mass of the counterweight", least=0.0)] = 0.0
+    friction: Annotated[float, Number("N", "friction of spring or counterweight", least=0.0)] = 0.0
+
+    @property
+    def has_gas(self) -> bool:
+        """Whether there is a piston that gas presses on."""
+        return self.area > 0.0
 
     @property
     def eta_forward(self) -> float:
@@ -227,6 +247,9 @@ class Model(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, sensors=Sensors())
 
 
+IN_RIG = {"restoring.lead": 2.0 * math.pi, "restoring.mass": KGF}
+"""Numbers of the rig file over those of the model, where their units differ: a lead for each turn, a mass as its weight."""
+
 Operation = Literal["add", "scale", "compound"]
 """Change of a number: by an amount, by a share of it or, if it is itself a relative deviation, by a further share."""
 
@@ -251,20 +274,21 @@ def path_in_rig(path: str) -> str:
     return f"{section}.{number.in_rig or name}" if number is not None else path
 
 
-def required(part: str) -> tuple[str, ...]:
-    """Numbers of a part that a rig file must state, as they have no default."""
-    kind = PARTS[part]
-    return tuple(name for name in kind._fields if name not in kind._field_defaults)
+@cache
+def in_rig_file(part: str) -> Mapping[str, str]:
+    """Numbers of a part that rig files have, and their names there."""
+    names, stated = {name: number.in_rig or name for name, number in numbers_of(part).items()}, measures(SECTIONS[part])
+    return {name: in_rig for name, in_rig in names.items() if in_rig in stated}
 
 
 def stated_path(path: str) -> str:
-    """Section and name of a number that every rig file states; empty for one that no file has.
+    """Section and name of a number that rig files have; empty for one that no file has.
 
     >>> stated_path("drivetrain.gear"), stated_path("drivetrain.windage")
     ('drivetrain.gear_ratio', '')
     """
     section, _, name = path.partition(".")
-    return path_in_rig(path) if section in PARTS and name in required(section) else ""
+    return path_in_rig(path) if section in PARTS and name in in_rig_file(section) else ""
 
 
 def number_of(model: Model, path: str) -> float:

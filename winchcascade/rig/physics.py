@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numba.extending import register_jitable
 
+from winchcascade.core.quantity import KGF
 from winchcascade.core.run import Signal
 from winchcascade.rig.parts import DrivetrainModel, GeneratorModel, RestoringModel, WinchModel
 
@@ -23,7 +24,10 @@ REST = 0.01
 """Friction at the line changes its sign within this speed of the line. [m/s]"""
 
 TURN = 0.5
-"""Friction of the fast shaft changes its sign within this speed. [rad/s]"""
+"""Friction of the fast shaft changes its sign within this speed, [rad/s]"""
+
+TURN_DRUM = 0.05
+"""or, of a gear below 10, within this speed at the drum: a machine on the shaft of the drum turns at some rad/s. [rad/s]"""
 
 RPM = 30.0 / math.pi
 """Of a speed in rad/s. [rpm s/rad]"""
@@ -91,6 +95,34 @@ def piston_torque(pressure: X, gas: RestoringModel) -> X:
 
 
 @law
+def pulls(part: RestoringModel) -> bool:
+    """Whether a spring or a counterweight pulls at the drum."""
+    return part.force != 0.0 or part.stiffness != 0.0 or part.mass != 0.0 or part.friction != 0.0
+
+
+@law
+def pull_torque(angle: X, rise: X, r_drum: float, part: RestoringModel) -> X:
+    """Torque at the drum of a spring, F0 + k x, and of a counterweight, m (g + a), that the line of the drum moves. [N m]
+
+    Parameters
+    ----------
+    angle, rise : of the drum since zero payout [rad], and its acceleration [rad/s2]
+    """
+    return r_drum * (part.force + part.stiffness * r_drum * angle + part.mass * (KGF + r_drum * rise))
+
+
+@law
+def pull_friction(sign: X, r_drum: float, part: RestoringModel) -> X:
+    """Friction of a spring or a counterweight as a torque at the drum. [N m]"""
+    return r_drum * part.friction * sign
+
+
+def tension(force: Signal, winch: WinchModel) -> Signal:
+    """Tension that a cell in the line can read, (n,): a slack rope has none. [N]"""
+    return np.maximum(force, 0.0) if winch.goes_slack else force
+
+
+@law
 def open_clutch(sign: X, shaft: DrivetrainModel) -> X:
     """Torque of the open clutch on the PTO shaft while the line is hauled in, below zero. [N m]"""
     return -shaft.clutch_drag * 0.5 * (1.0 - sign) * abs(sign)
@@ -103,6 +135,12 @@ SHAFT_LOSSES = {
     "windage": "drag of the fast shaft with its speed squared",
 }
 """Losses of the fast shaft, in the order of `shaft_losses`, with what they are."""
+
+
+@law
+def turn(shaft: DrivetrainModel) -> float:
+    """Speed within which friction of the fast shaft changes its sign. [rad/s]"""
+    return min(TURN, TURN_DRUM * shaft.gear)
 
 
 @law
@@ -119,7 +157,7 @@ def shaft_losses(omega: X, sign: X, shaft: DrivetrainModel) -> tuple[tuple[X, X 
     """
     speed = abs(omega)
     return (
-        (shaft.friction * sign, shaft.friction * (1.0 - sign * sign) / TURN),
+        (shaft.friction * sign, shaft.friction * (1.0 - sign * sign) / turn(shaft)),
         (shaft.b_rotor * omega, shaft.b_rotor),
         (shaft.windage * speed * omega, shaft.windage * speed),
     )

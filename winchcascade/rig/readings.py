@@ -35,7 +35,8 @@ def readings(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors, sk
     line, step = np.empty((path.direction.size, len(LINE))), path.motion.step
     run_line(path.motion, path.direction, numbers, shaft[0], line)
     vdc = late(shaft[1], sensors.electrical_lag / step)
-    true = (*(line[:, LINE.index(name)] for name in READ[:3]), vdc, vdc / numbers.shaft.load)
+    pressure, force, torque = (line[:, LINE.index(name)] for name in READ[:3])
+    true = pressure, physics.tension(force, numbers.winch), torque, vdc, vdc / numbers.shaft.load
     delays = np.zeros(len(READ)) if skew is None else skew / step
     return np.array([sensors.read(name, late(x, by)) for name, x, by in zip(READ, true, delays, strict=True)])
 

@@ -73,6 +73,11 @@ READ = ("pressure", "force", "torque", "vdc", "idc")
 """Channels that sensors of the rig read."""
 
 
+def read_by(model: Model) -> tuple[str, ...]:
+    """Channels that sensors of a rig read: a rig without gas has no pressure."""
+    return tuple(name for name in READ if name != "pressure" or model.restoring.has_gas)
+
+
 class Simulation(msgspec.Struct, frozen=True):
     """What a model does along a motion.
 
@@ -143,7 +148,9 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     now, late = (_between(motion, t, out) for t in (run.t, sensors.late("vdc", run.t)))
     channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
     channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
-    channels |= {name: sensors.read(name, (late if name in ELECTRICAL else now)[name]) for name in READ}
+    true = {name: (late if name in ELECTRICAL else now)[name] for name in read_by(model)}
+    true["force"] = physics.tension(true["force"], model.winch)
+    channels |= {name: sensors.read(name, x) for name, x in true.items()}
     return Simulation(
         run=Run(
             name=run.name,

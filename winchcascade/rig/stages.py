@@ -14,11 +14,11 @@ import numpy as np
 
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.rig import physics
-from winchcascade.rig.backemf import RPM_MIN, dc_currents
+from winchcascade.rig.backemf import dc_currents, rpm_min
 from winchcascade.rig.bridge import back_emfs, bridge_table, dc_voltages
 from winchcascade.rig.kernel import LINE, LineMotion, constants, run_line
 from winchcascade.rig.parts import Model
-from winchcascade.rig.physics import RPM, TURN
+from winchcascade.rig.physics import RPM
 from winchcascade.rig.simulate import load_of
 
 Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
@@ -85,14 +85,15 @@ def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] =
     """Compute the output of each stage of a rig from its own measured inputs, in order from the line to the load.
 
     restoring : pressure of the gas, from the motion of the line
-    transmission : torque of the PTO shaft, from line tension, motion and pressure, less screw, losses and inertia
+    transmission : torque of the PTO shaft, from line tension, motion and pressure, less screw or pull, losses and inertia
     gearbox : the same torque, from the shaft speed and the power across the air gap, which follows from Vdc and Idc; in
         haul-in the drag of the open clutch
     generator : Vdc, from the shaft speed and the current that Idc and the capacitor take
     load : Idc, from Vdc; only where the load is known and no open circuit
 
-    A stage whose inputs the log lacks is left out. Whether the clutch carries torque is taken from the model along the
-    motion, so from no measured force, torque or voltage. In open circuit the bleed is the load, and Idc is not used.
+    A stage whose inputs the log lacks is left out, and `restoring` of a rig without gas. Whether the clutch carries torque is
+    taken from the model along the motion, so from no measured force, torque or voltage. In open circuit the bleed is the load,
+    and Idc is not used.
 
     Parameters
     ----------
@@ -100,14 +101,15 @@ def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] =
     only : the stages that are computed
     """
     electric = ("vdc",) if run.open_circuit else ("vdc", "idc")
+    gas = ("pressure",) if model.restoring.has_gas else ()
     seen = {name: model.sensors.corrected(name, run.t, x) for name, x in run.channels.items()}
     resistance = load_of(run) * (1.0 + model.dc_link.load_change)
     drive = _drive(run, model, course, seen)
     laws: tuple[tuple[Stage, str, tuple[str, ...], Callable[[], Signal]], ...] = (
         ("restoring", "pressure", ("velocity",), lambda: _pressure(run, model, course.motion)),
         (
-            "transmission", "torque", ("velocity", "force", "pressure"),
-            lambda: _torque_of_line(model, course, seen["force"], seen["pressure"]),
+            "transmission", "torque", ("velocity", "force", *gas),
+            lambda: _torque_of_line(model, course, seen["force"], seen["pressure"] if gas else np.zeros(run.t.size)),
         ),
         ("gearbox", "torque", ("velocity", *electric), lambda: _torque_of_shaft(model, course, drive)),
         ("generator", "vdc", ("velocity", *electric), lambda: _voltage(model, course, drive)),
@@ -116,7 +118,10 @@ def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] =
     return tuple(
         StageOutput(stage, channel, inputs, model.sensors.recorded(channel, run.t, law()))
         for stage, channel, inputs, law in laws
-        if stage in only and set(inputs) <= set(run.channels) and (stage != "load" or math.isfinite(resistance))
+        if stage in only
+        and set(inputs) <= set(run.channels)
+        and (stage != "load" or math.isfinite(resistance))
+        and (stage != "restoring" or gas)
     )
 
 
@@ -139,14 +144,21 @@ def _pressure(run: Run, model: Model, motion: LineMotion) -> Signal:
 
 
 def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal) -> Signal:
-    """Torque of the PTO shaft that follows from the line tension, (n,) [N m]: the inverse of `kernel.run_line`."""
+    """Torque of the PTO shaft that follows from the line tension, (n,) [N m]: the inverse of `kernel.run_line`.
+
+    A rope that is slack by the model has no tension that a torque follows from.
+    """
     winch, gas, sign = model.winch, model.restoring, physics.direction(course.v)
     slow, omega = physics.near_rest(course.v, sign, winch), course.v / model.r_motion
     screw = physics.piston_torque(pressure, gas) + physics.seal_torque(sign, slow, gas)
     screw *= physics.both_ways(sign, 1.0 / gas.eta_forward, gas.eta_reverse)
     lost = physics.line_losses(omega, sign, slow, winch) + winch.inertia * course.a / model.r_motion
+    if physics.pulls(gas):
+        lost += physics.pull_torque(course.x / model.r_motion, course.a / model.r_motion, winch.r_drum, gas)
+        lost += physics.pull_friction(sign, winch.r_drum, gas)
     torque = force / physics.line_over_drum(sign, winch) * physics.rope_radius(course.x, winch) - screw - lost
-    return np.where(np.abs(course.v) > MOVING, torque, np.nan)
+    known = np.abs(course.v) > MOVING
+    return np.where(known & (course.engaged | (screw + lost > 0.0)) if winch.goes_slack else known, torque, np.nan)
 
 
 def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
@@ -156,11 +168,11 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
     """
     shaft, machine = model.drivetrain, model.generator
     torque = np.where(course.v < -MOVING, physics.open_clutch(physics.direction(course.v), shaft), np.nan)
-    known = course.engaged & (drive.rpm > RPM_MIN) & np.isfinite(drive.i_bridge)
+    known = course.engaged & (drive.rpm > rpm_min(drive.rpm)) & np.isfinite(drive.i_bridge)
     omega, vdc, current = drive.rpm[known] / RPM, drive.vdc[known], np.maximum(drive.i_bridge[known], 0.0)
     _, i_s = back_emfs(machine, omega, vdc, current)
     torque_em = physics.air_gap_power(vdc, current, i_s, machine) / omega
-    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, TURN), shaft))
+    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, physics.turn(shaft)), shaft))
     speeding = shaft.inertia_rotor * course.a[known] / model.r_motion * shaft.gear
     torque[known] = shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding)
     return torque
@@ -168,7 +180,7 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
 
 def _voltage(model: Model, course: Along, drive: _Drive) -> Signal:
     """DC voltage at which the machine gives the current of the bridge, (n,) [V]."""
-    known = course.engaged & (drive.rpm > RPM_MIN) & (drive.i_bridge > 0.0)
+    known = course.engaged & (drive.rpm > rpm_min(drive.rpm)) & (drive.i_bridge > 0.0)
     known &= drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0)
     v_total, _ = dc_voltages(model.generator, drive.rpm[known] / RPM, drive.i_bridge[known], bridge_table())
     found = np.full(known.size, np.nan)

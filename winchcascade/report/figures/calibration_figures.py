@@ -28,7 +28,7 @@ KGF_PER_CM2 = 1.0 / 98066.5
 
 
 def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
-    """Draw the torque of the damper over generator speed, and line tension over gas pressure in payout and haul-in."""
+    """Draw the torque of the damper over generator speed, and line tension over gas pressure, without gas over displacement."""
     figure, (left, right) = panel_figure(2.8, 1, 2)
     force, torque, pressure = (CHANNELS.index(name) for name in ("force", "torque", "pressure"))
     out = np.flatnonzero(blocks.phase == PAYOUT)[np.argsort(blocks.rpm[blocks.phase == PAYOUT])]
@@ -38,13 +38,14 @@ def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
     label_panel(left, "a", "Torque that the damper takes, at the PTO shaft", x=SPEED, unit="N·m")
     marks: LineStyle = {"ls": "none", "marker": ".", "ms": 3.0, "mew": 0.0}
     moving = np.isin(blocks.phase, (PAYOUT, HAUL_IN))
-    dots(right, blocks.fitted[moving, pressure] * KGF_PER_CM2, blocks.measured[moving, force], COLOURS["ink"])
+    over, label = blocks.fitted[:, pressure] * KGF_PER_CM2, "Gas pressure, gauge (kg/cm²)"
+    if blocks.displacement is not None:
+        over, label = blocks.displacement, "Line displacement (m)"
+    dots(right, over[moving], blocks.measured[moving, force], COLOURS["ink"])
     for phase, colour in ((PAYOUT, "mech"), (HAUL_IN, "gen")):
         here = blocks.phase == phase
-        right.plot(
-            blocks.fitted[here, pressure] * KGF_PER_CM2, blocks.fitted[here, force], color=COLOURS[colour], **marks
-        )
-    label_panel(right, "b", "Line tension", x="Gas pressure, gauge (kg/cm²)", unit="N")
+        right.plot(over[here], blocks.fitted[here, force], color=COLOURS[colour], **marks)
+    label_panel(right, "b", "Line tension", x=label, unit="N")
     names = {"fitted, payout": "mech", "fitted, haul-in": "gen"}
     legend_above(figure, [samples_entry(word, "ink"), *(line_entry(name, c, **marks) for name, c in names.items())])
     return figure

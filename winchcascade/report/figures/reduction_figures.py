@@ -16,7 +16,7 @@ from matplotlib.path import Path as Outline
 
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Index, Signal
-from winchcascade.reduction.bins import Bin, bin_powers, engaged, generator_speed
+from winchcascade.reduction.bins import Bin, bin_powers, bin_width, engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.histories import (
@@ -130,7 +130,7 @@ def draw_current_over_speed(ax: Axes, reduction: Reduction) -> None:
     idc = run.channels["idc"]
     dots(ax, rpm[rows], idc[rows], COLOURS["gen"])
     driven = engaged(run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig)
-    bins = bin_powers(rpm, 1.0, driven, {"idc": idc.__getitem__}, rig.thresholds.rpm_bin)
+    bins = bin_powers(rpm, 1.0, driven, {"idc": idc.__getitem__}, bin_width(rig, float(rpm.max())))
     _means(ax, bins, "idc", 1.0, color=COLOURS["gen"])
     label_panel(ax, "c", "DC link", x="Generator speed (rpm)", y="Current (A)")
     _speeds(ax, reduction)

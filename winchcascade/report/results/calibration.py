@@ -194,13 +194,16 @@ def fit_blocks(calibration: Calibration) -> list[Block | None]:
     """Damper and screw by the blocks of the fit, and the regression of the back-EMF. Called within the style of figures."""
     from winchcascade.report.figures.calibration_figures import back_emf_figure, damper_and_screw
 
-    word = calibration.run.origin.word
+    word, gas = calibration.run.origin.word, calibration.rig.restoring.has_gas
+    over = (
+        "gas pressure: screw friction makes that of payout and haul-in" if gas else "displacement in payout and haul-in"
+    )
     return [
         picture(
             damper_and_screw(calibration.blocks, word=word), "model-damper",
             "Block means of the log and of the fit. Torque in payout beyond that of a shaft without the damper, over "
-            "generator speed. Line tension over gas pressure: screw friction makes that of payout and haul-in.",
-            "Dots along a line through zero, and along two branches that rise with the pressure.",
+            f"generator speed. Line tension over {over}.",
+            "Dots along a line through zero, and along the two branches of payout and haul-in.",
         ),
         picture(
             back_emf_figure(calibration.regression, calibration.numbers[0].before, word=word), "model-emf",

@@ -136,7 +136,7 @@ def _differences_table(given: Sequence[Named]) -> Table[Difference] | None:
     )  # fmt: skip
 
 
-ALWAYS = ("stored gas", "screw", "line losses", "inertia", "mesh", "damper", "copper", "diodes", "DC link")
+ALWAYS = ("line losses", "inertia", "mesh", "damper", "copper", "diodes", "DC link")
 """Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
 
 GROUP_SHARE_MIN = 5e-4

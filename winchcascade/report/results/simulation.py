@@ -89,8 +89,8 @@ def _percent_of_line(entry: str, joule: Mapping[str, float]) -> float | None:
 
 
 def _tiles(joule: Mapping[str, float]) -> list[Tile]:
-    """Energies of the line, the gas and the DC link."""
-    listed = [entry for entry in ("line", "gas", "dc") if entry in _significant(joule)]
+    """Energies of the line, the restoring module and the DC link."""
+    listed = [entry for entry in ("line", "gas", "pull", "dc") if entry in _significant(joule)]
     shares = {entry: _percent_of_line(entry, joule) for entry in listed}
     return [
         Tile(

@@ -1,0 +1,181 @@
+"""The pages of the method state the numbers that the code uses."""
+
+import math
+import re
+import sys
+from functools import cache
+
+import msgspec
+import numpy as np
+import pytest
+from pages import DOCS, ROOT, read, shown
+
+from winchcascade import baseline, read_run, simulate
+from winchcascade.blind.score import count
+from winchcascade.core import accuracy
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.rig_file import ModelAccuracy, PhaseRule, Thresholds
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.toml_file import struct_fields
+from winchcascade.diagnosis import closure, nuisances, verdict_limits
+from winchcascade.diagnosis.predict import COARSE
+from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors
+from winchcascade.reduction import efficiency_between_runs as between_runs
+from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
+from winchcascade.reduction import uncertainty as draws
+from winchcascade.reduction.checks import at_rest, cycles, load, pairs, phased_log
+from winchcascade.rig.simulate import READ, STEP, Simulation
+
+
+def text_of(page: str, part: str = "") -> str:
+    """A page on one line, or the part below one of its headings."""
+    text = read(DOCS / f"{page}.md")
+    if part:
+        text = re.split(r"^#+ ", text.split(f"# {part}", 1)[1], flags=re.MULTILINE)[0]
+    return " ".join(text.split())
+
+
+def stated(page: str) -> dict[str, float]:
+    """What a page writes as `name = number`."""
+    return {name: float(value) for name, value in re.findall(r"`(\w+) = ([\d.e-]+)`", read(DOCS / f"{page}.md"))}
+
+
+def defaults_of(kind: type[msgspec.Struct]) -> dict[str, float]:
+    """Numbers among the settings of a rig file that need not be stated, by their names in the file."""
+    fields = {field.encode_name: field.default for field in struct_fields(kind)}
+    return {name: value for name, value in fields.items() if isinstance(value, float)}
+
+
+def test_the_method_states_every_threshold_of_a_rig_file_with_its_default() -> None:
+    found, thresholds = stated("method"), defaults_of(Thresholds)
+    assert thresholds.keys() <= found.keys()
+    assert found.items() <= {**defaults_of(PhaseRule), **thresholds}.items()
+
+
+PERCENT = 100.0
+
+CHECKED = {
+    "`spike`: one to 5 samples": (faults.SHORT, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE),
+    "`spike`: code": (samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, faults.HELD_TIME, PERCENT * faults.ONE_END),
+    "`stuck`": (faults.MIN_HELD, math.exp(faults.CERTAIN), faults.TRAVEL),
+    "`clock_mismatch`: jump": (lost_rows.LARGE[0], lost_rows.MAX_JUMPS),
+    "`clock_mismatch` ": (PERCENT * agreement.UNIT, agreement.GAIN_MAX),
+    "`out_of_range`": (sensors.MIN_REPEATS, PERCENT * agreement.GAIN, agreement.CERTAIN_U),
+    "`load_mismatch`": (accuracy.CERTAIN, PERCENT * load.MISMATCH, load.SAME_NOISE),
+    "`channel_lag`": (accuracy.CERTAIN, pairs.SAME_TIME, pairs.OF_THE_MACHINE),
+    "`zero_offset`": (at_rest.TIME_CONSTANTS, accuracy.CERTAIN),
+    "`gain_step`": (PERCENT * phased_log.REPORTED / 2.0, accuracy.CERTAIN + 1.0),
+    "`dead_channel`": (cycles.OPPOSED,),
+    "`stroke_mismatch`": (PERCENT * accuracy.CERTAIN * cycles.STROKE,),
+    "`coarse_sampling`": (PERCENT * efficiency_changes.REPEATABILITY,),
+    "`coarse_resolution`": (PERCENT * phased_log.REPORTED,),
+    "## Irregular waves": (wave_bootstrap.BOOTSTRAP["draws"], wave_bootstrap.MIN_WAVES),
+    "## Net energies": (PERCENT * energies.NET_TRAVEL_MAX,),
+    "## Efficiencies that change": (
+        efficiency_changes.MOVES, 1.0 / efficiency_changes.ALPHA, PERCENT * efficiency_changes.REPEATABILITY,
+        PERCENT * between_runs.ETA_SCATTER, between_runs.ETA_DISTANCE_MIN,
+    ),
+    "## Phases": (phases.PEAK_OF_NOISE, phases.OVERTAKEN, phases.REST),
+    "## Incomplete cycles": (
+        gap_error.INSTANT_REACH, PERCENT * gap_error.WHOLE_RECORD, PERCENT * gap_error.WHOLE_ENERGY,
+    ),
+}  # fmt: skip
+"""Constants of each row or part of the page on the method, in the unit in which it states them."""
+
+
+@pytest.mark.parametrize("place", CHECKED)
+def test_the_method_states_the_constants_of_each_check(place: str) -> None:
+    text = read(DOCS / "method.md").split(place, 1)[1]
+    text = re.split(r"^## " if place.startswith("#") else r"\n", text, maxsplit=1, flags=re.MULTILINE)[0]
+    written = {float(number) for number in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", f"{place} {text}")}
+    for constant in CHECKED[place]:
+        assert any(math.isclose(constant, number, rel_tol=1e-9) for number in written), constant
+
+
+def test_every_limit_of_a_verdict_is_stated_with_its_value() -> None:
+    limits = {name: value for name, value in vars(verdict_limits).items() if name.isupper()}
+    assert stated("how_a_diagnosis_works") == limits
+
+
+def test_what_a_diagnosis_allows_of_model_and_rig_is_stated() -> None:
+    text = text_of("how_a_diagnosis_works", "What is compared")
+    assert all(f"{sd:g} {unit}" in text for sd, unit in nuisances.ABSENT.values())
+    assert all(f"{PERCENT * share:g} %" in text for share in nuisances.OF_THE_MODEL.values())
+    assert f"{PERCENT * ModelAccuracy().discrepancy:g} %" in text
+    assert f"{closure.DRAWS} times" in text_of("how_a_diagnosis_works", "Numbers")
+
+
+def test_the_intervals_of_a_reduction_are_drawn_as_stated() -> None:
+    text = text_of("uncertainty", "Intervals")
+    assert f"{draws.DRAWS} draws" in text
+    assert f"more than {PERCENT * draws.LINEAR_WITHIN:g} %" in text
+
+
+def test_the_allowance_of_an_audit_follows_from_the_printed_deviations() -> None:
+    energy, eta, k = 0.185, 0.0255, 2.0 / 3.0  # the largest that round to 18 % and 2.5 %; three cycles
+    percent = (f"{PERCENT * energy * eta * k:.2f} %", f"{PERCENT * eta**2 * k:.2f} %")
+    assert " and ".join(percent) in text_of("uncertainty", "A published cell")
+
+
+def test_the_intervals_of_the_trials_follow_from_their_counts() -> None:
+    rows = re.findall(r"\| (\d+) of (\d+) \| (\d+) to (\d+) % \|", read(DOCS / "trials.md"))
+    assert len(rows) > 5
+    for row in rows:
+        good, cases, low, high = map(int, row)
+        ends = count([True] * good + [False] * (cases - good)).interval_95
+        assert [round(PERCENT * end) for end in ends] == [low, high], row
+
+
+def test_the_trials_have_as_many_campaigns_as_their_families(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    families = pytest.importorskip("families").FAMILIES
+    sys.modules.pop("families")
+    assert f"diagnoses {sum(family.cases for family in families.values())} campaigns" in text_of("trials", "Families")
+
+
+# ------------------------------------------------------------------------------------------------------------- the model
+@cache
+def simulated(step: float) -> tuple[Simulation, ...]:
+    """Simulations along the shipped logs, in steps of so many seconds."""
+    model = baseline(built_in())
+    runs = [read_run(run.file, load=run.load) for run in load_campaign(ROOT / "fixtures" / "campaign").runs]
+    return tuple(simulate(run, model, step=step) for run in runs)
+
+
+def largest_change(one: float, other: float) -> float:
+    """Of any channel along any shipped log, as a share of its largest value."""
+    return max(
+        float(np.abs(a.run.channels[name] - b.run.channels[name]).max() / np.abs(a.run.channels[name]).max())
+        for a, b in zip(simulated(one), simulated(other), strict=True)
+        for name in READ
+    )
+
+
+@pytest.mark.slow
+def test_the_steps_of_the_model_are_as_exact_as_its_page_states() -> None:
+    text = text_of("model", "Integration")
+    ((half, balance, coarse),) = (
+        map(float, numbers) for numbers in re.findall(r"more than (\S+) %.* within (\S+)\. .* most (\S+) %", text)
+    )
+    assert re.findall(r"(\S+) ms", text) == [f"{1e3 * STEP:g}", f"{1e3 * COARSE:g}"]
+    assert PERCENT * largest_change(STEP, 0.5 * STEP) < half
+    assert PERCENT * largest_change(STEP, COARSE) < coarse
+    for done in simulated(STEP):
+        joule = {name: entry[-1] for name, entry in done.energy.items()}
+        assert sum(joule.values()) - joule["line"] == pytest.approx(joule["line"], rel=balance)
+
+
+def test_the_efficiencies_of_the_screw_are_those_of_the_paper() -> None:
+    gas, text = baseline(built_in()).restoring, text_of("model", "Restoring module")
+    assert f"= {gas.eta_forward:.3f}`" in text
+    assert f"= {gas.eta_reverse:.3f}`" in text
+
+
+# --------------------------------------------------------------------------------------------------------- adding an effect
+def test_the_added_effects_are_found_with_the_numbers_that_were_simulated() -> None:
+    page = DOCS / "adding_an_effect.md"
+    given = {name: float(value) for name, value in re.findall(r"--with (\w+)\.\w+=(\S+)", read(page))}
+    (printed,) = shown(page).values()
+    found = {row[0]: (float(row[3]), float(row[5])) for row in map(str.split, printed.splitlines()) if row[0] in given}
+    assert found.keys() == given.keys()
+    assert all(low <= given[name] <= high for name, (low, high) in found.items())
