@@ -1,8 +1,8 @@
 """Draw the pictures of the documents from the shipped data.
 
 `python docs/pictures.py [NAME ...]` writes docs/pictures/: the cascade, the terminal, figures that a command writes, and a
-photograph of the page of a campaign by Chromium. `sources.json` holds the data behind each picture; a test compares them with the
-present results.
+photograph of the page of a campaign by Chromium. `sources.json` holds the data behind each picture; a test compares them with
+the present results.
 """
 
 import json
