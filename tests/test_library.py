@@ -60,6 +60,18 @@ def _at_rest() -> pd.DataFrame:
     return pd.DataFrame({"Time (s)": np.arange(200) / 10.0, "Velocity (m/s)": 0.0, "Force (N)": 200.0, "Vdc (V)": 0.0})
 
 
+def test_a_file_a_frame_and_a_run_of_one_log_are_reduced_to_the_same_numbers(tmp_path: Path) -> None:
+    log, rig = Path("fixtures/campaign/r36ohm.csv"), built_in()
+    run = reduce(read_run(log, load=36.0, rig=rig), window=5.48)
+    for given in (log, str(log), pd.read_csv(log)):
+        found = reduce(given, load=36.0, rig=rig, window=5.48)
+        assert found.mean == run.mean
+        assert (found.run.load, found.rig, found.quality) == (36.0, run.rig, run.quality)
+    assert reduce(log).mean == run.mean  # its campaign states load and window
+    shutil.copy(log, tmp_path)
+    assert reduce(tmp_path / log.name).run.load is None
+
+
 def test_results_are_shown_in_one_line() -> None:
     run = read_run("fixtures/campaign/open_circuit.csv", load=math.inf)
     assert repr(calibrate(run)).startswith("Calibration('hsu2026', k_e = 0.0620")
@@ -128,7 +140,7 @@ def test_reports_are_written_by_the_ending_of_their_names(campaign: Path, tmp_pa
         OptionError, match=r"x\.docx: no ending of a report; expected a name that ends in \.html or \.pdf"
     ):
         write_report(reduction, tmp_path / "x.docx")
-    with pytest.raises(OptionError, match=r"Run has no report; expected the result of reduce"):
+    with pytest.raises(OptionError, match=r"Run has no report.*: Audit, .*, Simulation"):
         write_report(reduction.run, tmp_path / "x.html")
 
 
@@ -137,5 +149,5 @@ def test_a_campaign_is_diagnosed_as_by_the_command(tmp_path: Path) -> None:
     found = open_campaign(folder).diagnose(suspects=SUSPECTS)
     assert [cause.effect for cause in found.causes] == ["copper_heating"]
     (folder / "campaign.toml").unlink()
-    with pytest.raises(CampaignError, match=r"holds no campaign\.toml; a diagnosis expects one"):
+    with pytest.raises(CampaignError, match="winchcascade init"):
         open_campaign(folder).diagnose()

@@ -123,7 +123,9 @@ MISUSES: dict[str, Misuse] = {
     ),
     "Run frozen": (lambda value: setattr(run(), "load", value), [3.0]),
     "Run frozen channels": (lambda value: run().channels.__setitem__("force", value), [None]),
-    "reduce run": (wc.reduce, [LOG, None, frame(velocity=1.0)]),
+    "reduce run": (wc.reduce, [None, 3, [LOG], "no_such.csv", frame(), frame(velocity=np.nan)]),
+    "reduce load": (lambda load: wc.reduce(run(), load=load), [36.0]),
+    "reduce load of a file": (keyword(wc.reduce, "load", LOG), [0.0, "36"]),
     "reduce rig": (keyword(wc.reduce, "rig", run), ["hsu2026", "", Path("rig.toml")]),
     "reduce window": (
         keyword(wc.reduce, "window", run), ["soon", 0.0, math.nan, True, (1.0, 2.0), 500.0, ""],
@@ -142,6 +144,7 @@ MISUSES: dict[str, Misuse] = {
         ],
     ),
     "reduction to_pandas": (lambda table: reduction().to_pandas(table), ["cycle", 3]),
+    "run plot": (lambda what: run().plot(what), ["forse", 3, "flow"]),
     "write_report result": (lambda result: wc.write_report(result, "page.html"), ["text", None, run]),
     "write_report path": (
         lambda path: wc.write_report(reduction(), path), ["page.docx", None, "", "no/such/folder/page.html"],

@@ -1,7 +1,7 @@
 """Energies and efficiencies from the log of a winch-driven power take-off.
 
->>> from winchcascade import read_run, reduce
->>> round(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48).mean.eta_trans, 2)
+>>> from winchcascade import reduce
+>>> round(reduce("fixtures/campaign/r36ohm.csv").mean.eta_trans, 2)
 0.9
 """
 

@@ -225,7 +225,7 @@ def test_changed_content_redoes_that_log_and_the_campaign(campaign: Path, done: 
     assert redone(campaign, out=done) == ["r9ohm.csv"]
     after = stamps(done)
     assert {name for name in after if after[name] == before[name]} == {"runs/r36ohm.csv.json"}
-    rows = parquet.read_table(done / "dataset" / "runs.parquet").to_pylist()
+    rows = parquet.read_table(done / "dataset" / "runs_all.parquet").to_pylist()
     assert [row["samples"] for row in rows] == [2767, 3411 - 10]
     assert summary(done)["r9ohm.csv"]["mean"] == json.loads((done / "runs" / "r9ohm.csv.json").read_bytes())["mean"]
 
@@ -330,7 +330,7 @@ def test_what_a_call_in_between_did_not_ask_for_is_not_left_of_another_log(tmp_p
             tiles.append(
                 re.findall(r'<span class="value">([^<]*)', (out / "campaign.html").read_text(encoding="utf-8"))
             )
-            head, _, row = openpyxl.load_workbook(out / "campaign.xlsx")["runs"].values
+            head, _, row = openpyxl.load_workbook(out / "campaign.xlsx")["runs_all"].values
             samples.append(row[head.index("samples")])
     assert samples == [2767, 3411]
     assert tiles[0] != tiles[1]
@@ -573,7 +573,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     with begin(place, "--jobs", "2") as call:
         assert call.wait() == 0
     found = contents(place / "out")
-    assert len(found) == COPIES + 5
+    assert len(found) == COPIES + 1 + len(TABLES)
     return found
 
 

@@ -15,6 +15,7 @@ from pyarrow import dataset, parquet
 from winchcascade.batch.dataset import SCHEMA, TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
+from winchcascade.report.frames import RUNS_MAX
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 FORMULA = "=SUM(A1)"
@@ -68,7 +69,7 @@ READERS: list[Callable[[Path], Rows]] = [by_pyarrow, by_duckdb, by_pandas]
 def test_every_reader_sees_the_means_of_every_log(
     out: Path, records: dict[str, dict[str, Any]], read: Callable[[Path], Rows]
 ) -> None:
-    rows = {row["run"]: row for row in read(out / "dataset" / "runs.parquet")}
+    rows = {row["run"]: row for row in read(out / "dataset" / "runs_all.parquet")}
     assert list(rows) == list(records)
     for name, record in records.items():
         row = rows[name]
@@ -82,6 +83,13 @@ def test_every_reader_sees_the_means_of_every_log(
             assert row[f"{metric}_max_deviation_percent"] == record["max_deviation_percent"][metric]
             interval = record["interval_95"][metric] or [None, None]
             assert [row[f"{metric}_low_95"], row[f"{metric}_high_95"]] == interval
+
+
+def test_the_table_of_runs_is_a_part_of_all_columns(out: Path) -> None:
+    brief, whole = (by_pyarrow(out / "dataset" / f"{table}.parquet") for table in ("runs", "runs_all"))
+    assert len(brief[0]) == RUNS_MAX
+    assert {"load_ohm", "eta_pto", "eta_pto_standard_uncertainty", "power_gen_w", "findings"} <= brief[0].keys()
+    assert brief == [{name: row[name] for name in brief[0]} for row in whole]
 
 
 @pytest.mark.parametrize("read", READERS)
@@ -129,11 +137,13 @@ def test_a_table_says_its_schema(out: Path, table: str) -> None:
 
 def test_the_workbook_has_the_same_rows(out: Path) -> None:
     book = openpyxl.load_workbook(out / "campaign.xlsx")
-    assert tuple(book.sheetnames) == ("summary", *TABLES)
+    assert tuple(book.sheetnames) == TABLES
     for table in TABLES:
         head, units, *rows = book[table].values
         assert len(units) == len(head)
         expected = by_pyarrow(out / "dataset" / f"{table}.parquet")
+        if table == "runs":
+            expected.sort(key=lambda row: float(row["load_ohm"]))
         assert list(head) == list(expected[0])
         assert len(rows) == len(expected)
         for row, known in zip(rows, expected, strict=True):
@@ -146,20 +156,20 @@ def test_the_workbook_has_the_same_rows(out: Path) -> None:
                     assert cell == (f"'{value}" if value == f"{FORMULA}.csv" else value)
 
 
-def test_the_workbook_begins_with_a_summary_by_load_and_a_chart(out: Path) -> None:
+def test_the_workbook_begins_with_the_runs_by_load_and_a_chart(out: Path) -> None:
     sheet = openpyxl.load_workbook(out / "campaign.xlsx").worksheets[0]
     head, units, *rows = sheet.values
-    assert sheet.title == "summary"
+    assert sheet.title == "runs"
     assert sheet.freeze_panes == "B3"
     unit = dict(zip(head, units, strict=True))
     assert (unit["load_ohm"], unit["energy_line_j"], unit["power_gen_w"], unit["eta_pto"]) == ("ohm", "J", "W", "1")
-    loads = [row[1] for row in rows if row[0] is not None]
+    loads = [row[head.index("load_ohm")] for row in rows if row[0] is not None]
     known = [load for load in loads if isinstance(load, int | float)]
     assert known == sorted(known)
     assert loads[: len(known)] == known  # an open circuit and an unknown load come last
     (chart,) = sheet._charts
     assert len(chart.series) == sum(
-        str(name).startswith("eta_") and not str(name).endswith("uncertainty") for name in head
+        str(name).startswith("eta_") and not str(name).endswith(("uncertainty", "percent")) for name in head
     )
     formats = {head[k]: cell.number_format for k, cell in enumerate(sheet[3])}
     assert formats["eta_pto"] == "0.0000"

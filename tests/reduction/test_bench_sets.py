@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from winchcascade import read_run, reduce
+from winchcascade import load_rig, reduce
 from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduction_result import Reduction
@@ -60,8 +60,7 @@ from = "SOURCE"
 
 
 def reduced(path: Path, rig: str) -> Reduction:
-    known = parse_rig(rig, "rig.toml")
-    return reduce(read_run(path, rig=known), rig=known)
+    return reduce(path, rig=parse_rig(rig, "rig.toml"))
 
 
 def column(path: Path, number: int) -> Signal:
@@ -115,31 +114,9 @@ def test_a_wave_maker_at_rest_has_no_wave_and_its_power_contradicts_torque_and_s
     assert any("power_mech is -0.98" in finding.message for finding in found.quality)
 
 
-def test_gaps_of_minutes_leave_a_compressed_air_bench_usable(shared: Path) -> None:
-    path = shared / "benches" / "dexpand-ctu" / "MM_axial_PDLT_compressedair_05192023.csv"
-    found = reduced(
-        path,
-        'name = "expander"\n[cascade]\nstages = ["mech"]\n[stage.mech]\npower = "torque * speed"\n'
-        '[columns]\nspeed = { name = "rotation speed", side = "shaft" }\n'
-        '[thresholds]\ngap_max = 5.0\n[phases]\nfrom = "whole"\n',
+def test_battery_and_load_dump_of_the_vented_buoy_take_0_631_of_what_the_rod_gives(shared: Path) -> None:
+    found = reduce(
+        shared / "benches" / "mbari-wec-pto" / "2022.12.21T15.44.24_VentedSpring.exp",
+        rig=load_rig("fixtures/measured/mbari/rig.toml"),
     )
-    assert [c.complete for c in found.cycles].count(True) >= 3
-    torque, rpm, power = (column(path, k)[1:] for k in (2, 1, 3))
-    mean = float(np.nanmean(torque * rpm / RPM))
-    assert mean == pytest.approx(float(np.nanmean(power)), rel=0.01)
-    seconds = sum(c.window.cutoff - c.window.onset for c in found.cycles)
-    watts = sum(c.metrics.value("energy_mech") for c in found.cycles) / seconds
-    assert watts == pytest.approx(mean, rel=0.03)
-
-
-@pytest.mark.parametrize(("log", "eta"), [("2021.07.26T10.51.44", 0.648), ("2022.12.21T15.44.24_VentedSpring", 0.631)])
-def test_the_energies_of_battery_and_load_dump_add_up(log: str, eta: float, shared: Path) -> None:
-    measured = shared / "benches" / "mbari-wec-pto" / f"{log}.exp"
-    page = Path("docs/benches.md").read_text().partition("Save as `mbari.toml`:\n\n```toml\n")[2]
-    rig = parse_rig(page.partition("```")[0], "mbari.toml")
-    (cycle,) = reduce(read_run(measured, rig=rig)).cycles
-    t, v, force, volts, battery, dump = np.genfromtxt(measured, usecols=[0, 2, 16, 6, 8, 9], unpack=True)
-    line, dc = np.trapezoid([0.0254 * v * 4.4482216 * force, volts * (battery + dump)], t)
-    assert cycle.metrics.value("eta_line_dc") == pytest.approx(eta, abs=5e-4)
-    assert cycle.metrics.value("energy_line") == pytest.approx(line, rel=1e-6)
-    assert cycle.metrics.value("energy_dc") == pytest.approx(dc, rel=1e-4)  # samples of vdc that repeat are bridged
+    assert found.mean.value("eta_line_dc") == pytest.approx(0.631, abs=5e-4)

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,25 @@ import pytest
 from diagnosed import diagnosed
 from matplotlib.axes import Axes
 
-from winchcascade import CampaignReduction, Reduction, frame, open_campaign, plot, read_run, reduce, summary_html
+from winchcascade import (
+    CampaignReduction,
+    Reduction,
+    audit,
+    calibrate,
+    compare,
+    frame,
+    open_campaign,
+    plot,
+    read_run,
+    reduce,
+    simulate,
+    summary_html,
+)
 from winchcascade.core.errors import OptionError
 from winchcascade.core.quantity import KGF
 from winchcascade.reduction.run_record import reduction_json
 from winchcascade.report.figures.style import COLOURS
-from winchcascade.report.frames import write_parquet
+from winchcascade.report.frames import RUNS_MAX, write_parquet
 from winchcascade.report.results.diagnosis_record import as_json
 
 mpl.use("Agg")
@@ -72,9 +85,11 @@ def test_units_of_display_are_percent_rpm_and_kg_per_cm2(reduction: Reduction) -
     assert shown["energy_line_j"].equals(plain["energy_line_j"])
     run = reduction.run
     assert np.array_equal(run.to_pandas()["pressure_pa"], run.channels["pressure"])
-    assert np.allclose(run.to_pandas("display")["pressure_kgcm2"] * KGF * 1e4, run.channels["pressure"], rtol=1e-15)
+    assert np.allclose(
+        run.to_pandas(units="display")["pressure_kgcm2"] * KGF * 1e4, run.channels["pressure"], rtol=1e-15
+    )
     fast = msgspec.structs.replace(run, channels={"speed": np.array([math.pi])}, t=np.array([0.0]), fs=1.0)
-    assert fast.to_pandas("display")["speed_rpm"].tolist() == [30.0]
+    assert fast.to_pandas(units="display")["speed_rpm"].tolist() == [30.0]
     assert fast.to_pandas()["speed_radps"].tolist() == [math.pi]
 
 
@@ -103,7 +118,9 @@ def test_frames_of_a_campaign_have_the_means_of_each_run(campaign: CampaignReduc
     record = campaign.records["r9.csv"]
     opened = msgspec.structs.replace(record, log=msgspec.structs.replace(record.log, load_ohm=None, open_circuit=True))
     both = msgspec.structs.replace(campaign, records={"one": record, "two": opened})
-    found, shown = frame(both, "runs"), frame(both, "runs", "display")
+    found, shown = frame(both, "runs_all"), frame(both, "runs_all", "display")
+    pd.testing.assert_frame_equal(both.to_pandas(), found[both.to_pandas().columns])
+    assert len(both.to_pandas().columns) == RUNS_MAX
     assert found["run"].tolist() == ["one", "two"]
     assert found["load_ohm"].tolist() == [9.0, math.inf]
     assert found["eta_pto"].tolist() == [record.mean["eta_pto"]] * 2
@@ -139,7 +156,55 @@ def test_parts_of_a_metric_add_up_and_are_displayed_in_percent() -> None:
     assert shown.loc[others].equals(plain.loc[others])
 
 
+RESULTS: dict[str, tuple[Callable[[Reduction, CampaignReduction], Any], int]] = {
+    "run": (lambda one, _: one.run, 2767),
+    "reduction": (lambda one, _: one, 3),
+    "campaign": (lambda _, both: both, 2),
+    "diagnosis": (lambda *_: diagnosed("copper"), 1),
+    "comparison": (lambda one, _: compare(one, one), 14),
+    "check": (lambda *_: open_campaign("fixtures/campaign").check("hsu2026-table2"), 54),
+    "audit": (lambda *_: audit("hsu2026-table2"), 1),
+    "calibration": (lambda *_: calibrate(read_run("fixtures/campaign/open_circuit.csv")), 4),
+    "simulation": (lambda one, _: simulate(one.run), 2767),
+}
+"""Results of each kind, and the rows of their main tables: samples, cycles, runs, numbers of causes, metrics, cells, ..."""
+
+
+@pytest.mark.parametrize("kind", RESULTS)
+def test_every_result_has_a_main_table_and_is_shown_in_a_notebook(
+    kind: str, reduction: Reduction, campaign: CampaignReduction
+) -> None:
+    make, rows = RESULTS[kind]
+    found = make(reduction, campaign)
+    assert len(found.to_pandas()) == rows
+    pd.testing.assert_frame_equal(found.to_pandas(), frame(found))
+    assert "<p" in found._repr_html_()
+
+
+def test_the_numbers_of_the_json_are_in_the_tables_of_check_and_calibration() -> None:
+    cells = open_campaign("fixtures/campaign").check("hsu2026-table2").to_pandas()
+    within = (cells["measured"] - cells["printed"]).abs() <= cells["tolerance_total"]
+    assert within.equals(cells["outcome"] == "ok")
+    known = calibrate(read_run("fixtures/campaign/open_circuit.csv"))
+    numbers = known.to_pandas("numbers").set_index("name")
+    assert {n.name: (n.value, n.low, n.high) for n in known.numbers} == {
+        name: (row["value"], row["low"], row["high"]) for name, row in numbers.iterrows()
+    }
+
+
 # -------------------------------------------------------------------------------------------------------------------- plots
+def test_channels_of_a_run_are_drawn_alone_in_groups_and_together(reduction: Reduction) -> None:
+    run = reduction.run
+    (force,) = run.plot("force").lines
+    assert np.array_equal(force.get_ydata(), run.channels["force"])
+    assert np.array_equal(force.get_xdata(), run.t)
+    electrical = run.plot("electrical")
+    assert [ax.get_ylabel() for ax in electrical] == ["V", "A"]
+    assert len(run.plot()) == len(run.channels)
+    _, ax = plt.subplots()
+    assert run.plot("pressure", ax=ax) is ax
+
+
 def drawn(ax: Axes, label: str) -> tuple[list[float], list[float]]:
     line = next(line for line in ax.lines if label in str(line.get_label()))
     return np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist()
@@ -190,15 +255,16 @@ def test_a_diagnosis_has_a_map_and_waterfalls() -> None:
     ("wrong", "message"),
     [
         (lambda r: frame(r, "cycle"), r"to_pandas\('cycle'\): no such table; expected one of 'cycles', 'bins'"),
-        (lambda r: r.run.to_pandas("SI"), r"units='SI'\): no such units; expected 'si' or 'display'"),
+        (lambda r: r.run.to_pandas(units="SI"), r"units='SI'\): no such units; expected 'si' or 'display'"),
         (lambda r: plot(r, "powers"), r"plot\('powers'\): no such plot of this result; expected one of 'power'"),
         (
             lambda r: plot(msgspec.structs.replace(r, bins=()), "speed"),
             r"plot\('speed'\): .*the speed of the generator",
         ),
-        (lambda r: frame(r.mean), "frame: Metrics has no frame"),
-        (lambda r: plot(r.run), "plot: Run has no plot"),
-        (lambda r: summary_html(r.run), "summary_html: Run has no summary"),
+        (lambda r: frame(r.mean), "frame: Metrics has no table.* Audit, Calibration, CampaignReduction"),
+        (lambda r: plot(r.run, "flow"), r"plot\('flow'\): no such plot of this result; expected one of 'history'"),
+        (lambda _: plot(audit("hsu2026-table2")), "plot: Audit has no plot.*: CampaignReduction, .* Run"),
+        (lambda r: summary_html(r.mean), "summary_html: Metrics has no summary"),
     ],
 )
 def test_what_a_result_does_not_have_is_reported(reduction: Reduction, wrong: Any, message: str) -> None:

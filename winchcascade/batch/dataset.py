@@ -1,4 +1,4 @@
-"""The results of a campaign as one Parquet dataset, and as an Excel workbook with a summary and a chart."""
+"""The results of a campaign as one Parquet dataset, and as an Excel workbook with a chart."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.run_record import RunRecord
 from winchcascade.report.frames import RUN_ENDS, Row, table_rows, table_schema
 
-TABLES = ("runs", "cycles", "bins", "findings")
+TABLES = ("runs", "cycles", "bins", "findings", "runs_all")
 """Tables of a dataset, in the order of their sheets."""
 
 _ROWS = 1000
@@ -58,7 +58,7 @@ def unit_of_column(name: str) -> str:
 
 
 def write_workbook(folder: Path, path: Path) -> None:
-    """Write the tables of a dataset as sheets of an Excel workbook, row by row, behind a summary with a chart."""
+    """Write the tables of a dataset as sheets of an Excel workbook, row by row; the runs by load, with a chart."""
     import xlsxwriter
 
     with xlsxwriter.Workbook(
@@ -66,10 +66,9 @@ def write_workbook(folder: Path, path: Path) -> None:
         {"constant_memory": True, "nan_inf_to_errors": True, "strings_to_formulas": False, "strings_to_urls": False},
     ) as book:
         book.set_properties({"comments": f"winchcascade/{__version__}", "created": made_at()})
-        _summary(book, folder / "runs.parquet")
-        for table in TABLES:
-            names, rows = _read(folder / f"{table}.parquet")
-            _sheet(book, table, names, rows)
+        _runs(book, *_read(folder / "runs.parquet"))
+        for table in TABLES[1:]:
+            _sheet(book, table, *_read(folder / f"{table}.parquet"))
     with zipfile.ZipFile(path, "a") as archive:  # the mark can be read without unpacking the workbook
         archive.comment = f"winchcascade/{__version__}".encode()
 
@@ -106,35 +105,33 @@ def _sheet(book: Any, title: str, names: Sequence[str], rows: Iterable[Row]) -> 
     return sheet
 
 
-def _summary(book: Any, path: Path) -> None:
-    """Write the sheet of energies and efficiencies of every log, by load, those without a known one last; and the chart."""
-    names, rows = _read(path)
+def _runs(book: Any, names: Sequence[str], rows: Iterable[Row]) -> None:
+    """Write the sheet of every log, by load, those without a known one last; and the chart of the efficiencies it has."""
     found = sorted(rows, key=lambda row: row["load_ohm"] if isinstance(row["load_ohm"], float) else math.inf)
-    metrics = [
-        name
-        for name in names
-        if name.startswith(("energy_", "power_", "eta_"))
-        and not name.endswith((*_ENDS, "_percent"))
-        and any(row[name] is not None for row in found)
-    ]
-    etas = [name for name in metrics if name.startswith("eta_")]
-    errors = [f"{name}_standard_uncertainty" for name in etas]
-    others = [name for name in metrics if name not in etas]
-    columns = ["run", "load_ohm", "complete", "cycles", "findings", *etas, *errors, *others]
-    sheet = _sheet(book, "summary", columns, found)
+    sheet = _sheet(book, "runs", names, found)
+    etas = [
+        k for k, name in enumerate(names)
+        if name.startswith("eta_") and not name.endswith((*_ENDS, "_percent")) and any(row[name] is not None for row in found)
+    ]  # fmt: skip
     loaded = sum(isinstance(row["load_ohm"], float) and math.isfinite(row["load_ohm"]) for row in found)
-    if etas and found:
-        _chart(book, sheet, [columns.index(name) for name in etas], loaded=loaded, rows=len(found))
+    if etas:
+        _chart(book, sheet, etas, load=names.index("load_ohm"), loaded=loaded, rows=len(found))
 
 
-def _chart(book: Any, sheet: Any, columns: Sequence[int], *, loaded: int, rows: int) -> None:
-    """Draw the efficiencies over the load, or over the logs where fewer than two have a load."""
+def _chart(book: Any, sheet: Any, columns: Sequence[int], *, load: int, loaded: int, rows: int) -> None:
+    """Draw the efficiencies over the load, or over the logs where fewer than two have a load.
+
+    Parameters
+    ----------
+    columns, load : numbers of the columns of the efficiencies and of the load
+    loaded, rows : number of the rows that have a load, which are the first, and of all
+    """
     over_load = loaded > 1
-    first, last, along = 2, 1 + (loaded if over_load else rows), int(over_load)
+    first, last, along = 2, 1 + (loaded if over_load else rows), load if over_load else 0
     chart = book.add_chart({"type": "scatter", "subtype": "straight_with_markers"} if over_load else {"type": "column"})
     for column in columns:
-        values, categories = (["summary", first, k, last, k] for k in (column, along))
-        chart.add_series({"name": ["summary", 0, column], "categories": categories, "values": values})
+        values, categories = (["runs", first, k, last, k] for k in (column, along))
+        chart.add_series({"name": ["runs", 0, column], "categories": categories, "values": values})
     chart.set_title({"name": f"Efficiency over {'load' if over_load else 'logs'}"})
     chart.set_x_axis({"name": "Load resistance (ohm)"} if over_load else {"name": "Log"})
     chart.set_y_axis({"name": "Efficiency (1)", "num_format": "0.00"})

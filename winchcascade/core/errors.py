@@ -1,6 +1,7 @@
 """Exceptions of the package: each message states in one sentence where, what was found, what was expected and what to do."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import NoReturn
 
 from winchcascade.core.plain_text import one_line
 
@@ -57,6 +58,12 @@ def check_type(call: str, given: object, expected: type | tuple[type, ...], make
     if not isinstance(given, expected):
         kinds = " or ".join(kind.__name__ for kind in (expected if isinstance(expected, tuple) else (expected,)))
         raise OptionError(f"{call}: cannot take a {type(given).__name__}; expected {kinds}, as {makers} gives it.")
+
+
+def reject_result(call: str, what: str, given: object, kinds: Iterable[type]) -> NoReturn:
+    """Reject a value that has no such view, as a plot or a report: OptionError, which names the results that have one."""
+    names = ", ".join(sorted(kind.__name__ for kind in kinds if kind is not object))
+    raise OptionError(f"{call}: {type(given).__name__} has no {what}; expected a result that has one: {names}.")
 
 
 def first_line(fault: BaseException | None) -> str:

@@ -9,9 +9,8 @@ import msgspec
 
 from winchcascade.core.arguments import LOAD, RATE, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
-from winchcascade.core.public_names import public
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.viewed import LateModule, Units
+from winchcascade.core.viewed import Viewed
 
 LOAD_HEADER = "Load (ohm)"
 """Last column of a simulated log: the load of its run in every row, inf for an open circuit."""
@@ -21,14 +20,12 @@ SIMULATED_HEADERS = ("Generator speed (rpm)", "Stator current (A rms)", "Air-gap
 
 if TYPE_CHECKING:
     import numpy as np
-    import pandas as pd
     from numpy.typing import NDArray
 
     Signal: TypeAlias = NDArray[np.float64]
     Index: TypeAlias = NDArray[np.intp]
     Mask: TypeAlias = NDArray[np.bool_]
 else:
-    pd = LateModule("pandas")
 
     class Signal:
         """Array of numbers, numpy.float64; a name alone, so that a module that imports it does not import numpy."""
@@ -121,7 +118,7 @@ class Finding(msgspec.Struct, frozen=True):
         return self.removed / whole if whole else 0.0
 
 
-class Run(msgspec.Struct, frozen=True):
+class Run(Viewed, frozen=True):
     """One log, checked when it was read: stamps rise, every channel is finite, and what was bridged is known.
 
     Parameters
@@ -188,11 +185,6 @@ class Run(msgspec.Struct, frozen=True):
     def __repr__(self) -> str:
         """One line instead of the arrays."""
         return f"Run({self.name!r}, {self.samples} samples at {self.fs:g} Hz, channels {', '.join(self.channels)})"
-
-    def to_pandas(self, units: Units = "si") -> pd.DataFrame:
-        """Stamps and channels as a frame with the units in the names of its columns; `display` gives those of the reports."""
-        found: pd.DataFrame = public("frame")(self, "channels", units)
-        return found
 
     @property
     def open_circuit(self) -> bool:

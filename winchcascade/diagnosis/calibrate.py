@@ -17,6 +17,7 @@ from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
+from winchcascade.core.viewed import Viewed
 from winchcascade.diagnosis.marginal import huber, weights
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import (
@@ -118,7 +119,7 @@ class FittedBlocks(msgspec.Struct, frozen=True):
     displacement: Signal | None = None
 
 
-class Calibration(msgspec.Struct, frozen=True):
+class Calibration(Viewed, frozen=True):
     """Numbers of a rig from an open-circuit log, the regression of the back-EMF, and what cannot be distinguished.
 
     Parameters

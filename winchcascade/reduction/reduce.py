@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.arguments import CYCLES, check_arguments
-from winchcascade.core.errors import LogError, OptionError, check_type
+from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import integrals_of
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
+from winchcascade.core.viewed import LateModule
 from winchcascade.reduction.bins import Bin, bins_of
 from winchcascade.reduction.checks.find_faults import find_faults
 from winchcascade.reduction.checks.load import measured_load
@@ -26,6 +29,11 @@ from winchcascade.reduction.phase_proposal import no_cycles, other_source
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
 from winchcascade.reduction.phased_run import PhasedRun, check_lengths, find_phases, find_window, find_windows
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
+
+if TYPE_CHECKING:
+    import pandas as pd
+else:
+    pd = LateModule("pandas")
 
 
 def window_rule(word: str | float) -> WindowRule:
@@ -46,9 +54,10 @@ def window_rule(word: str | float) -> WindowRule:
 
 
 def reduce(
-    run: Run,
+    run: Run | str | Path | pd.DataFrame,
     *,
     rig: Rig | None = None,
+    load: float | None = None,
     window: str | float | None = None,
     cycles: tuple[int, int] | None = None,
 ) -> Reduction:
@@ -56,22 +65,24 @@ def reduce(
 
     Parameters
     ----------
+    run : of `read_run`, or the log of one, a file or a pandas DataFrame, which is read first by `read_run` with rig and load
+    load : of a log that is not read yet: resistance at the DC link, inf for an open circuit [ohm]
     rig : in place of the one that the run was read with; the paper's, as assumed, for a run that was not read
     window : "auto", "payout" or a length [s]; by default that of the campaign of the run, else the rig's rule
     cycles : first and last cycle that count, numbered by payout; by default those of the campaign of the run, else all
 
     Raises
     ------
-    OptionError : no run, no rig, no window rule, one longer than most payouts, or cycles of which the log has none; or another
-        rig than that with whose numbers a channel of the run was made
+    OptionError : no run, no rig, no window rule, one longer than most payouts, or cycles of which the log has none; another
+        rig than that with whose numbers a channel of the run was made; or a load of a run, which has its own
+    LogError : a log that is not read yet, and cannot be
 
     Examples
     --------
-    >>> from winchcascade.ingest.read import read_run
-    >>> len(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48).cycles)
+    >>> len(reduce("fixtures/campaign/r36ohm.csv").cycles)
     3
     """
-    check_type("reduce", run, Run, "read_run(log)")
+    run = _read(run, rig, load)
     check_arguments("reduce", ("cycles", cycles, CYCLES))
     rig, rule = _fitting(run, rig, window)
     cycles = run.cycles if cycles is None else cycles
@@ -112,6 +123,25 @@ def reduce(
         sampled=sampled(thinned, energy),
         measured_load=measured_load(log),
     )
+
+
+def _read(given: Run | str | Path | pd.DataFrame, rig: Rig | None, load: float | None) -> Run:
+    """The run of a call, read now where a file or a frame was given.
+
+    Raises
+    ------
+    OptionError : something else, or a load of a run that is read already
+    """
+    if not isinstance(given, Run):
+        from winchcascade.ingest.read import read_run  # which a call with a run does not wait for
+
+        return read_run(given, rig=rig, load=load)
+    if load is not None:
+        raise OptionError(
+            f"reduce: load is {load!r}, but {given.name} was read with its own; expected a load with a file or a frame "
+            "alone. Give it to read_run, or make another run by msgspec.structs.replace(run, load=...)."
+        )
+    return given
 
 
 def _fitting(run: Run, given: Rig | None, window: str | float | None) -> tuple[Rig, WindowRule]:

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from winchcascade.core.cascade import Cascade, field_of
+from winchcascade.core.cascade import PAPER, Cascade, field_of
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.files import check_replaceable, write_whole
 from winchcascade.core.quantity import KGCM2, si_unit
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
 from winchcascade.core.store import make_one
 from winchcascade.core.viewed import Units
 from winchcascade.reduction.efficiency import FIELDS
-from winchcascade.reduction.run_record import REDUCTION_SCHEMA, RunRecord, reduction_record
+from winchcascade.reduction.run_record import REDUCTION_SCHEMA, RunRecord, finding_record, reduction_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
     from winchcascade.reduction.campaign_record import CampaignReduction
     from winchcascade.reduction.reduction_result import Reduction
+    from winchcascade.rig.simulate import Simulation
 
 Row = dict[str, Any]
 """Values of a table by column."""
@@ -35,10 +37,18 @@ Row = dict[str, Any]
 RUN_ENDS = ("", "_standard_uncertainty", "_low_95", "_high_95", "_max_deviation_percent")
 """What follows the name of a metric in the columns of the table of runs; the last is in percent."""
 
+RUNS_MAX = 25
+"""Columns of the table of runs at most: more do not fit on a screen; `runs_all` has all."""
+
+_KINDS = {"eta": ("", "_standard_uncertainty", "_max_deviation_percent"), "energy": ("",), "power": ("",)}
+"""Kinds of metrics in the order of the table of runs, and what follows their names there."""
+
 _METRICS = " ".join(FIELDS.values())
 _BINNED = ("power_line_w", "power_mech_w", "power_gen_w", "torque_nm")
 COLUMNS = {
-    "runs": f"""run:str log:str load_ohm plateau_speed_mps sha256:str rig:str window:str measured:bool origin:str
+    "runs": """run:str log:str load_ohm plateau_speed_mps rig:str window:str measured:bool
+        cycles:int complete:int findings:int""",
+    "runs_all": f"""run:str log:str load_ohm plateau_speed_mps sha256:str rig:str window:str measured:bool origin:str
         samples:int cycles:int complete:int findings:int
         {" ".join(f"{field}{end}" for field in FIELDS.values() for end in RUN_ENDS)}""",
     "cycles": f"""run:str log:str load_ohm cycle:int complete:bool onset_s cutoff_s duration_s {_METRICS}
@@ -80,15 +90,37 @@ def table_schema(table: str, about: Mapping[str, str] | None = None, cascades: I
     import pyarrow as pa
 
     kinds = {"str": pa.string(), "": pa.float64(), "int": pa.int64(), "bool": pa.bool_()}
-    fields = [(name, kinds[kind]) for name, _, kind in (column.partition(":") for column in COLUMNS[table].split())]
-    own = sorted({m for cascade in cascades for m in cascade.metrics if m not in FIELDS})
-    fields += [(f"{field_of(m)}{end}", kinds[""]) for m in own for end in _own_ends(table, m)]
+    columns = COLUMNS[table].split()
+    columns += _metrics_of_runs(cascades)[: RUNS_MAX - len(columns)] if table == "runs" else _own(table, cascades)
+    fields = [(name, kinds[kind]) for name, _, kind in (column.partition(":") for column in columns)]
     return pa.schema(fields, metadata=dict(about or {}))
+
+
+def _metrics_of_runs(cascades: Iterable[Cascade]) -> list[str]:
+    """Columns of the metrics in the table of runs: efficiencies with uncertainty and deviation, energies, powers.
+
+    Those of the stages that the rigs have, of the paper's without a rig; of whole cycles only `runs_all` has them.
+    """
+    metrics = dict.fromkeys(m for cascade in list(cascades) or [PAPER] for m in cascade.metrics)
+    return [
+        f"{field_of(m)}{end}"
+        for kind, ends in _KINDS.items()
+        for m in metrics
+        if m.startswith(f"{kind}_")
+        for end in ends
+    ]
+
+
+def _own(table: str, cascades: Iterable[Cascade]) -> list[str]:
+    """Columns of the metrics of stages of rig files in any other table."""
+    own = sorted({m for cascade in cascades for m in cascade.metrics if m not in FIELDS})
+    return [f"{field_of(m)}{end}" for m in own for end in _own_ends(table, m)]
 
 
 def _own_ends(table: str, metric: str) -> tuple[str, ...]:
     """What follows the name of a metric of a stage of a rig file in the columns of a table."""
-    ends = {"runs": RUN_ENDS, "cycles": ("",), "bins": ("", "_standard_error") if metric.startswith("power") else ()}
+    binned = ("", "_standard_error") if metric.startswith("power") else ()
+    ends: dict[str, tuple[str, ...]] = {"runs_all": RUN_ENDS, "cycles": ("",), "bins": binned}
     return ends.get(table, ())
 
 
@@ -119,17 +151,19 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
 
 
 def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
-    """Rows of the tables `runs`, `cycles`, `bins` and `findings` of one log from its record; an open circuit is inf ohm.
+    """Rows of the tables of one log from its record; an open circuit is inf ohm.
 
     Names beyond the schema of a table do no harm.
     """
     begin: Row = {"run": run, "log": record.log.path, "load_ohm": record.log.load}
     cycles, bins, findings = msgspec.to_builtins((record.cycles, record.bins, record.quality))
+    runs = [begin | _flat_run(record)]
     return {
-        "runs": [begin | _flat_run(record)],
+        "runs": runs,
+        "runs_all": runs,
         "cycles": [begin | _flat_cycle(one) for one in cycles],
         "bins": [begin | one | one.get("stages", {}) for one in bins],
-        "findings": [begin | one | _flat_repair(one["repaired"] or {}) for one in findings],
+        "findings": [_flat_finding(begin, one) for one in findings],
     }
 
 
@@ -166,8 +200,10 @@ def _flat_cycle(cycle: Row) -> Row:
     return row
 
 
-def _flat_repair(repaired: Row) -> Row:
-    return {"repair": repaired.get("what"), "repair_applied": repaired.get("applied")}
+def _flat_finding(begin: Row, finding: Row) -> Row:
+    """A finding in one row, with what it changed of the log."""
+    repaired = finding["repaired"] or {}
+    return begin | finding | {"repair": repaired.get("what"), "repair_applied": repaired.get("applied")}
 
 
 # ------------------------------------------------------------------------------------------------------------------- frames
@@ -233,6 +269,28 @@ def run_frame(run: Run, units: Units = "si", channels: Mapping[str, Channel] = C
         short = _SHORT.get(unit, unit.lower().replace("/", "p").replace(".", ""))
         columns[(f"{name}_{short}" if short else name)] = x * factor
     return pd.DataFrame(columns)
+
+
+def simulation_frame(found: Simulation, units: Units) -> pd.DataFrame:
+    """What the sensors of a simulated log give, and what has no sensor: speed, current and torque of the generator."""
+    channels = given_rig("to_pandas", None, found.run.rig).known_channels
+    return run_frame(found.run, units, channels).assign(
+        speed_gen_rpm=found.rpm_gen, i_s_a=found.i_s, torque_em_nm=found.torque_em
+    )
+
+
+def record_frame(records: object) -> pd.DataFrame:
+    """Records of a JSON as a frame, names of nested ones joined."""
+    import pandas as pd
+
+    return pd.json_normalize(msgspec.to_builtins(records), sep="_")
+
+
+def run_findings_frame(run: Run) -> pd.DataFrame:
+    """Findings of the checks of a log when it was read, a row for each."""
+    begin: Row = {"run": run.name, "log": run.path, "load_ohm": run.load}
+    found = msgspec.to_builtins([finding_record(finding, run.samples) for finding in run.findings])
+    return _frame([_flat_finding(begin, one) for one in found], table_schema("findings"))
 
 
 def samples_frame(reduction: Reduction, units: Units) -> pd.DataFrame:

@@ -5,26 +5,25 @@ What a result has is registered for its class: `tables_of`, `plots_of`, `summary
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial, singledispatch
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.arguments import FLAG, PATH, check_arguments
-from winchcascade.core.errors import OptionError, check_choice, check_type
+from winchcascade.core.errors import OptionError, check_choice, reject_result
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
 from winchcascade.core.viewed import LateModule, Units
 from winchcascade.diagnosis.calibrate import Calibration
-from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.campaign_record import CampaignReduction, runs_by_load
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report import frames
+from winchcascade.report.plots import draw, plots_of
 from winchcascade.rig.simulate import Simulation
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.check import Check
@@ -39,27 +38,6 @@ else:
 
 Tables = Mapping[str, Callable[[], "pd.DataFrame"]]
 """What makes the tables of a result, by their names; the first is the main one."""
-
-
-class Plot(NamedTuple):
-    """A plot: what draws it on its Axes, and what the result `lacks` for it, empty for nothing.
-
-    Parameters
-    ----------
-    rows : number of Axes
-    height : of each [in]
-    share : axis that the rows have in common
-    """
-
-    draw: Callable[[list[axes.Axes]], object]
-    lacks: str = ""
-    rows: int = 1
-    height: float = 2.9
-    share: Literal["x", "y", ""] = ""
-
-
-Plots = Mapping[str, Plot]
-"""The plots of a result, by their names; the first is the main one."""
 
 
 def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
@@ -94,7 +72,7 @@ def plot(result: object, what: str = "", ax: axes.Axes | None = None) -> Any:
     made = plots[what]
     if made.lacks:
         raise OptionError(f"plot({what!r}): the result has nothing to draw; expected {made.lacks}.")
-    return _drawn(made, ax)
+    return draw(made, ax)
 
 
 def summary_html(result: object) -> str:
@@ -128,25 +106,20 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     return path
 
 
-def _refuse(call: str, result: object) -> NoReturn:
-    """Report that a result of another kind is needed: OptionError."""
-    what = {"write_report": "report", "summary_html": "summary"}.get(call, call)
-    raise OptionError(
-        f"{call}: {type(result).__name__} has no {what}; expected the result of reduce, compare, calibrate, simulate, audit, "
-        "or of open_campaign(...).reduce(), .diagnose() or .check()."
-    )
-
-
 # ------------------------------------------------------------------------------------------------------------------- tables
 @singledispatch
 def tables_of(result: object, units: Units) -> Tables:  # noqa: ARG001
     """Tables of a result as frames."""
-    _refuse("frame", result)
+    reject_result("frame", "table", result, tables_of.registry)
 
 
 @tables_of.register(Run)
 def _(result: Run, units: Units) -> Tables:
-    return {"channels": partial(frames.run_frame, result, units)}
+    channels = given_rig("to_pandas", None, result.rig).known_channels
+    return {
+        "channels": partial(frames.run_frame, result, units, channels),
+        "findings": partial(frames.run_findings_frame, result),
+    }
 
 
 @tables_of.register(Reduction)
@@ -157,7 +130,7 @@ def _(result: Reduction, units: Units) -> Tables:
 
 @tables_of.register(CampaignReduction)
 def _(result: CampaignReduction, units: Units) -> Tables:
-    names = ("runs", "cycles", "bins", "findings")
+    names = ("runs", "cycles", "bins", "findings", "runs_all")
     return {name: partial(frames.campaign_frame, result, name, units) for name in names}
 
 
@@ -172,138 +145,42 @@ def _(result: Comparison, units: Units) -> Tables:
     return {"differences": partial(frames.comparison_frame, result, units)}
 
 
-# -------------------------------------------------------------------------------------------------------------------- plots
-@singledispatch
-def plots_of(result: object) -> Plots:
-    """Plots of a result; one with several Axes draws its most telling part on a single one."""
-    _refuse("plot", result)
+@tables_of.register(Simulation)
+def _(result: Simulation, units: Units) -> Tables:
+    return {"channels": partial(frames.simulation_frame, result, units)}
 
 
-def _single(draw: Callable[..., object], *drawn: object, lacks: str = "", height: float = 2.9) -> Plot:
-    """A plot on one Axes by a function of these and of what is `drawn`."""
-    return Plot(lambda axes: draw(axes[0], *drawn), lacks, height=height)
+@tables_of.register(Calibration)
+def _(result: Calibration, units: Units) -> Tables:  # noqa: ARG001  # each number has a column of its unit
+    from winchcascade.report.results.calibration import calibration_record
+
+    return _of_record(calibration_record(result), "numbers", "strained")
 
 
-@plots_of.register(Reduction)
-def _(result: Reduction) -> Plots:
-    """Powers of one cycle, histories of the log, powers over generator speed, efficiencies of the cycles."""
-    from winchcascade.report.figures import histories
-    from winchcascade.report.figures import reduction_figures as figures
+@tables_of.register(Check)
+def _(result: Check, units: Units) -> Tables:  # noqa: ARG001  # cells are in the unit of their column of the table
+    from winchcascade.report.results.check_record import check_record
 
-    powers, ratios = histories.powers_of(result), figures.known_ratios(result)
-    history = histories.log_history(result)
-    rows = len(history.panels)
-    lacks = {
-        "power": "" if powers and result.cycles else "a cycle and a power",
-        "speed": "" if result.bins else "the speed of the generator in a complete cycle",
-        "efficiency": "" if ratios and result.complete else "an efficiency of a complete cycle",
-    }
-    return {
-        "power": _single(figures.draw_one_cycle, result, powers, lacks=lacks["power"]),
-        "history": Plot(lambda axes: histories.draw_history(axes, history), "", rows, 2.9 if rows == 1 else 1.2, "x"),
-        "speed": _single(figures.draw_over_speed, result, powers, lacks=lacks["speed"]),
-        "efficiency": _single(_draw_efficiencies, result, ratios, lacks=lacks["efficiency"]),
-    }
+    return _of_record(check_record(result), "cells", "findings")
 
 
-def _draw_efficiencies(ax: axes.Axes, reduction: Reduction, ratios: Sequence[str]) -> None:
-    from matplotlib.ticker import MaxNLocator
+@tables_of.register(Audit)
+def _(result: Audit, units: Units) -> Tables:  # noqa: ARG001  # cells are in the unit of their column of the table
+    from winchcascade.report.results.audit_record import audit_record
 
-    from winchcascade.report.figures import reduction_figures as figures
-
-    figures.draw_trend(ax, reduction, ratios, "1")
-    ax.set(xlabel="Cycle", ylabel="Efficiency (1)")
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    return _of_record(audit_record(result), "contradictions", "claims", "windows", "column_faults", "laws")
 
 
-@plots_of.register(CampaignReduction)
-def _(result: CampaignReduction) -> Plots:
-    """Mean powers or efficiencies of the runs over their loads, power at the DC link over generator speed."""
-    from winchcascade.report.figures import campaign_figures as figures
-
-    reduced = result.summary.reduced
-    runs = [run for run in runs_by_load(reduced) if not run.open_circuit] or reduced
-    bins = {name: found for name, found in result.bins.items() if found}
-    lacks = "" if runs else "a run that could be reduced"
-    made = {what: _single(figures.draw_over_load, runs, what, lacks=lacks) for what in ("power", "efficiency")}
-    without = lacks or ("" if bins else "the speed of the generator in a run")
-    return {**made, "speed": _single(figures.draw_power_over_speed, runs, bins, lacks=without)}
-
-
-@plots_of.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> Plots:
-    """The map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency, by load."""
-    from winchcascade.report.figures.diagnosis_figures import draw_gap_map
-
-    height = 0.6 + 0.235 * len({(place.channel, place.phase) for place in result.places})
-    lacks = "" if result.places else "a place with a gap that can be weighed"
-    return {"map": _single(draw_gap_map, result, lacks=lacks, height=height), "waterfall": _waterfalls(result)}
-
-
-def _waterfalls(found: DiagnosisResult) -> Plot:
-    """What each cause costs, by load, on one Axes of the largest difference alone."""
-    from winchcascade.diagnosis.figure_data import load_costs, worst_costs
-    from winchcascade.report.diagnosis_names import word_of
-    from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
-
-    if not isinstance(found, ModelDiagnosis):
-        return Plot(list, "a model that splits an efficiency by its causes, of a rig file with all numbers of the rig")
-    largest = worst_costs(found)
-    if largest is None:
-        return Plot(list, "a split of an efficiency at a load")
-    costs = load_costs(found, largest.metric)
-
-    def draw(axes: list[axes.Axes]) -> None:
-        draw_waterfalls(axes, found, [largest] if len(axes) == 1 else costs, word_of(found))
-
-    return Plot(draw, "", len(costs), 0.6 + BAR * (len(costs[0].parts) + 2), "y")
-
-
-@plots_of.register(Comparison)
-def _(result: Comparison) -> Plots:
-    """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of the whole cascade."""
-    from winchcascade.report.figures.comparison_figures import draw_differences
-    from winchcascade.report.results.comparison import by_metric, rows_of
-
-    metrics = list(by_metric(rows_of(result, "eta", whole=False)))
-    whole = [name for name in metrics if name == result.overall] or metrics[:1]
-    lacks = "" if metrics else "an efficiency that both sides have"
-
-    def draw(axes: list[axes.Axes]) -> None:
-        draw_differences(axes, result, whole if len(axes) == 1 else metrics)
-
-    return {"efficiency": Plot(draw, lacks, len(metrics), 1.5, "x")}
-
-
-def _drawn(made: Plot, ax: axes.Axes | None) -> Any:
-    """Draw on the given Axes, or on new ones of a figure of pyplot, which notebooks show."""
-    from winchcascade.report.figures.style import COLOURS, WIDTH, house_style
-
-    with house_style():
-        if ax is None:
-            import matplotlib.pyplot as plt
-
-            _, grid = plt.subplots(
-                made.rows, 1, figsize=(WIDTH, made.height * made.rows), squeeze=False, layout="constrained",
-                facecolor=COLOURS["paper"], sharex="col" if made.share == "x" else False,
-                sharey="col" if made.share == "y" else False,
-            )  # fmt: skip
-            found = grid[:, 0]
-        else:
-            check_type("plot, ax", ax, axes.Axes, "matplotlib")
-            found = np.array([ax], dtype=object)
-        made.draw(found.tolist())
-        title = found[0].get_title(loc="left")
-        if len(found) == 1 and title.startswith("("):  # the letter of a panel among others
-            found[0].set_title(title.partition(") ")[2], loc="left", pad=3)
-    return found[0] if len(found) == 1 else found
+def _of_record(record: Mapping[str, object], *names: str) -> Tables:
+    """Lists of a JSON as tables, those that it has."""
+    return {name: partial(frames.record_frame, record[name]) for name in names if name in record}
 
 
 # ---------------------------------------------------------------------------------------------------------------- summaries
 @singledispatch
 def summary_of(result: object) -> tuple[str, content.Table[Any] | None]:
     """Heading and main table of a result."""
-    _refuse("summary_html", result)
+    reject_result("summary_html", "summary", result, summary_of.registry)
 
 
 @summary_of.register(Reduction)
@@ -327,6 +204,39 @@ def _(result: DiagnosisResult) -> tuple[str, content.Table[Any] | None]:
     return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)
 
 
+@summary_of.register(Run)
+def _(result: Run) -> tuple[str, content.Table[Any] | None]:
+    from winchcascade.report.results.reduction_tables import findings_table
+
+    return repr(result), findings_table(result, result.findings)
+
+
+@summary_of.register(Simulation)
+def _(result: Simulation) -> tuple[str, content.Table[Any] | None]:
+    return repr(result), None
+
+
+@summary_of.register(Calibration)
+def _(result: Calibration) -> tuple[str, content.Table[Any] | None]:
+    from winchcascade.report.results.calibration import calibration_report
+
+    return _first_table(result, calibration_report(result))
+
+
+@summary_of.register(Audit)
+@summary_of.register(Check)
+def _(result: Audit | Check) -> tuple[str, content.Table[Any] | None]:
+    return _first_table(result, report_of(result))
+
+
+def _first_table(result: object, report: content.Report) -> tuple[str, content.Table[Any] | None]:
+    """A result in one line, and the first table of its report that does not state where the data come from."""
+    from winchcascade.report.content import Table
+
+    blocks = [block for part in report.sections if part.id != "provenance" for block in part.blocks]
+    return repr(result), next((block for block in blocks if isinstance(block, Table)), None)
+
+
 @summary_of.register(Comparison)
 def _(result: Comparison) -> tuple[str, content.Table[Any] | None]:
     from winchcascade.report.results.comparison import differences_table, rows_of
@@ -344,7 +254,7 @@ def report_of(result: object, *, command: str = "") -> content.Report:  # noqa: 
     ----------
     command : as it was given, to be given again
     """
-    _refuse("write_report", result)
+    reject_result("write_report", "report", result, report_of.registry)
 
 
 def _late(name: str) -> Callable[..., content.Report]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.arguments import STEP_LENGTH, check_arguments
@@ -20,6 +19,7 @@ from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
+from winchcascade.core.viewed import Viewed
 from winchcascade.rig import physics
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS, LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
@@ -78,7 +78,7 @@ def read_by(model: Model) -> tuple[str, ...]:
     return tuple(name for name in READ if name != "pressure" or model.restoring.has_gas)
 
 
-class Simulation(msgspec.Struct, frozen=True):
+class Simulation(Viewed, frozen=True):
     """What a model does along a motion.
 
     Parameters

@@ -21,6 +21,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Watch
 from winchcascade.core.quantity import unit_suffix
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.viewed import Viewed
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.tables.claims import ClaimVerdict, claim_verdict
 from winchcascade.tables.column_laws import (
@@ -92,7 +93,7 @@ class SharedWindow(msgspec.Struct, frozen=True):
     shortest: float
 
 
-class Audit(msgspec.Struct, frozen=True):
+class Audit(Viewed, frozen=True):
     """Contradictions within a table and its text, and the windows that follow from it.
 
     `contradictions` are of rows; `faults` of whole columns mend others, which are in `explained`. `claims` holds a

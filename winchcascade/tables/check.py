@@ -29,6 +29,7 @@ from winchcascade.core.cascade import field_of
 from winchcascade.core.errors import OptionError, WinchcascadeError
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.quantity import unit_suffix
+from winchcascade.core.viewed import Viewed
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
 from winchcascade.tables.published_table import (
@@ -157,7 +158,7 @@ class CellCheck(msgspec.Struct, frozen=True):
         return self.outcome == "ok"
 
 
-class Check(msgspec.Struct, frozen=True):
+class Check(Viewed, frozen=True):
     """All cells of a table against measured results.
 
     `notes` describes in sentences what was left out, capped or not known; `findings` holds, by row, those of its logs;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from winchcascade.core.channels import Channel
 from winchcascade.core.quantity import KGCM2, find_unit, si_unit
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -56,6 +57,7 @@ PANELS = (
     ("pressure", "Accumulator pressure, gauge", "kg/cm²", 1.0 / KGCM2),
     ("force", "Line tension", "N", 1.0),
     ("torque", "Torque of the PTO shaft", "N·m", 1.0),
+    ("power_mech", "Power of the shaft", "W", 1.0),
     ("vdc", "Voltage of the DC link", "V", 1.0),
     ("idc", "Current of the DC link", "A", 1.0),
     ("speed", "Speed of the shaft", "rpm", 30.0 / math.pi),
@@ -226,7 +228,8 @@ def thinned(t: Signal, curves: Sequence[Signal], points: int = POINTS) -> tuple[
 def log_history(reduction: Reduction) -> History:
     """Every channel and the powers over the whole log, with phases and windows (the paper's Fig. 5)."""
     run, zero = reduction.run, clock_zero(reduction.run)
-    powers, channels = powers_of(reduction), channels_drawn(reduction.run, reduction.rig)
+    powers = powers_of(reduction)
+    channels = [row for row in channels_drawn(run, reduction.rig) if row[0] != "power_mech"]  # a power of a stage
     signals = [run.channels[name] * factor for name, *_, factor in channels]
     t, curves = thinned(run.t - zero, [*signals, *powers.values()])
     panels = [
@@ -238,6 +241,18 @@ def log_history(reduction: Reduction) -> History:
         panels.append(Panel("Power", "W", drawn, repaired_spans(run, power_sources(reduction, powers), zero)))
     shaded = reduction.cycles if len(reduction.cycles) <= SHADED_CYCLES else ()
     return History(t, time_label(run), panels, phase_marks(reduction, shaded, zero))
+
+
+def run_history(run: Run, names: Collection[str]) -> History:
+    """Some channels of a log over its whole length, a panel for each."""
+    zero, rig = clock_zero(run), given_rig("plot", None, run.rig)
+    channels = [row for row in channels_drawn(run, rig) if row[0] in names]
+    t, curves = thinned(run.t - zero, [run.channels[name] * factor for name, *_, factor in channels])
+    panels = [
+        Panel(title, unit, [Curve("", curve)], repaired_spans(run, (name,), zero))
+        for (name, title, unit, _), curve in zip(channels, curves, strict=True)
+    ]
+    return History(t, time_label(run), panels, ())
 
 
 def power_curve(stage: str, watts: Signal) -> Curve:

@@ -34,6 +34,7 @@ MEANINGS = {
     "dataset/cycles.parquet": "Dataset: a row for each cycle",
     "dataset/bins.parquet": "Dataset: a row for each bin of generator speed",
     "dataset/findings.parquet": "Dataset: a row for each finding",
+    "dataset/runs_all.parquet": "Dataset: a row for each log with every metric, interval and deviation",
     "campaign.json": "Record of the campaign, for programs",
     "diagnosis.json": "Record of the diagnosis, for programs",
 }

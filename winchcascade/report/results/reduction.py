@@ -176,8 +176,9 @@ def _result_sections(
     reduction: Reduction, found: Uncertainty, waves: WaveEnergies | None, drawn: Mapping[str, Picture | None]
 ) -> list[Section]:
     """Findings, waves, and the energies of windows and of whole cycles."""
+    findings = reduction.quality
     return [
-        section("findings", "Findings", findings_table(reduction), folded=len(reduction.quality) > OPEN_FINDINGS),
+        section("findings", "Findings", findings_table(reduction.run, findings), folded=len(findings) > OPEN_FINDINGS),
         *([] if waves is None else [wave_section(waves, drawn.get("wave-energies"))]),
         section(
             "results", "Energies and efficiencies",

@@ -10,7 +10,7 @@ from operator import attrgetter
 from msgspec.structs import replace
 
 from winchcascade.core.quantity import si_unit
-from winchcascade.core.run import Finding
+from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.bins import STORES, Bin
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.phase_summary import BothWays
@@ -311,9 +311,9 @@ def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | Non
 
 
 # ------------------------------------------------------------------------------------------------------------ findings
-def findings_table(reduction: Reduction) -> Table[Finding] | None:
-    """What was found wrong with the log and what was done; None for a clean log."""
-    samples, zero = reduction.run.samples, clock_zero(reduction.run)
+def findings_table(run: Run, findings: Sequence[Finding]) -> Table[Finding] | None:
+    """What was found wrong with a log and what was done; None for a clean log."""
+    samples, zero = run.samples, clock_zero(run)
     columns: list[Column[Finding]] = [
         Column("finding", lambda f: f.kind),
         Column("channel", lambda f: f.channel, brief=False),
@@ -323,4 +323,4 @@ def findings_table(reduction: Reduction) -> Table[Finding] | None:
         Column("what was done", lambda f: f.action),
     ]
     since = f"Times count from {zero:.2f} s on the log's clock." if zero else ""
-    return table("findings", "What is wrong with the log, and what was done.", columns, reduction.quality, note=since)
+    return table("findings", "What is wrong with the log, and what was done.", columns, findings, note=since)
