@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,10 @@ from winchcascade.rig.simulate import write_simulated
 OF_THE_GAS = {
     *(name for name, effect in EFFECTS.items() if effect.stage == "restoring"), "pressure_gain", "screw_lead",
 }  # fmt: skip
+
+
+patient = partial(call, patience=600)
+"""Diagnoses take seconds, on a busy machine more."""
 
 
 def found(kind: str, shaft: str, effects: Effects) -> ModelDiagnosis:
@@ -92,7 +97,7 @@ def test_a_corrected_file_states_the_mass_that_the_logs_fit_and_the_commands_tak
         entries += ["[[run]]", f'file = "{run.name}"', f"load_ohm = {run.load}"]
     (tmp_path / "campaign.toml").write_text("\n".join(entries) + "\n", encoding="utf-8")
     corrected, exported = tmp_path / "corrected.toml", tmp_path / "model.json"
-    done = call("diagnose", tmp_path, "--write", corrected, "--export", exported)
+    done = patient("diagnose", tmp_path, "--write", corrected, "--export", exported)
     assert done.code == 0, done.err
     mass = load_rig(corrected).restoring.mass
     assert mass is not None
@@ -101,9 +106,9 @@ def test_a_corrected_file_states_the_mass_that_the_logs_fit_and_the_commands_tak
     restoring = json.loads(exported.read_text())["restoring"]
     assert restoring["mass"]["value"] == pytest.approx(50.0, rel=0.01)
     assert set(restoring) == {"mass", "friction"}
-    again = call("diagnose", tmp_path, "--rig", corrected, "--json", "-")
+    again = patient("diagnose", tmp_path, "--rig", corrected, "--json", "-")
     assert json.loads(again.out)["verdict"] == "no_gap"
-    reduced = call("reduce", tmp_path / "r12ohm.csv", "--json", "-")
+    reduced = patient("reduce", tmp_path / "r12ohm.csv", "--json", "-")
     assert reduced.code == 0
     assert [one["kind"] for one in json.loads(reduced.out)["quality"]] == []
 
@@ -118,27 +123,27 @@ def test_a_rig_file_that_states_a_drum_radius_alone_serves_every_command(fixture
     for name, load in (("open_circuit", "inf"), ("r36ohm", "36"), ("r9ohm", "9")):
         log, motion = tmp_path / f"{name}.csv", fixtures / "campaign" / f"{name}.csv"
         hidden = ("--with", "line_friction.torque=5")
-        made = call("simulate", motion, "--load-ohm", load, "--rig", rig, *hidden, "--out", log)
+        made = patient("simulate", motion, "--load-ohm", load, "--rig", rig, *hidden, "--out", log)
         assert made.code == 0, made.err
         entries += ["[[run]]", f'file = "{log.name}"', f"load_ohm = {load}"]
     (tmp_path / "campaign.toml").write_text("\n".join(entries) + "\n", encoding="utf-8")
-    assert call("batch", tmp_path, "--out", tmp_path / "results").code == 0
+    assert patient("batch", tmp_path, "--out", tmp_path / "results").code == 0
     corrected, calibrated = tmp_path / "corrected.toml", tmp_path / "calibrated.toml"
-    found = json.loads(call("diagnose", tmp_path, "--json", "-", "--write", corrected).out)
+    found = json.loads(patient("diagnose", tmp_path, "--json", "-", "--write", corrected).out)
     assert [cause["effect"] for cause in found["causes"]] == ["line_friction"]
-    done = call("calibrate", tmp_path / "open_circuit.csv", "--write", calibrated)
+    done = patient("calibrate", tmp_path / "open_circuit.csv", "--write", calibrated)
     assert done.code == 0, done.err
     for written in (corrected, calibrated):
         assert 'based_on = "hsu2026"' in written.read_text()
         assert load_rig(written).r_drum == 0.15
         assert load_rig(written).drivetrain.gear_ratio == load_rig("hsu2026").drivetrain.gear_ratio
-    reduced = json.loads(call("reduce", tmp_path / "r36ohm.csv", "--rig", calibrated, "--json", "-").out)
+    reduced = json.loads(patient("reduce", tmp_path / "r36ohm.csv", "--rig", calibrated, "--json", "-").out)
     assert reduced["rig"]["name"] == "my rig"
 
 
 def test_a_rig_file_without_the_rig_below_names_what_it_lacks_and_based_on(fixtures: Path, tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(BASED.partition("\n")[2], encoding="utf-8")
-    done = call("diagnose", fixtures / "campaign", "--rig", rig)
+    done = patient("diagnose", fixtures / "campaign", "--rig", rig)
     assert done.code == 2
     assert all(word in done.err for word in ("based_on", "gear_ratio", "p_precharge", "counterweight"))
