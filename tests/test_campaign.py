@@ -1,4 +1,5 @@
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -59,9 +60,11 @@ def test_a_wrong_entry_is_one_sentence_with_its_place(tmp_path: Path, monkeypatc
     assert rejections(read, CampaignError, cases) == []
 
 
-def test_a_campaign_that_is_not_there_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(CampaignError, match="cannot be read"):
+def test_a_folder_without_a_campaign_is_reported_with_the_command_that_drafts_one(tmp_path: Path) -> None:
+    with pytest.raises(CampaignError, match=f"winchcascade init {re.escape(str(tmp_path))}"):
         load_campaign(tmp_path)
+    with pytest.raises(CampaignError, match="cannot be read"):
+        load_campaign(tmp_path / "campaign.toml")
 
 
 def test_a_log_in_place_of_a_campaign_is_reported(fixtures: Path) -> None:

@@ -108,6 +108,24 @@ def test_a_batch_in_which_a_log_fails_has_exit_code_one(campaign: Path, tmp_path
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize(("load", "stated"), [((), None), (("--load-ohm", "36"), 36.0)], ids=["unknown", "given"])
+def test_logs_without_a_campaign_have_the_load_that_is_given(
+    campaign: Path, tmp_path: Path, load: tuple[str, ...], stated: float | None
+) -> None:
+    logs, results = tmp_path / "logs", tmp_path / "results"
+    logs.mkdir()
+    shutil.copy(campaign / "r36ohm.csv", logs)
+    printed = winchcascade("batch", logs, "--out", results, "--reports", "none", *load).stdout
+    assert json.loads((results / "runs" / "r36ohm.csv.json").read_text())["log"]["load_ohm"] == stated
+    assert (f"winchcascade init {logs}" in " ".join(printed.split())) == (not load)
+
+
+def test_a_given_load_leaves_those_of_a_campaign(campaign: Path, tmp_path: Path) -> None:
+    results = tmp_path / "results"
+    winchcascade("batch", campaign, "--out", results, "--reports", "none", "--load-ohm", "9")
+    assert json.loads((results / "runs" / "r36ohm.csv.json").read_text())["log"]["load_ohm"] == 36.0
+
+
 def test_a_foreign_folder_is_reported_and_used_with_force(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").touch()
     arguments = ("batch", campaign, "--out", tmp_path, "--reports", "none")

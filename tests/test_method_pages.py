@@ -4,6 +4,7 @@ import math
 import re
 import sys
 from functools import cache
+from typing import get_args
 
 import msgspec
 import numpy as np
@@ -14,8 +15,9 @@ from winchcascade import baseline, read_run, simulate
 from winchcascade.blind.score import count
 from winchcascade.core import accuracy
 from winchcascade.core.campaign_file import load_campaign
-from winchcascade.core.rig_file import ModelAccuracy, PhaseRule, Thresholds
+from winchcascade.core.rig_file import PARTS, ModelAccuracy, PhaseRule, Thresholds, measures
 from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import FindingKind
 from winchcascade.core.toml_file import struct_fields
 from winchcascade.diagnosis import closure, nuisances, verdict_limits
 from winchcascade.diagnosis.predict import COARSE
@@ -24,6 +26,7 @@ from winchcascade.reduction import efficiency_between_runs as between_runs
 from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
 from winchcascade.reduction import uncertainty as draws
 from winchcascade.reduction.checks import at_rest, cycles, load, pairs, phased_log
+from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import READ, STEP, Simulation
 
 
@@ -90,6 +93,16 @@ def test_the_method_states_the_constants_of_each_check(place: str) -> None:
     written = {float(number) for number in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", f"{place} {text}")}
     for constant in CHECKED[place]:
         assert any(math.isclose(constant, number, rel_tol=1e-9) for number in written), constant
+
+
+def test_the_checks_of_the_method_are_kinds_of_findings() -> None:
+    rows = re.findall(r"^\| (`[^|]*) \|", read(DOCS / "method.md"), re.MULTILINE)
+    assert set(re.findall(r"`(\w+)`", " ".join(rows))) <= set(get_args(FindingKind))
+
+
+def test_what_is_not_distinguished_are_effects_and_numbers_of_a_rig_file() -> None:
+    numbers = {name for part in PARTS.values() for name in measures(part)}
+    assert set(re.findall(r"`(\w+)`", read(DOCS / "not_distinguished.md"))) <= numbers | EFFECTS.keys()
 
 
 def test_every_limit_of_a_verdict_is_stated_with_its_value() -> None:

@@ -10,8 +10,8 @@ import msgspec
 
 from winchcascade.batch.plan import Plan, make_plan
 from winchcascade.core.arguments import FLAG, LOADS, NAMES, PATH, PATH_OR_NONE, PROCESSES, SEED_NUMBER, check_arguments
-from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
-from winchcascade.core.errors import CampaignError, OptionError, check_type
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.errors import OptionError, check_type
 from winchcascade.core.jobs import Workers
 from winchcascade.core.store import CAMPAIGN_PAGE, CAMPAIGN_RECORD, INDEX
 from winchcascade.core.viewed import LateModule
@@ -116,10 +116,6 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
             ("simulated", simulated, PATH_OR_NONE),
             ("seed", seed, SEED_NUMBER),
         )
-        if not (self.path.suffix == ".toml" or (self.path / CAMPAIGN_FILE).is_file()):
-            raise CampaignError(
-                f"{self.path}: holds no {CAMPAIGN_FILE}; a diagnosis expects one, with the load of each log. Write one."
-            )
         listed = load_campaign(self.path)
         if simulated is not None:
             listed = with_simulations(listed, Path(simulated))

@@ -55,12 +55,19 @@ class Plan(msgspec.Struct, frozen=True):
     work: tuple[Work, ...]
 
 
-def make_plan(targets: Sequence[str], *, rig: str | None = None, window: str | float | None = None) -> Plan:
+def make_plan(
+    targets: Sequence[str],
+    *,
+    rig: str | None = None,
+    window: str | float | None = None,
+    load_ohm: float | None = None,
+) -> Plan:
     """Find the logs of targets: a campaign.toml, a folder, a pattern, or logs.
 
     Parameters
     ----------
     rig, window : in place of those of a campaign file
+    load_ohm : of every log that no campaign file gives a load, in place of what the log states of itself [ohm]
 
     Raises
     ------
@@ -72,6 +79,12 @@ def make_plan(targets: Sequence[str], *, rig: str | None = None, window: str | f
         title, work = _of_target(target, rig, window)
         titles.append(title)
         found += work
+    if load_ohm is not None:
+        given = {"load": load_ohm, "load_source": "--load-ohm"}
+        found = [
+            work if work.settings.load is not None else replace(work, settings=replace(work.settings, **given))
+            for work in found
+        ]
     return Plan(_title(titles), tuple(_named(found)))
 
 
@@ -97,8 +110,13 @@ def _of_target(target: str, rig: str | None, window: str | float | None) -> tupl
     return target, _of_logs(_logs_only(files, target), rig, window)
 
 
+def without_campaign(targets: Sequence[str]) -> list[str]:
+    """Targets that are folders without a campaign file."""
+    return [target for target in targets if Path(target).is_dir() and not (Path(target) / CAMPAIGN_FILE).is_file()]
+
+
 def _logs_only(files: Sequence[str], target: str) -> list[str]:
-    logs = [file for file in files if _is_log(file) and not _is_result(file)]
+    logs = [file for file in files if is_log(file) and not is_result(file)]
     if not logs:
         raise OptionError(
             f"{target}: no log found; expected files that end in {', '.join(sorted(LOG_ENDINGS))}, or a {CAMPAIGN_FILE}."
@@ -106,12 +124,12 @@ def _logs_only(files: Sequence[str], target: str) -> list[str]:
     return logs
 
 
-def _is_log(file: str) -> bool:
+def is_log(file: str) -> bool:
     """Whether the name of a file ends as a log does, compressed by gzip or not."""
     return file.lower().removesuffix(".gz").rsplit(".", 1)[-1] in LOG_ENDINGS
 
 
-def _is_result(file: str) -> bool:
+def is_result(file: str) -> bool:
     """Whether a file lies in the folder of a batch: results are no logs."""
     folder = Path(file).parent
     return folder.name in ("dataset", "runs") and (folder.parent / CAMPAIGN_RECORD).is_file()

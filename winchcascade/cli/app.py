@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from typer._click import Command
 
 _COMMANDS = {
+    "init": "init_command",
     "reduce": "reduce_command",
     "batch": "batch_command",
     "check": "table_commands",

@@ -10,7 +10,7 @@ import msgspec
 import typer
 from msgspec.structs import replace
 
-from winchcascade.cli.options import OUTPUTS, option, with_options
+from winchcascade.cli.options import INPUT, OUTPUTS, check_load, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes
@@ -25,6 +25,8 @@ from winchcascade.core.store import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from winchcascade.batch.plan import Plan
     from winchcascade.batch.run_batch import Batch, Products
     from winchcascade.report.content import Report
@@ -33,11 +35,19 @@ MAX_ALTERED = 5
 """Altered files that are named."""
 
 
-@with_options("figures", "tables", "loss_map")
+@with_options(
+    "figures",
+    "tables",
+    "loss_map",
+    load_ohm=option(
+        "--load-ohm", "OHM", "Set the load of the logs that no campaign lists, in ohms; inf is an open circuit.", INPUT
+    ),
+)
 def batch_command(
     targets: list[str],
     out: Path,
     rig: str | None = None,
+    load_ohm: float | None = None,
     window: str | None = None,
     jobs: int | None = None,
     scheduler: str | None = None,
@@ -51,21 +61,23 @@ def batch_command(
     failed.
     """
     from winchcascade.batch.campaign_loss_map import check_one_map
-    from winchcascade.batch.plan import make_plan
+    from winchcascade.batch.plan import make_plan, without_campaign
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
     from winchcascade.report.screen import Progress
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
+    check_load(load_ohm)
     outputs.check(targets)
-    plan = make_plan(targets, rig=rig, window=None if window is None else window_rule(window))
+    rule = None if window is None else window_rule(window)
+    plan = make_plan(targets, rig=rig, window=rule, load_ohm=load_ohm)
     if outputs["loss_map"] is not None:
         check_one_map(plan, outputs["loss_map"])
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
-    _present(batch, outputs.without("loss_map"))
+    _present(batch, outputs.without("loss_map"), drafted_by=[] if load_ohm else without_campaign(targets))
     if outputs["loss_map"] is not None:
         _present_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force)
     raise typer.Exit(1 if batch.faults else 0)
@@ -99,8 +111,11 @@ def _present_loss_map(
         write_index(batch.folder)
 
 
-def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS) -> None:
-    """Write the report of a campaign where it is wanted, and print what its logs give and what was written."""
+def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS, *, drafted_by: Sequence[str] = ()) -> None:
+    """Write the report of a campaign where it is wanted, and print what its logs give and what was written.
+
+    `drafted_by` are the folders that have no campaign file.
+    """
     from winchcascade.report.content import Note, Report
     from winchcascade.report.results.campaign import campaign_report, fault_notes
 
@@ -114,6 +129,14 @@ def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS) -> None:
     notes = [
         Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call." if batch.kept else "", "Kept"),
         Note(f"made again, as its digest did not match: {named}" if named else "", "Altered", "warn"),
+    ]
+    notes += [
+        Note(
+            f"{folder} has no campaign.toml with the loads; `winchcascade init {folder}` drafts one.",
+            "Campaign",
+            "warn",
+        )
+        for folder in drafted_by
     ]
     stated, faults = campaign_report(batch.summary), fault_notes(batch.summary.failed)
     present(

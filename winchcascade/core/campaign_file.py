@@ -154,6 +154,11 @@ def load_campaign(path: Path) -> Campaign:
     """Read a campaign.toml, or the one in a folder; CampaignError names what is wrong and where."""
     if path.is_dir():
         path = path / CAMPAIGN_FILE
+        if not path.exists():
+            raise CampaignError(
+                f"{path.parent}: holds no {CAMPAIGN_FILE}; expected one that lists the logs, each with its load. "
+                f"`winchcascade init {path.parent}` drafts it."
+            )
     if path.exists() and not (path.is_file() and path.suffix.casefold() == ".toml"):
         raise CampaignError(
             f"{path}: is no campaign; expected a {CAMPAIGN_FILE} that lists the logs, or a folder with one."

@@ -228,7 +228,7 @@ def _without_motion(headers: Sequence[Header], several: Mapping[str, list[int]],
     if columns:
         return f"several columns could be the motion or the power: {listed(columns)}; expected one for each channel."
     lack = "no column for a motion (line velocity, displacement or speed of rotation) and none for a power"
-    near = {channel: _near_channel(channel, headers) for channel in DIMENSION if channel not in ("time", *taken)}
+    near = {channel: near_channel(channel, headers) for channel in DIMENSION if channel not in ("time", *taken)}
     found = "; ".join(f"{channel}: {', '.join(map(repr, names))}" for channel, names in near.items() if names)
     if found:
         return f"{lack}; columns that come near: {found}."
@@ -237,7 +237,7 @@ def _without_motion(headers: Sequence[Header], several: Mapping[str, list[int]],
     return f"{lack}; the log has {listed([h.name.strip() + u for h, u in zip(named, units, strict=True)])}."
 
 
-def _near_channel(channel: str, headers: Sequence[Header]) -> list[str]:
+def near_channel(channel: str, headers: Sequence[Header]) -> list[str]:
     """Columns that hold a name of the channel among other words, then those whose letters resemble one."""
     long = {name for name in column_names().channels[channel].letters if len(name) >= NEAR_NAME_LENGTH}
     read = {header.name.strip(): read_header(header) for header in headers[:NEAR_COLUMNS_MAX]}

@@ -1,0 +1,217 @@
+"""Draft a rig.toml from what logs show: the built-in rig that fits, candidates for columns, and the numbers that are needed.
+
+What is certain stands as an entry, all else as a comment with its reason.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from winchcascade.batch.draft_campaign import comment, quoted
+from winchcascade.core.campaign_settings import LogSettings
+from winchcascade.core.cascade import BUILT_IN as STAGES
+from winchcascade.core.channels import CHANNELS
+from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.quantity import read_as
+from winchcascade.core.rig_file import NUMBERS_OF
+from winchcascade.core.rig_toml import BUILT_IN, DEFAULT_RIG, built_in, built_in_text, parse_rig
+from winchcascade.ingest.assign import named_column, near_channel
+from winchcascade.ingest.log_facts import ColumnFacts, LogFacts
+from winchcascade.ingest.read import read_by
+from winchcascade.reduction.phase_proposal import FEW_ROWS
+from winchcascade.reduction.reduce import reduce
+from winchcascade.rig.baseline import needed
+from winchcascade.rig.parts import PARTS, in_rig_file, numbers_of
+
+Candidates = Mapping[str, Sequence[ColumnFacts]]
+"""Columns that may be a channel, by its name."""
+
+CANDIDATES_MAX = 4
+"""Candidates that are listed for one channel: a logger may have twenty columns of pressure."""
+
+FULL = ({"velocity", "displacement"}, {"force"}, {"torque", "power_mech"}, {"vdc"}, {"idc"})
+"""Channels of the cascade from line to DC link: one of each set."""
+
+SOURCES = ("waves", "steps", "rows", "whole")
+"""Sources of cycles that are tried where logs have no payouts, in this order; `whole` gives every log a result."""
+
+WAVES_MIN = 5
+"""Fewer waves are no reciprocating motion."""
+
+TRIED_MAX = 5
+"""Number of logs in which cycles are sought."""
+
+R_DRUM_MIN, R_DRUM_MAX = 1e-2, 1e1
+"""Range of the radius of a drum; speeds that give another one are not those of a drum and its line. [m]"""
+
+PLACES = {
+    "winch": "drawing of the drum; the inertia with all that turns at its speed",
+    "restoring": "data sheets of screw, piston and accumulator",
+    "drivetrain": "data sheets of gear and couplings; `winchcascade calibrate OPEN_CIRCUIT_LOG --write` finds b_rotor",
+    "generator": "data sheet of the machine; r_s and l_s of a phase are half of what two terminals show",
+    "dc_link": "data sheets of capacitor and resistors; r_bleed is what remains connected without a load",
+}
+"""Where the numbers of each part of a rig are found."""
+
+_HEAD = """\
+# Drafted by winchcascade init. A line behind # is not certain or not known: check it, fill it in, and remove the #.
+name = {name}
+"""
+
+_NUMBERS = """\
+# Numbers that a diagnosis needs, as the rig of the paper has them: state yours. Add to each u = or u_percent = (one
+# standard uncertainty) or limits = or limits_percent = (of the maker), and source = "...".
+"""
+
+
+def rig_text(logs: Sequence[LogFacts], name: str) -> str:
+    """Text of a rig file for logs of one rig; the columns are those of most of the logs."""
+    heads = [tuple(column.name for column in log.columns) for log in logs]
+    usual = Counter(heads).most_common(1)[0][0]
+    alike = sorted(
+        (log for log, head in zip(logs, heads, strict=True) if head == usual), key=lambda log: log.fault != ""
+    )
+    log, near = alike[0], candidates(alike[0])
+    base, why = fitting_rig(log, near)
+    blocks = [_HEAD.format(name=quoted(name)) + (f"based_on = {quoted(base)}{comment(why)}\n" if base else "")]
+    if len(alike) < len(logs):
+        blocks.append(
+            f"#{comment(f'The columns are those of {len(alike)} of {len(logs)} logs, as {log.path.name}.')[3:]}\n"
+        )
+    if not log.has_clock:
+        blocks.append(
+            "# [log]\n# sample_rate_hz = 10" + comment("the logs have no time column: rate of the logger") + "\n"
+        )
+    columns = _columns(log, near)
+    blocks += ["\n".join(["[columns]", *columns]) + "\n"] if columns else []
+    blocks += _phases(blocks[0], alike, near)
+    blocks += _numbers() if base == DEFAULT_RIG else _few_numbers(log, base)
+    return "\n".join(blocks)
+
+
+def candidates(log: LogFacts) -> Candidates:
+    """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none."""
+    taken = {column.name for column in log.columns if column.channel in (*log.channels, "time")}
+    free = [column for column in log.columns if column.name not in taken and column.low < column.high]
+    found: dict[str, list[ColumnFacts]] = {}
+    for channel in (name for name in CHANNELS if name not in log.channels):
+        called = near_channel(channel, [column.header for column in free])
+        named = [one for one in free if one.channel == channel or (one.unit is None and one.name in called)]
+        fitting = [one for one in free if read_as(one.unit, CHANNELS[channel].dimension) is not None]
+        if named or fitting:
+            found[channel] = [*dict.fromkeys([*named, *fitting])]
+    return found
+
+
+def fitting_rig(log: LogFacts, near: Candidates) -> tuple[str, str]:
+    """Name of the built-in rig that fits a log, and why; empty for none."""
+    headers = [column.header for column in log.columns]
+    for name in BUILT_IN:
+        columns = built_in(name).columns.values()
+        if columns and all(named_column(headers, column.name) is not None for column in columns):
+            return name, "the logs have the columns of this rig"
+    possible = {*log.channels, *(channel for channel, columns in near.items() if any(one.unit for one in columns))}
+    if all(possible & one for one in FULL):
+        return DEFAULT_RIG, "the same cascade; what is not stated here, also of [sensors], is taken from that rig"
+    return "", ""
+
+
+def _columns(log: LogFacts, near: Candidates) -> list[str]:
+    """Entries of [columns] as comments: channels that were found without a unit, and candidates for those that were not."""
+    lines = []
+    for channel in log.without_unit:
+        column = next((one for one in log.columns if one.channel == channel), None)
+        if column is not None and channel in CHANNELS:
+            lines.append(_column(channel, column, f"names no unit; taken as {CHANNELS[channel].unit}"))
+    for channel, columns in near.items():
+        more = f"; {len(columns) - CANDIDATES_MAX} more fit" if len(columns) > CANDIDATES_MAX else ""
+        lines += [_column(channel, one, f"not found; a candidate{more}") for one in columns[:CANDIDATES_MAX]]
+    if len(near.get("idc", ())) > 1:
+        lines.append(
+            '# Currents at one voltage add up: [channels.NAME], and power = "vdc * a + vdc * b" under [stage.NAME].'
+        )
+    return lines
+
+
+def _column(channel: str, column: ColumnFacts, reason: str) -> str:
+    """An entry of [columns] as a comment, with a unit to be checked where the log names none."""
+    keys = [f"name = {quoted(column.name)}"]
+    keys += [] if column.unit is not None else [f"unit = {quoted(CHANNELS[channel].unit)}"]
+    keys += ['side = "shaft"'] if channel == "speed" else []
+    values = f"{column.low:.4g} to {column.high:.4g} {column.header.unit or ''}".rstrip()
+    return f"# {channel} = {{ {', '.join(keys)} }}" + comment(f"{reason}; {values}")
+
+
+def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
+    """Source of cycles, by trial, where the usual one finds none: a comment where candidates or a rate were taken for it."""
+    sure, assumed, used = not logs[0].fault and logs[0].has_clock, head, set[str]()
+    if not sure:
+        assumed += "\n[log]\nsample_rate_hz = 10\n[columns]\n"
+        for channel, columns in near.items():
+            column = next((one for one in columns if one.name not in used), None)
+            if column is not None:
+                used.add(column.name)
+                assumed += _column(channel, column, "").removeprefix("# ") + "\n"
+    tried = logs[:TRIED_MAX]
+    found = {source: sum(_cycles(assumed, log, source) > 0 for log in tried) for source in ("", *SOURCES)}
+    best = max(found, key=lambda source: (2 * found[source] if source == "" else 1) * found[source])
+    if best == "" or not found[best]:
+        return []
+    mark, where = ("", f"{found[best]} of {len(tried)} logs") if sure else ("# ", "the first candidates above")
+    return [f'{mark}[phases]\n{mark}from = "{best}"{comment(f"no payouts were found; gives cycles with {where}")}\n']
+
+
+def _cycles(text: str, log: LogFacts, source: str) -> int:
+    """Number of complete cycles of a log with the text of a rig file and a source; 0 where it cannot be reduced so."""
+    phases = f'\n[phases]\nfrom = "{source}"\n' if source else ""
+    try:
+        run = read_by(log.path, LogSettings(parse_rig(text + phases, "draft")))
+        if source == "rows" and run.samples > FEW_ROWS:
+            return 0
+        found = reduce(run)
+    except WinchcascadeError:
+        return 0
+    other = any(finding.kind == "phase_source" for finding in found.quality)
+    disordered = any(finding.kind == "backward_stamp" for finding in run.findings) and source not in ("rows", "whole")
+    count = sum(cycle.complete for cycle in found.cycles)
+    return 0 if other or disordered or (source == "waves" and count < WAVES_MIN) else count
+
+
+def _numbers() -> list[str]:
+    """All numbers that a model needs, as comments with those of the paper."""
+    paper, blocks = tomllib.loads(built_in_text(DEFAULT_RIG)), [_NUMBERS]
+    for section in PARTS:
+        lines = [f"[{section}]" + comment(PLACES[section])]
+        if section == "restoring":
+            lines += [f"# kind = {quoted(kind)}{comment(_instead(names))}" for kind, names in NUMBERS_OF.items()][1:]
+        own = {name: number for number, name in in_rig_file(section).items()}
+        for name in needed(built_in(DEFAULT_RIG), section):
+            stated, about = paper[section][name], numbers_of(section)[own[name]]
+            what = about.what.replace("absolute pressure", "gauge pressure") if about.unit == "Pa" else about.what
+            value = f"value = {stated['value']}, unit = {quoted(stated['unit'])}"
+            lines.append(f"# {name} = {{ {value} }}" + comment(what))
+        blocks.append("\n".join(lines) + "\n")
+    return blocks
+
+
+def _instead(names: Sequence[str]) -> str:
+    return f"in place of all below: {', '.join(names) or 'no number'}"
+
+
+def _few_numbers(log: LogFacts, base: str) -> list[str]:
+    """Drum radius, gear ratio and stages, as comments, for logs that are no whole cascade."""
+    turn = ""
+    if log.turn is not None and log.turn * R_DRUM_MIN < 1.0 < log.turn * R_DRUM_MAX:
+        turn = f"; {1.0 / log.turn:.4g} m by rotation over line speed, if no gear is between"
+    radius, gear = (comment(text) for text in (f"radius of the drum{turn}", "generator speed over drum speed"))
+    blocks = [
+        f'[winch]\n# r_drum = {{ value = 0.2, unit = "m" }}{radius}\n',
+        f'[drivetrain]\n# gear_ratio = {{ value = 1, unit = "1" }}{gear}\n',
+    ]
+    stages = [quoted(name) for name, stage in STAGES.items() if stage.power(log.channels, 1.0) is not None]
+    if stages and not base:
+        order = comment("what the log has; put the stages in the order in which power flows")
+        blocks.append(f"# [cascade]\n# stages = [{', '.join(stages)}]{order}\n")
+    return blocks

@@ -1,0 +1,31 @@
+"""`winchcascade init`: drafts of campaign.toml and rig.toml from a folder of logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from winchcascade.cli.options import OUTPUTS, argument, option, with_options
+from winchcascade.cli.outputs import show
+
+
+@with_options(
+    folder=argument("FOLDER", "The folder that holds the logs."),
+    write=option("--write", "", "Write the drafts into the folder; a file that is there stays as it is.", OUTPUTS),
+)
+def init_command(folder: Path, rig: str | None = None, write: bool = False) -> None:
+    """Draft campaign.toml and rig.toml from the logs of a folder.
+
+    Loads come from properties, columns, file names and currents, the order from the clocks. What is not certain stands as a
+    comment with its reason, as do all numbers of the rig that a diagnosis needs. A rig.toml in the folder is used as it is.
+    """
+    from winchcascade.batch.draft_folder import draft_folder, write_drafts
+
+    drafts = draft_folder(folder, rig)
+    written = write_drafts(drafts, folder) if write else []
+    for name, text in drafts.texts.items():
+        state = "written" if folder / name in written else "kept as it is" if (folder / name).exists() else "draft"
+        show(f"# ---- {folder / name} ({state})\n{text}\n")
+    for name, reason in drafts.skipped.items():
+        show(f"# no log: {reason if name in reason else f'{name}: {reason}'}\n")
+    if not write:
+        show(f"# `winchcascade init {folder} --write` writes the drafts.\n")
