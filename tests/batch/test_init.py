@@ -164,7 +164,9 @@ def test_from_the_folder_to_the_hidden_effect(bench: Path) -> None:
     assert rise["low"] < 0.35 < rise["high"]
 
 
-FOLDERS = [FIXTURES / name for name in ("campaign", "damaged_logs", "measured", "other_rig")] + [*BENCHES.glob("[!l]*")]
+FOLDERS = [
+    folder for folder in (*FIXTURES.glob("*"), *FIXTURES.glob("measured/*"), *BENCHES.glob("*")) if folder.is_dir()
+]
 
 
 @pytest.mark.parametrize("source", FOLDERS, ids=lambda folder: folder.name)
@@ -179,7 +181,8 @@ def test_drafts_of_any_folder_can_be_used_as_they_are(source: Path, tmp_path: Pa
     listed = {run.file.name for run in load_campaign(folder).runs}
     assert load_rig(folder / "rig.toml").name == folder.name
     assert listed.isdisjoint(drafts.skipped)
-    assert listed | drafts.skipped.keys() == {path.name for path in source.iterdir() if path.suffix != ".toml"}
+    files = {path.name for path in source.iterdir() if path.is_file() and path.suffix != ".toml"}
+    assert listed | drafts.skipped.keys() == files
 
 
 def test_a_log_without_payouts_gets_the_source_of_cycles_that_it_has(tmp_path: Path) -> None:
@@ -187,6 +190,18 @@ def test_a_log_without_payouts_gets_the_source_of_cycles_that_it_has(tmp_path: P
     text = draft_folder(folder).texts["rig.toml"]
     assert re.search(r"(?m)^# from = ", text)
     assert re.search(r"(?m)^# sample_rate_hz = ", text)
+
+
+def test_columns_that_no_name_explains_are_candidates_of_what_is_missing(tmp_path: Path) -> None:
+    folder = tmp_path / "plain"
+    folder.mkdir()
+    rows = "".join(f"{0.04 * k:.2f},{k % 50},{k % 7},{300 + k % 9},{k % 11},{k % 13},{k % 17}\n" for k in range(200))
+    for name in ("R060.csv", "R040.csv"):
+        (folder / name).write_text("time_ms,line speed (ft/s),LC1,P_acc,Tq,DC bus,I_load\n" + rows)
+    text = draft_folder(folder).texts["rig.toml"]
+    assert 'based_on = "hsu2026"' in text
+    assert [re.findall(rf'(?m)^# {c} = {{ name = "(.*?)"', text) for c in ("force", "vdc")] == [["LC1", "DC bus"]] * 2
+    assert len(re.findall(r"(?m)^# pressure = .* beyond 204 kg/cm2", text)) == 1
 
 
 def test_files_that_are_there_stay_and_their_columns_are_used(bench: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from winchcascade.batch.draft_campaign import campaign_text
-from winchcascade.batch.draft_rig import candidates, fitting_rig, rig_text
+from winchcascade.batch.draft_rig import fitting_rig, rig_text
 from winchcascade.batch.plan import is_log, is_result
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
@@ -56,7 +56,7 @@ def draft_folder(folder: Path, rig: str | None = None) -> Drafts:
     if not logs:
         reasons = first_of([*skipped.values()], 3, " ")
         raise OptionError(f"{folder}: no log found; expected CSV, TDMS, MATLAB, Parquet or Excel. {reasons}".rstrip())
-    base = "" if used is not None else fitting_rig(logs[0], candidates(logs[0]))[0]
+    base = "" if used is not None else fitting_rig(logs[0], {}, loads=False)[0]
     if base and built_in(base).columns:
         logs, _ = _logs(folder, built_in(base))
     title = folder.resolve().name or "campaign"

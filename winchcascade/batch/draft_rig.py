@@ -8,17 +8,19 @@ from __future__ import annotations
 import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 from winchcascade.batch.draft_campaign import comment, quoted
 from winchcascade.core.campaign_settings import LogSettings
 from winchcascade.core.cascade import BUILT_IN as STAGES
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import WinchcascadeError
-from winchcascade.core.quantity import read_as
+from winchcascade.core.quantity import find_unit, read_as, unit_names
 from winchcascade.core.rig_file import NUMBERS_OF
 from winchcascade.core.rig_toml import BUILT_IN, DEFAULT_RIG, built_in, built_in_text, parse_rig
 from winchcascade.ingest.assign import named_column, near_channel
 from winchcascade.ingest.log_facts import ColumnFacts, LogFacts
+from winchcascade.ingest.named_load import named_loads
 from winchcascade.ingest.read import read_by
 from winchcascade.reduction.phase_proposal import FEW_ROWS
 from winchcascade.reduction.reduce import reduce
@@ -30,6 +32,9 @@ Candidates = Mapping[str, Sequence[ColumnFacts]]
 
 CANDIDATES_MAX = 4
 """Candidates that are listed for one channel: a logger may have twenty columns of pressure."""
+
+UNITS_MAX = 8
+"""Units that are proposed for a column without one."""
 
 FULL = ({"velocity", "displacement"}, {"force"}, {"torque", "power_mech"}, {"vdc"}, {"idc"})
 """Channels of the cascade from line to DC link: one of each set."""
@@ -68,13 +73,14 @@ _NUMBERS = """\
 
 def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     """Text of a rig file for logs of one rig; the columns are those of most of the logs."""
+    loads = {one.ohm for one in named_loads([log.path.name for log in logs]).values() if one.certain}
     heads = [tuple(column.name for column in log.columns) for log in logs]
     usual = Counter(heads).most_common(1)[0][0]
     alike = sorted(
         (log for log, head in zip(logs, heads, strict=True) if head == usual), key=lambda log: log.fault != ""
     )
     log, near = alike[0], candidates(alike[0])
-    base, why = fitting_rig(log, near)
+    base, why = fitting_rig(log, near, loads=len(loads) > 1)
     blocks = [_HEAD.format(name=quoted(name)) + (f"based_on = {quoted(base)}{comment(why)}\n" if base else "")]
     if len(alike) < len(logs):
         blocks.append(
@@ -92,7 +98,10 @@ def rig_text(logs: Sequence[LogFacts], name: str) -> str:
 
 
 def candidates(log: LogFacts) -> Candidates:
-    """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none."""
+    """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none.
+
+    A few columns without unit that are left over may be any channel of the paper's cascade for which nothing else is there.
+    """
     taken = {column.name for column in log.columns if column.channel in (*log.channels, "time")}
     free = [column for column in log.columns if column.name not in taken and column.low < column.high]
     found: dict[str, list[ColumnFacts]] = {}
@@ -100,19 +109,30 @@ def candidates(log: LogFacts) -> Candidates:
         called = near_channel(channel, [column.header for column in free])
         named = [one for one in free if one.channel == channel or (one.unit is None and one.name in called)]
         fitting = [one for one in free if read_as(one.unit, CHANNELS[channel].dimension) is not None]
-        if named or fitting:
-            found[channel] = [*dict.fromkeys([*named, *fitting])]
-    return found
+        found[channel] = [*dict.fromkeys([*named, *fitting])]
+    left = [one for one in free if one.unit is None and one.channel is None and one not in chain(*found.values())]
+    there = {*log.channels, *(channel for channel, columns in found.items() if columns)}
+    if len(left) <= CANDIDATES_MAX:
+        found |= {channel: left for one in FULL if not one & there for channel in sorted(one)}
+    return {channel: columns for channel, columns in found.items() if columns}
 
 
-def fitting_rig(log: LogFacts, near: Candidates) -> tuple[str, str]:
-    """Name of the built-in rig that fits a log, and why; empty for none."""
+def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, str]:
+    """Name of the built-in rig that fits a log, and why; empty for none.
+
+    Parameters
+    ----------
+    loads : the names of the logs state loads, so that columns without unit may be those of a DC link
+    """
     headers = [column.header for column in log.columns]
     for name in BUILT_IN:
         columns = built_in(name).columns.values()
         if columns and all(named_column(headers, column.name) is not None for column in columns):
             return name, "the logs have the columns of this rig"
-    possible = {*log.channels, *(channel for channel, columns in near.items() if any(one.unit for one in columns))}
+    possible = {
+        *log.channels,
+        *(channel for channel, columns in near.items() if loads or any(one.unit for one in columns)),
+    }
     if all(possible & one for one in FULL):
         return DEFAULT_RIG, "the same cascade; what is not stated here, also of [sensors], is taken from that rig"
     return "", ""
@@ -124,7 +144,9 @@ def _columns(log: LogFacts, near: Candidates) -> list[str]:
     for channel in log.without_unit:
         column = next((one for one in log.columns if one.channel == channel), None)
         if column is not None and channel in CHANNELS:
-            lines.append(_column(channel, column, f"names no unit; taken as {CHANNELS[channel].unit}"))
+            lines.append(
+                _column(channel, column, f"names no unit; taken as {CHANNELS[channel].unit}{_beyond(channel, column)}")
+            )
     for channel, columns in near.items():
         more = f"; {len(columns) - CANDIDATES_MAX} more fit" if len(columns) > CANDIDATES_MAX else ""
         lines += [_column(channel, one, f"not found; a candidate{more}") for one in columns[:CANDIDATES_MAX]]
@@ -141,7 +163,19 @@ def _column(channel: str, column: ColumnFacts, reason: str) -> str:
     keys += [] if column.unit is not None else [f"unit = {quoted(CHANNELS[channel].unit)}"]
     keys += ['side = "shaft"'] if channel == "speed" else []
     values = f"{column.low:.4g} to {column.high:.4g} {column.header.unit or ''}".rstrip()
+    if column.unit is None:
+        values += f"; {', '.join([*unit_names(CHANNELS[channel].dimension).values()][:UNITS_MAX])} ...?"
     return f"# {channel} = {{ {', '.join(keys)} }}" + comment(f"{reason}; {values}")
+
+
+def _beyond(channel: str, column: ColumnFacts) -> str:
+    """A remark on values that exceed the range of the sensor of the paper in the unit that is assumed."""
+    sensor, unit = built_in(DEFAULT_RIG).sensors.get(channel), find_unit(CHANNELS[channel].unit)
+    if sensor is None or sensor.high is None or unit is None or column.high * unit.factor <= sensor.high:
+        return ""
+    return (
+        f", which is implausible: beyond {sensor.high / unit.factor:.3g} {CHANNELS[channel].unit} of the paper's sensor"
+    )
 
 
 def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
