@@ -66,13 +66,14 @@ l_s = { value = 20, unit = "mH", u_percent = 1 }""",
 }
 """Tables [drivetrain] and [generator] of a gear of 1:30, and of a machine on the shaft of the drum."""
 
-SENSORS = "\n".join(
-    f'[sensors.{name}]\nunit = "{unit}"\nu_zero = {zero}\nu_gain = 0.001'
-    for name, unit, zero in (
-        ("pressure", "MPa", 0.003), ("force", "N", 2), ("torque", "N.m", 0.3), ("vdc", "V", 0.05), ("idc", "A", 0.005)
-    )
-)  # fmt: skip
-"""Sensors that were calibrated in place."""
+SENSORS = {
+    "pressure": ("MPa", 0.003),
+    "force": ("N", 2.0),
+    "torque": ("N.m", 0.3),
+    "vdc": ("V", 0.05),
+    "idc": ("A", 0.005),
+}
+"""Sensors that were calibrated in place: unit and standard uncertainty of the zero; that of the gain is 0.1 %."""
 
 LOADS = (math.inf, 36.0, 12.0)
 """Loads of a campaign. [ohm]"""
@@ -85,6 +86,11 @@ Effects = Mapping[str, Mapping[str, float]]
 
 def own_text(kind: str, shaft: str = "geared") -> str:
     """Text of a whole rig file: a drum of 0.2 m, a restoring module and a shaft of the tables above."""
+    sensors = "\n".join(
+        f'[sensors.{name}]\nunit = "{unit}"\nu_zero = {zero}\nu_gain = 0.001'
+        for name, (unit, zero) in SENSORS.items()
+        if name != "pressure" or kind == "gas_screw"
+    )
     return f"""name = "{kind} {shaft}"
 [winch]
 r_drum = {{ value = 0.2, unit = "m" }}
@@ -96,7 +102,7 @@ v_diode = {{ value = 0.7, unit = "V" }}
 c_dc = {{ value = 2.2, unit = "mF", u_percent = 10 }}
 r_bleed = {{ value = 4500, unit = "ohm" }}
 load_u_percent = 0.1
-{SENSORS}
+{sensors}
 """
 
 

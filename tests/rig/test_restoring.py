@@ -166,4 +166,12 @@ def test_a_module_of_another_kind_replaces_that_of_the_rig_below_whole() -> None
     rig: Rig = parse_rig(based, "mine.toml")
     assert rig.restoring == own_rig("spring").restoring
     assert baseline(rig).restoring.stiffness == 40.0
+    assert "pressure" not in rig.sensors
     assert parse_rig('based_on = "hsu2026"\n[restoring]\nkind = "gas_screw"\n', "mine.toml").restoring.lead is not None
+
+
+def test_a_machine_on_the_shaft_of_the_drum_takes_no_mesh_efficiency_from_the_rig_below() -> None:
+    direct = 'based_on = "hsu2026"\n[drivetrain]\ngear_ratio = { value = 1, unit = "1" }\n'
+    assert baseline(parse_rig(direct, "mine.toml")).drivetrain.eta_mesh == 1.0
+    stated = parse_rig(direct + 'eta_mesh = { value = 0.99, unit = "1" }\n', "mine.toml")
+    assert baseline(stated).drivetrain.eta_mesh == 0.99

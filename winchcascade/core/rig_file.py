@@ -203,18 +203,22 @@ class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         """Reject numbers of another kind: ValueError."""
-        own = (*self.needed, *(("friction",) if self.kind in WITH_FRICTION else ()))
-        other = [name for name in measures(Restoring) if getattr(self, name) is not None and name not in own]
+        other = [name for name in measures(Restoring) if getattr(self, name) is not None and name not in self.own]
         if other:
             raise ValueError(
                 f"{', '.join(other)} of another kind of restoring module: kind is {self.kind}, which has "
-                f"{', '.join(own) or 'no number'}. State the kind, or remove what it does not have."
+                f"{', '.join(self.own) or 'no number'}. State the kind, or remove what it does not have."
             )
 
     @property
     def needed(self) -> tuple[str, ...]:
         """Numbers that a model needs."""
         return NUMBERS_OF[self.kind]
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Numbers that it may have."""
+        return (*self.needed, "friction") if self.kind in WITH_FRICTION else self.needed
 
     @property
     def has_gas(self) -> bool:

@@ -105,7 +105,7 @@ def parse_rig(text: str, where: str) -> Rig:
     if base is not None:
         if base not in BUILT_IN:
             raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
-        raw = _merged(_without_other_kind(toml_values(built_in_text(str(base)), str(base), RigError), raw), raw)
+        raw = _merged(_without_other_parts(toml_values(built_in_text(str(base)), str(base), RigError), raw), raw)
     texts, tables = ("name", "title", "source", "note"), ("sensors", "channels", "effects", "stage")
     check_keys(raw, (*texts, *PARTS, *tables, "columns", "cascade", "log"), f"{where}:", RigError)
     sensors, channels, effects, stages = (
@@ -145,14 +145,30 @@ class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sample_rate_hz: Positive | None = None
 
 
-def _without_other_kind(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
-    """Tables of the rig below without its restoring module, where the rig above has one of another kind."""
-    kinds = [
-        table.get("kind", Restoring().kind)
-        for rig in (base, over)
-        if isinstance(table := rig.get("restoring", {}), Mapping)
-    ]
-    return {key: value for key, value in base.items() if key != "restoring" or kinds[-1] == kinds[0]}
+def _without_other_parts(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
+    """Tables of the rig below without what belongs to parts that the rig above has not: numbers and pressure sensor of a
+    restoring module of another kind, and the mesh efficiency of a gear where the machine is on the shaft of the drum.
+    """
+    kinds = [_entry(rig, "restoring", "kind", Restoring().kind) for rig in (base, over)]
+    kept = dict(base)
+    if kinds[0] != kinds[1]:
+        kept |= {"restoring": {}, "sensors": _without_entry(base, "sensors", "pressure")}
+    gear = _entry(over, "drivetrain", "gear_ratio", {})
+    if isinstance(gear, Mapping) and gear.get("value") == 1:
+        kept["drivetrain"] = _without_entry(base, "drivetrain", "eta_mesh")
+    return kept
+
+
+def _without_entry(rig: Mapping[str, object], table: str, name: str) -> Table:
+    """A table of a rig file without one of its entries."""
+    entries = rig.get(table)
+    return {key: value for key, value in entries.items() if key != name} if isinstance(entries, Mapping) else {}
+
+
+def _entry(rig: Mapping[str, object], table: str, name: str, absent: object) -> object:
+    """An entry of a table of a rig file, `absent` where it is not stated."""
+    entries = rig.get(table)
+    return entries.get(name, absent) if isinstance(entries, Mapping) else absent
 
 
 def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> Table:

@@ -69,7 +69,7 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
     for part in PARTS:
         units = {name: number.unit for name, number in numbers_of(part).items()} | DERIVED.get(part, {})
         if part == "restoring":
-            units = {name: unit for name, unit in units.items() if (name in PULL) != rig.restoring.has_gas}
+            units = {name: unit for name, unit in units.items() if _is_there(name, rig)}
         parts[part] = {name: _number(rig, (given, model), f"{part}.{name}", unit) for name, unit in units.items()}
     return {
         "schema": MODEL_SCHEMA,
@@ -91,6 +91,11 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
             "electrical_lag": model.sensors.electrical_lag,
         },
     }
+
+
+def _is_there(name: str, rig: Rig) -> bool:
+    """Whether the restoring module of a rig has a number."""
+    return name not in PULL if rig.restoring.has_gas else name in rig.restoring.own
 
 
 def _number(rig: Rig, models: tuple[Model, Model], path: str, unit: str) -> dict[str, Any]:

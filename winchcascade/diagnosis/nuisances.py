@@ -83,7 +83,9 @@ class Nuisance(Parameter, frozen=True, kw_only=True):
         course = "" if self.course == COURSES[0] else f", with the {self.course}"
         where = course if math.isnan(self.load) else f"{course} at {self.load:g} ohm"
         return {
-            "rig": self.name,
+            "rig": f"{self.name} of the {self.section}"
+            if self.name in CHANNELS or self.name == "friction"
+            else self.name,
             "law": f"{self.name} of the {self.section}",
             "load": f"load of {self.load:g} ohm",
             "gain": f"gain of {self.name}",

@@ -209,7 +209,10 @@ def _checked(log: Samples, renumbered: Signal, signs: Mapping[str, float]) -> Ch
     """Bridge what is lost of a log; the log with what was found."""
     gaps = log.bridge()
     force = log.channels.get("force")
-    if force is not None and force.min() < 0 and not log.rig.winch.line_can_push:
+    slack = (
+        log.rig.winch.line_can_push or log.rig.restoring.kind == "none"
+    )  # a usual state, which noise puts below zero
+    if force is not None and force.min() < 0 and not slack:
         what = "have a line tension below zero (for a rod, state line_can_push = true under [winch] of the rig file)"
         log.report("slack_line", "force", force < 0, what, removed=False)
     return Checked(log.t, log.channels, gaps, tuple(log.findings), renumbered, signs)
