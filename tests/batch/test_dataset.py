@@ -15,7 +15,7 @@ from pyarrow import dataset, parquet
 from winchcascade.batch.dataset import SCHEMA, TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
-from winchcascade.report.frames import RUNS_MAX
+from winchcascade.report.flat_rows import RUNS_MAX
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 FORMULA = "=SUM(A1)"
