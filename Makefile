@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 PYTEST := $(BIN)/pytest --numprocesses auto --maxprocesses 8 --dist loadfile
 
 # Compiled modules are kept even where PYTHONDONTWRITEBYTECODE is set: the tests start some hundred processes, and each would
@@ -13,45 +14,51 @@ export PYTHONDONTWRITEBYTECODE :=
 demo: $(VENV)/installed
 	$(BIN)/winchcascade demo --out demo
 
-test: $(VENV)/installed
+test: $(VENV)/developing
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(MAKE) --no-print-directory --jobs 2 test-types test-fast
 
 # mypy uses one processor: it runs beside the first tests.
-test-types: $(VENV)/installed
+test-types: $(VENV)/developing
 	$(BIN)/mypy
 
-test-fast: $(VENV)/installed
+test-fast: $(VENV)/developing
 	$(PYTEST) -m "not slow"
 
 # The slow tests, and the tests of properties once more with many more examples.
-test-all: $(VENV)/installed
+test-all: $(VENV)/developing
 	$(PYTEST) --hypothesis-profile thorough -m "slow or hypothesis"
 
 # The reports in a real browser; needs Chromium on the path.
-test-browser: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
+test-browser: $(VENV)/developing
+	$(INSTALL) -e ".[browser]"
 	WINCHCASCADE_BROWSER=1 $(BIN)/pytest tests/report/test_browser.py
 
 # The site of the documents, in site/; it loads nothing from the network.
 docs: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	$(INSTALL) -e ".[docs]"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 # One table of ratios in a quarter of an hour or less; make bench BENCH=--quick takes about a minute and is rougher.
-bench: $(VENV)/installed
+bench: $(VENV)/developing
 	$(BIN)/python benchmarks/bench.py $(BENCH)
 
 # Scores of the diagnosis on campaigns of the twin; make trials TRIALS="--family nothing" does a part.
-trials: $(VENV)/installed
+trials: $(VENV)/developing
 	$(BIN)/python benchmarks/trials.py $(TRIALS)
 
+# What a user installs; Python compiles a module when it is first imported, as most of these are not.
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	$(INSTALL) -e ".[fast,pdf]"
 	$(BIN)/python -m compileall -q winchcascade
 	$(BIN)/python -m winchcascade.rig.machine_code
+	@touch $@
+
+# What the tests and the checks need besides.
+$(VENV)/developing: $(VENV)/installed
+	$(INSTALL) -e ".[dev]"
 	@touch $@
 
 clean:

@@ -1,26 +1,27 @@
-"""Draw the pictures of the README from the shipped data.
+"""Draw the pictures of the documents from the shipped data.
 
-`python docs/pictures.py [NAME ...]` writes docs/pictures/: the cascade, the terminal and the diagnosis as SVG, and a photograph
-of the page of a campaign by Chromium. `sources.json` holds the data behind each picture; a test compares them with the present
-results.
+`python docs/pictures.py [NAME ...]` writes docs/pictures/: the cascade, the terminal, figures that a command writes, and a
+photograph of the page of a campaign by Chromium. `sources.json` holds the data behind each picture; a test compares them with
+the present results.
 """
 
-import io
 import json
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import cache
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parent.parent
 PICTURES = Path(__file__).parent / "pictures"
 SOURCES = PICTURES / "sources.json"
 LOG = "fixtures/campaign/r36ohm.csv"
-CAMPAIGN, TABLE = "fixtures/campaign", "hsu2026-table2"
+TABLE = "hsu2026-table2"
 
 INK, SOFT, PAPER, FAINT = "#1b1e23", "#5c6470", "#ffffff", "#eef1f5"
 STAGES = {"line": "#12355b", "mech": "#b8432f", "gen": "#2f8f7b"}
@@ -152,104 +153,133 @@ def _spans(line: str) -> str:
     return text
 
 
-# ------------------------------------------------------------------------------------------------------------- diagnosis
-def waterfall_source() -> Source:
-    """What each cause costs in efficiency at each load, and the diagnosis that it comes from."""
-    from winchcascade import open_campaign
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.figure_data import load_costs
-    from winchcascade.report.figures.cause_figures import part_name
+# --------------------------------------------------------------------------------------------------- what a command writes
+class Written(NamedTuple):
+    """A picture that one command writes: the command, its record as JSON, the data taken of it, and the file of the picture."""
 
-    found = open_campaign(ROOT / CAMPAIGN).diagnose()
-    assert isinstance(found, ModelDiagnosis)
-    _FOUND["waterfall"] = found
-    return [
-        [f"{costs.load:g} ohm", f"{costs.as_given:.1f}"]
-        + [f"{part_name(found, part)} {part.value:.1f}" for part in costs.parts]
-        + [f"{costs.measured:.1f}"]
-        for costs in load_costs(found, "eta_pto")
-    ]
+    command: str
+    record: str
+    data: Callable[[Any], Source]
+    file: str
 
 
-_FOUND: dict[str, Any] = {}
-"""Results that a source has computed, for the picture of it."""
+def diagnosed(record: Any) -> Source:
+    """Numbers of each cause of a diagnosis, and the gap of each channel in its standard uncertainties."""
+    causes = {
+        f"{cause['effect']}.{name}": _rounded(parameter["value"])
+        for cause in record["causes"]
+        for name, parameter in cause["parameters"].items()
+    }
+    gaps = {f"{gap['channel']} {gap['phase']} {gap['load_ohm']}": _rounded(gap["z"]) for gap in record["where"]["map"]}
+    return {"causes": causes, "gaps": gaps}
 
 
-def waterfall(_: Source) -> str:
-    """The waterfall figure of the report of a diagnosis."""
-    from winchcascade.report.figures.cause_figures import waterfall_figure
-    from winchcascade.report.figures.style import house_style
-
-    with house_style():
-        figure = waterfall_figure(_FOUND["waterfall"], "log")
-        assert figure is not None
-        out = io.StringIO()
-        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    svg = out.getvalue()[out.getvalue().index("<svg") :]
-    begin = svg.index(">") + 1
-    return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}\n'
+def reduced(record: Any) -> Source:
+    """Means of a reduced log."""
+    return {name: _rounded(value) for name, value in record["mean"].items()}
 
 
-# -------------------------------------------------------------------------------------------------------------- campaign
-def campaign_source() -> Source:
-    """Tiles, sentences and tables of the report of the campaign."""
-    from winchcascade import open_campaign
-    from winchcascade.report.views import write_report
-
-    result = open_campaign(ROOT / CAMPAIGN).reduce()
-    folder = Path(tempfile.mkdtemp())
-    _FOUND["campaign"] = write_report(result, folder / "campaign.html")
-    return [
-        [run.name, run.load_ohm, *(_rounded(run.mean.get(name)) for name in MEANS)] for run in result.summary.reduced
-    ]
+def of_campaign(record: Any) -> Source:
+    """Means of each log of a campaign."""
+    return {run["name"]: reduced(run) for run in record["runs"]}
 
 
-MEANS = ("energy_line_j", "energy_mech_j", "energy_gen_j", "eta_trans", "eta_gen", "eta_pto")
+def mapped(record: Any) -> Source:
+    """Coefficients of a loss map."""
+    return {name: _rounded(coefficient["value"]) for name, coefficient in record["surface"].items()}
 
 
 def _rounded(value: float | None) -> str | None:
-    return None if value is None else f"{value:.4g}"
+    return None if value is None else f"{value:.3g}"
 
 
-def campaign(_: Source) -> bytes:
-    """A photograph of the first screen of the page of a campaign."""
+LOG_FIGURES = f"winchcascade reduce {LOG} --json log.json --figures figures"
+CAMPAIGN_PAGE = "winchcascade batch fixtures/campaign --out results"
+DIAGNOSIS_FIGURES = "winchcascade diagnose fixtures/campaign --json diagnosis.json --figures figures"
+BENCH_FIGURES = "winchcascade reduce dyno.csv --rig bench.toml --loss-map dyno_loss.json --figures figures"
+
+WRITTEN = {
+    "histories.svg": Written(LOG_FIGURES, "log.json", reduced, "figures/r36ohm_histories.svg"),
+    "campaign.png": Written(CAMPAIGN_PAGE, "results/campaign.json", of_campaign, "results/campaign.html"),
+    "map.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_map.svg"),
+    "waterfall.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_waterfall.svg"),
+    "loss_map.svg": Written(BENCH_FIGURES, "dyno_loss.json", mapped, "figures/dyno_loss-heat.svg"),
+}
+
+
+@cache
+def done(command: str) -> Path:
+    """Folder with the shipped logs and the bench of the page on loss maps, in which a command has been run."""
+    place = Path(tempfile.mkdtemp())
+    shutil.copytree(ROOT / "fixtures", place / "fixtures")
+    page = (ROOT / "docs" / "loss_map.md").read_text(encoding="utf-8")
+    for name, text in re.findall(r"Save as `([^`]+)`[^\n]*\n\n```\w+\n(.*?)```", page, re.DOTALL):
+        (place / name).write_text(text, encoding="utf-8")
+    if "dyno.csv" in command:
+        subprocess.run([sys.executable, "make_log.py"], cwd=place, check=True)
+    called = [sys.executable, "-m", *command.split()]
+    subprocess.run(called, cwd=place, check=True, capture_output=True)
+    return place
+
+
+def source_of(written: Written) -> Source:
+    """The data behind a picture, from the record of its command."""
+    return written.data(json.loads((done(written.command) / written.record).read_text(encoding="utf-8")))
+
+
+def drawing_of(written: Written) -> str | bytes:
+    """The picture that a command writes: a figure on white paper, or a photograph of a page."""
+    file = done(written.command) / written.file
+    if file.suffix == ".html":
+        return photograph(file)
+    svg = file.read_text(encoding="utf-8")
+    svg = svg[svg.index("<svg") :]
+    begin = svg.index(">") + 1
+    return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}'
+
+
+def photograph(page: Path) -> bytes:
+    """The first screen of a page."""
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if browser is None:
-        raise SystemExit("campaign.png: expected Chromium on the path; install it, or name the other pictures.")
-    page: Path = _FOUND["campaign"]
-    photograph = page.with_suffix(".png")
+        raise SystemExit(f"{page.name}: expected Chromium on the path; install it, or name the other pictures.")
+    picture = page.with_suffix(".png")
     subprocess.run(
         [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1180,1200",
-         f"--screenshot={photograph}", page.as_uri()],
+         f"--screenshot={picture}", page.as_uri()],
         check=True, capture_output=True, timeout=120,
     )  # fmt: skip
-    return photograph.read_bytes()
+    return picture.read_bytes()
 
 
-Drawing = Callable[[Source], str | bytes]
-
-DRAWN: dict[str, tuple[Callable[[], Source], Drawing]] = {
+DRAWN: dict[str, tuple[Callable[[], Source], Callable[[Source], str]]] = {
     "cascade.svg": (cascade_source, cascade),
     "terminal.svg": (terminal_source, terminal),
-    "campaign.png": (campaign_source, campaign),
-    "waterfall.svg": (waterfall_source, waterfall),
 }
-"""Each picture: its data, and how it is drawn of them."""
+"""Pictures that are drawn here: their data, and how they are drawn of them."""
+
+
+def data_of(name: str) -> Source:
+    """The present data behind a picture."""
+    return source_of(WRITTEN[name]) if name in WRITTEN else DRAWN[name][0]()
+
+
+def picture_of(name: str, data: Source) -> str | bytes:
+    """A picture of some data."""
+    return drawing_of(WRITTEN[name]) if name in WRITTEN else DRAWN[name][1](data)
 
 
 def draw(names: Sequence[str]) -> None:
     """Draw some pictures, and store the data behind them."""
-    PICTURES.mkdir(exist_ok=True)
+    stored = json.loads(SOURCES.read_text(encoding="utf-8"))
     for name in names:
-        source, drawing = DRAWN[name]
-        data = source()
-        content = drawing(data)
+        stored[name] = data_of(name)
+        content = picture_of(name, stored[name])
         (PICTURES / name).write_bytes(content.encode() if isinstance(content, str) else content)
-        stored = json.loads(SOURCES.read_text(encoding="utf-8")) if SOURCES.is_file() else {}
-        text = json.dumps(dict(sorted((stored | {name: data}).items())), indent=1, ensure_ascii=False)
-        SOURCES.write_text(f"{text}\n", encoding="utf-8")
+    text = json.dumps({name: stored[name] for name in sorted({*DRAWN, *WRITTEN})}, indent=1, ensure_ascii=False)
+    SOURCES.write_text(f"{text}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))
-    draw(sys.argv[1:] or list(DRAWN))
+    draw(sys.argv[1:] or [*DRAWN, *WRITTEN])

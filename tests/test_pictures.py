@@ -1,4 +1,4 @@
-"""The pictures of the README are those of the present results: the data behind them are compared, never pixels.
+"""The pictures of the documents are those of the present results: the data behind them are compared, never pixels.
 
 `python docs/pictures.py` draws them again.
 """
@@ -6,17 +6,13 @@
 import importlib.util
 import json
 import re
-from pathlib import Path
 from types import ModuleType
 
 import pytest
+from pages import DOCS, ROOT, read, steps
 
-DOCS = Path(__file__).parent.parent / "docs"
-MAX_SIZE = 600_000
+MAX_SIZE = 1_500_000
 """Size of all pictures together. [bytes]"""
-
-SLOW = {"waterfall.svg"}
-"""Pictures of a diagnosis."""
 
 
 def drawer() -> ModuleType:
@@ -29,39 +25,37 @@ def drawer() -> ModuleType:
 
 
 PICTURES = drawer()
-STORED = json.loads(PICTURES.SOURCES.read_text(encoding="utf-8"))
+STORED = json.loads(read(PICTURES.SOURCES))
+THERE = {path.name for path in PICTURES.PICTURES.iterdir()} - {"sources.json"}
 
 
-def is_current(name: str) -> None:
-    source, drawing = PICTURES.DRAWN[name]
-    assert json.loads(json.dumps(source())) == STORED[name], f"python docs/pictures.py {name}"
-    if name in ("cascade.svg", "terminal.svg"):
-        assert (PICTURES.PICTURES / name).read_text(encoding="utf-8") == drawing(STORED[name]), (
-            f"python docs/pictures.py {name}"
-        )
+def picture(name: str) -> object:
+    return pytest.param(name, marks=[pytest.mark.slow] if name in PICTURES.WRITTEN else [])
 
 
-@pytest.mark.parametrize("name", sorted(set(PICTURES.DRAWN) - SLOW))
+@pytest.mark.parametrize("name", [picture(name) for name in sorted(THERE)])
 def test_a_picture_shows_the_present_data(name: str) -> None:
-    is_current(name)
+    assert json.loads(json.dumps(PICTURES.data_of(name))) == STORED[name], f"python docs/pictures.py {name}"
+    if name in PICTURES.DRAWN:
+        drawn = PICTURES.picture_of(name, STORED[name])
+        assert read(PICTURES.PICTURES / name) == drawn, f"python docs/pictures.py {name}"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(SLOW))
-def test_a_picture_of_a_diagnosis_shows_the_present_data(name: str) -> None:
-    is_current(name)
-
-
-def test_the_readme_shows_every_picture_and_they_are_small() -> None:
-    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
-    shown = set(re.findall(r"!\[[^\]]+\]\(docs/pictures/([\w.]+)\)", text))
-    there = {path.name for path in PICTURES.PICTURES.iterdir()} - {"sources.json"}
-    assert shown == there == set(PICTURES.DRAWN) == set(STORED)
+def test_every_picture_is_shown_in_the_gallery_with_its_command_and_all_are_small() -> None:
+    gallery = DOCS / "gallery.md"
+    assert set(re.findall(r"!\[[^\]]+\]\(pictures/([\w.]+)\)", read(gallery))) == THERE - {"cascade.svg"}
+    assert THERE == {*PICTURES.DRAWN, *PICTURES.WRITTEN} == set(STORED)
+    shown = {line for step in steps(gallery) for line in step.text.splitlines()}
+    assert {re.sub(r" --json \S+", "", one.command) for one in PICTURES.WRITTEN.values()} <= shown
     assert sum(path.stat().st_size for path in PICTURES.PICTURES.iterdir()) <= MAX_SIZE
 
 
 def test_drawings_need_no_other_file() -> None:
     for path in PICTURES.PICTURES.glob("*.svg"):
-        text = path.read_text(encoding="utf-8").replace("http://www.w3.org/", "")
+        text = re.sub(r"http://(www\.w3|purl|creativecommons)\.org/", "", read(path))
         assert "http" not in text
         assert text.startswith("<svg ")
+
+
+def test_the_readme_shows_the_cascade() -> None:
+    assert "](docs/pictures/cascade.svg)" in read(ROOT / "README.md")

@@ -92,7 +92,7 @@ def test_v73_may_hold_itself_and_needs_h5py(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(LogError, match=r"'log', 'log\.again'"):
         open_mat(path)
     monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(LogError, match=r"pip install winchcascade\[mat73\]"):
+    with pytest.raises(LogError, match=r"pip install \"winchcascade\[mat73\]\""):
         open_mat(path)
 
 

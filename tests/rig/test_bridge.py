@@ -73,3 +73,9 @@ def test_without_a_current_the_link_is_charged_to_the_peak_and_a_short_circuit_l
     assert dc_voltages(MACHINE, OMEGA, nothing, bridge_table())[0] == pytest.approx(np.sqrt(2.0) * V_LL)
     assert back_emfs(MACHINE, OMEGA, V_DC, nothing)[0] == pytest.approx(V_DC / np.sqrt(2.0))
     assert np.all(dc_voltages(MACHINE, OMEGA, nothing + 1e4, bridge_table())[0] < 1e-6 * V_LL)
+
+
+def test_a_bridge_without_a_drop_carries_a_current_into_no_voltage() -> None:
+    """The back-EMF is then what the short circuit takes, from standstill on."""
+    v_ll, i_s = back_emfs(MACHINE._replace(v_diode=0.0), np.zeros(2), np.zeros(2), np.full(2, 5.0))
+    assert v_ll == pytest.approx(math.sqrt(3.0) * MACHINE.r_s * i_s, rel=1e-3)

@@ -8,12 +8,12 @@ from pathlib import Path
 import msgspec
 
 from winchcascade.batch.results_pages import write_index
+from winchcascade.batch.run_batch import reports_for
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content, write_set
 from winchcascade.core.jobs import set_threads
 from winchcascade.core.store import (
     CAMPAIGN_PAGE,
-    DIAGNOSIS_FILES,
     DIAGNOSIS_RECORD,
     INDEX,
     Output,
@@ -56,11 +56,12 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
 def diagnosis_output(campaign: Path) -> Output:
     """The diagnosis of a campaign in a folder of results, by a key of this version and the content of the logs."""
     files = {path.name: fingerprint(path) for path in sorted(campaign.parent.iterdir())}
-    return Output(DIAGNOSIS_RECORD, "store", digest_of(repr((__version__, files)).encode()), DIAGNOSIS_FILES[:-1])
+    key = digest_of(repr((__version__, files)).encode())
+    return Output(DIAGNOSIS_RECORD, "store", key, tuple(f"diagnosis.{ending}" for ending in reports_for("all")))
 
 
 def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:
-    """Diagnose a campaign with all effects: the files of `DIAGNOSIS_FILES`, by their names.
+    """Diagnose a campaign with all effects: its files and its record, by their names.
 
     Parameters
     ----------
@@ -80,7 +81,8 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
     report = diagnosis_report(found, command=command)
     report = msgspec.structs.replace(report, links=links_to([CAMPAIGN_PAGE, INDEX]))
-    files = dict(zip(output.files, (page_text(report).encode(), pdf_bytes(report)), strict=True))
+    renderers = {".html": lambda: page_text(report).encode(), ".pdf": lambda: pdf_bytes(report)}
+    files = {name: renderers[Path(name).suffix]() for name in output.files}
     digests = {name: digest_of(content) for name, content in files.items()}
     made_by = {"key": output.key, "files": digests}
     return files | {

@@ -9,10 +9,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from winchcascade.blind.twin_numbers import BELL, KNEE, LINE, Fixed, Numbers
+from winchcascade.core.compiled import njit, njit_loop
 from winchcascade.core.run import Signal
 
 Switches = NDArray[np.int64]
@@ -299,7 +299,7 @@ def _diode(current: float, d: Drive) -> float:
     return d.fixed.v_diode + d.diode_scale * math.log(max(current, _NO_CURRENT))
 
 
-@njit(cache=True)
+@njit_loop(cache=True)
 def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Signal, Signal]:
     """Step the drive from rest.
 
@@ -314,11 +314,11 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Si
     (n, 14), `COLUMNS` and the first ten of `LEDGER` for each interval, and (4,), the last of `LEDGER` at the end
     """
     f, c = d.fixed, d.numbers
-    out = np.zeros((mesh.size, 14))
+    out = np.zeros((len(mesh), 14))
     i, on, work = np.zeros(3), np.zeros(3, dtype=np.int64), np.zeros((4, 3))
     twist = omega = v_dc = angle = heat = mean_square = mean_dc = 0.0
     emf, share = c.k_e * 30.0 / math.pi, c.eta_mesh / f.gear
-    for n in range(mesh.size):
+    for n in range(len(mesh)):
         awake = np.any(on) or emf * omega * math.sqrt(2.0) > _QUIET * (v_dc + 2.0 * _diode(mean_dc, d))
         steps = fine if awake else COARSE
         dt = GRID / steps

@@ -12,7 +12,6 @@ import math
 
 import msgspec
 import numpy as np
-from numba import njit
 from scipy.signal import fftconvolve, lfilter
 
 from winchcascade.blind.drive import FINE, GRID, LEDGER, Drive, run_drive
@@ -30,6 +29,7 @@ from winchcascade.blind.twin_numbers import (  # fmt: skip
     Logger,
     Numbers,
 )
+from winchcascade.core.compiled import njit_loop
 from winchcascade.core.run import Signal
 
 CYCLES = 3
@@ -295,7 +295,7 @@ def drive_of(twin: Twin, log: str) -> Drive:
     )
 
 
-@njit(cache=True)
+@njit_loop(cache=True)
 def gas_pressure(volume: Signal, pressure: float, exponent: float, cooling: float) -> Signal:
     """Absolute pressure of a gas that heats by the first law and loses its heat. [Pa]
 
@@ -308,9 +308,9 @@ def gas_pressure(volume: Signal, pressure: float, exponent: float, cooling: floa
     exponent : 1 keeps the temperature [1]
     cooling : [s]
     """
-    out = np.empty(volume.size)
+    out = np.empty(len(volume))
     warm = 1.0
-    for n in range(volume.size):
+    for n in range(len(volume)):
         if n > 0 and exponent != 1.0:
             warm *= (volume[n - 1] / volume[n]) ** (exponent - 1.0)
             warm = 1.0 + (warm - 1.0) * math.exp(-GRID / cooling)

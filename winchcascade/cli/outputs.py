@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 import msgspec
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.extras import installation, is_installed, require
 from winchcascade.core.files import check_replaceable, json_bytes, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
 from winchcascade.core.store import make_one
@@ -70,6 +71,8 @@ class Outputs(msgspec.Struct, frozen=True):
             option = f"--{name.replace('_', '-')}"
             if name == "json" and path == STDOUT:
                 continue
+            if name == "pdf":
+                require("typst", option)
             if str(path) in ("-", "."):
                 raise OptionError(f"{option} {path}: expected the name of a file.")
             other = taken.setdefault(Path(os.path.realpath(path)), name)
@@ -146,6 +149,20 @@ def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str)
                 on_progress(f"writing files into {folder.name}")
                 write(report, folder, name, force=outputs.force)
     return report
+
+
+SLOWER = {"simulate": 2, "diagnose": 100, "blind deal": 200}
+"""Times that a command takes as long without numba, measured with the packaged campaign on one processor. [1]"""
+
+
+def report_uncompiled(command: str) -> None:
+    """Report on the error stream, unless only failures are wanted, that a command of `SLOWER` runs without numba."""
+    if not is_installed("numba") and not QUIET.get():
+        slower = f"{command} takes about {SLOWER[command]} times as long"
+        show(
+            f"numba is not installed: the model runs as plain Python, so {slower}; install it with {installation('numba')}.\n",
+            file=sys.stderr,
+        )
 
 
 def show(text: str, *, failures: str = "", file: TextIO | None = None) -> None:

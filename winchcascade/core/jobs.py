@@ -23,6 +23,7 @@ from typing import Generic, Protocol, TypeVar
 import msgspec
 
 from winchcascade.core.errors import OptionError, OutputError, WinchcascadeError, first_line
+from winchcascade.core.extras import require
 from winchcascade.core.files import clear_own
 
 A = TypeVar("A")
@@ -278,12 +279,9 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], scheduler: str) 
     such = "expected that of a running scheduler, such as tcp://10.0.0.1:8786."
     if not re.fullmatch(r"(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}", scheduler):
         raise OptionError(f"--scheduler {scheduler}: is no address; {such}")
-    try:
-        from distributed import Client, as_completed
-    except ImportError:
-        raise OptionError(
-            '--scheduler needs Dask; install it with pip install "winchcascade[cluster]", here and on the workers.'
-        ) from None
+    require("distributed", "--scheduler, here and on the workers,")
+    from distributed import Client, as_completed
+
     try:
         client = Client(scheduler, timeout=CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as fault:

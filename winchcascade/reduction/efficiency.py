@@ -36,6 +36,8 @@ class Metrics(dict[str, float | None]):
     ----------
     known : names of the metrics that there are besides those of the paper's cascade
 
+    Examples
+    --------
     >>> Metrics(eta_trans=0.9).eta_trans, Metrics().energy_net
     (0.9, None)
     """

@@ -13,8 +13,8 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 
+from winchcascade.core.compiled import njit
 from winchcascade.core.run import Signal
 from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, GeneratorModel, rolloff_curve
 from winchcascade.rig.physics import FASTMATH, RPM, reactance
@@ -169,7 +169,9 @@ def _inverse(
                 low = now
             else:
                 high = now
-            slope = by_v - conductance if of_voltage else (i_b - v_total * by_v) / v_ll
+            slope = 0.0  # without a back-EMF: the bracket is halved
+            if v_ll > 0.0:
+                slope = by_v - conductance if of_voltage else (i_b - v_total * by_v) / v_ll
             step = missing / slope if slope != 0.0 else math.inf
             if abs(step) >= CLOSE * max(known[n], now) and not low < now + step < high:
                 step = 0.5 * (low + high) - now

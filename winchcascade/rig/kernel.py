@@ -13,8 +13,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from winchcascade.core.compiled import njit, njit_loop
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.run import Signal
 from winchcascade.rig import physics
@@ -237,7 +237,7 @@ def _turned(
     return -shaft.coast_drag * sign, 0.0, max(driven / (mass + losses), 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
+@njit_loop(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, out: Signal) -> None:
     """Step the generator's side along a line motion: clutch, shaft, gear, machine, bridge and DC link.
 
@@ -252,7 +252,7 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
     machine, r_s = c.generator, c.generator.r_s + c.generator.r_diode
     omega = omega_before = twist = v_dc = guess = before = 0.0
     middle_before, slow = (0.0, 0.0, 0.0, 0.0), 2.0 * physics.turn(c.drivetrain)
-    for n in range(v.size):
+    for n in range(len(v)):
         # bridge at the present DC voltage and the predicted speed half-way
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
         v_total = v_dc + 2.0 * machine.v_diode
@@ -274,7 +274,7 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
             em_h = (v_total * b_h + 6.0 * r_s * i_s * s_h - em) * per
             em += em_v * fills
             brakes = max(em_h + em_v * b_h / holds, 0.0)
-        drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_motion
+        drum_half = 0.5 * (v[n] + v[min(n + 1, len(v) - 1)]) / c.r_motion
         torque = wound = after = 0.0  # of a shaft at rest
         if omega > 0.0 or twist > 0.0 or drum_half > 0.0:
             torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c.drivetrain)
@@ -337,7 +337,7 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1) -> Sig
     return dynamic * out + steady + shaft.weightless * steady_shaft(*motion, c, table, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
+@njit_loop(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal, out: Signal) -> None:
     """Compute the line tension and its parts: gas and screw, spring or counterweight, losses and inertia at the drum, clutch.
 
@@ -353,7 +353,7 @@ def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal
     pulls = physics.pulls(gas)
     fades = winch.stribeck != 0.0 or gas.stribeck != 0.0
     heat = log_volume = 0.0
-    for n in range(v.size):
+    for n in range(len(v)):
         sign = direction[n]
         # gas: isothermal, and hotter by the heat of compression that it still holds
         volume = max(gas.volume - gas.area * gas.lead * x[n] / c.r_motion, MIN_VOLUME * gas.volume)

@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.extras import installation
 from winchcascade.core.run import Signal
 from winchcascade.ingest.headers import Header, recognise
 from winchcascade.ingest.limits import require_numbers
@@ -165,7 +166,7 @@ def _read_73(path: Path, objects: dict[str, str]) -> dict[str, Node]:
     except ImportError as fault:
         raise LogError(
             f"{path.name}: a MATLAB v7.3 file was found, which takes h5py to read; h5py is not installed; run "
-            "`pip install winchcascade[mat73]` or save it with `save -v7`."
+            f"{installation('h5py')} or save the file with `save -v7`."
         ) from fault
     with h5py.File(path, "r") as file:
         objects |= {
