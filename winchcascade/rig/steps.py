@@ -10,8 +10,8 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import RPM
 
 RESOLVED = 2.5
-"""Product of a step and the fastest rate of the rotor up to which the energy of a simulation closes within 0.1 %; with 6 a tenth
-of it is lost. That of the rig of the paper is 1.4 with the coarse step of a fit. [1]"""
+"""Product of a step and the fastest rate of the rotor up to which the energy of a simulation closes within 0.1 %; with 6 a
+tenth of it is lost. That of the rig of the paper is 1.4 with the coarse step of a fit. [1]"""
 
 STEP = 1e-3
 """Step of a simulation: half of it changes no channel by more than 0.05 % of its plateau. [s]"""
