@@ -92,7 +92,9 @@ def text_of(step: Step, place: Path, names: dict[str, Any]) -> str:
     elif step.verb:
         save(place / step.file, step.text, more=step.verb == "Append to")
     elif step.kind == "console":
-        return f"$ {step.command}\n{run(step.command, place).stdout}"
+        printed = run(step.command, place).stdout
+        assert "command not found" not in printed, printed
+        return f"$ {step.command}\n{printed}"
     elif step.kind == "sh":
         done = run(f"set -e\n{step.text}", place)
         assert done.returncode == 0, f"{step.text}\n{done.stdout}"

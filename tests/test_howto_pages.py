@@ -60,7 +60,7 @@ def test_the_own_simulation_lacks_what_its_script_leaves_out_and_the_rig_has_wha
     low, high = interval(text, "copper_heating")
     assert low <= 100.0 * injected("other_rig")["copper_heating"]["r_s_change"] <= high  # type: ignore[index]
     form = text.partition("Your simulation\n")[2]
-    assert re.findall(r"^(\w+) +\w+ .* share", form, re.MULTILINE) == ["uncommutated_bridge", "quasi_static"]
+    assert re.findall(r"^(\w+) +\w+ .* share", form, re.MULTILINE) == ["uncommutated_bridge"]
 
 
 def test_a_current_that_is_2_percent_smaller_lowers_eta_pto_by_2_percent() -> None:

@@ -18,7 +18,9 @@ PAGES = [
     if any(step.executed for step in steps(page))
 ]
 
-LONG = re.compile(r"winchcascade (diagnose|blind|demo|compare)\b|diagnose\(|--reports|--html|--pdf|--physics|pytest")
+LONG = re.compile(
+    r"winchcascade (diagnose|blind|demo|compare|batch (?!.*--reports none))|diagnose\(|--(html|pdf|figures|physics)|pytest"
+)
 """What takes more than some ten seconds of a processor: a page with one of these is followed with the slow tests."""
 
 

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import runpy
 import shutil
 from pathlib import Path
 
@@ -20,6 +21,9 @@ from winchcascade.rig.parts import Model
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 OTHER = FIXTURES / "other_rig"
 BENCHES = Path(__file__).parents[3] / "shared" / "data" / "benches"
+
+LAST_DIGITS = 0.01
+"""Share of the rows in which another version of numpy may round a digit differently. [1]"""
 
 FILLED_IN = """\
 force = "LC-17 [kN]"
@@ -149,6 +153,15 @@ def test_thirteen_lines_turn_the_draft_into_a_rig_that_gives_every_efficiency(be
     assert found["log"]["load_ohm"] == 40.0
     assert found["quality"] == []
     assert found["mean"]["eta_pto"] == pytest.approx(0.716, abs=0.002)
+
+
+@pytest.mark.slow
+def test_the_logs_of_the_other_rig_are_those_of_their_script(tmp_path: Path) -> None:
+    runpy.run_path(str(OTHER / "make.py"))["main"](tmp_path)
+    for made in tmp_path.iterdir():
+        pairs = zip(made.read_text().splitlines(), (OTHER / made.name).read_text().splitlines(), strict=True)
+        differing = sum(one != other for one, other in pairs)
+        assert differing <= LAST_DIGITS * 3000, made.name
 
 
 @pytest.mark.slow

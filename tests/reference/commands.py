@@ -158,7 +158,8 @@ batch fixtures/campaign --out out --excel --jobs 1 --reports none > campaign
 batch fixtures/campaign --out out --excel --jobs 1 --reports none > campaign_again
 list out
 show out/campaign.json out/campaign.xlsx
-show out/dataset/runs.parquet out/dataset/cycles.parquet out/dataset/bins.parquet out/dataset/findings.parquet
+show out/dataset/runs.parquet out/dataset/cycles.parquet out/dataset/bins.parquet
+show out/dataset/findings.parquet out/dataset/runs_all.parquet
 batch fixtures/damaged_logs --out damaged-out --jobs 1 --reports none
 show damaged-out/campaign.json
 batch fixtures/campaign/r*9*.csv fixtures/damaged_logs/units_row.csv --out mixed --window payout --jobs 1 --reports none

@@ -15,6 +15,7 @@ from winchcascade.core.campaign_settings import LogSettings
 from winchcascade.core.cascade import BUILT_IN as STAGES
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import find_unit, read_as, unit_names
 from winchcascade.core.rig_file import NUMBERS_OF
 from winchcascade.core.rig_toml import BUILT_IN, DEFAULT_RIG, built_in, built_in_text, parse_rig
@@ -73,23 +74,17 @@ _NUMBERS = """\
 
 def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     """Text of a rig file for logs of one rig; the columns are those of most of the logs."""
-    loads = {one.ohm for one in named_loads([log.path.name for log in logs]).values() if one.certain}
-    heads = [tuple(column.name for column in log.columns) for log in logs]
-    usual = Counter(heads).most_common(1)[0][0]
-    alike = sorted(
-        (log for log, head in zip(logs, heads, strict=True) if head == usual), key=lambda log: log.fault != ""
-    )
-    log, near = alike[0], candidates(alike[0])
+    alike = _alike(logs)
+    log, loads = alike[0], {one.ohm for one in named_loads([log.path.name for log in logs]).values() if one.certain}
+    near = candidates(log, loads=len(loads) > 1)
     base, why = fitting_rig(log, near, loads=len(loads) > 1)
     blocks = [_HEAD.format(name=quoted(name)) + (f"based_on = {quoted(base)}{comment(why)}\n" if base else "")]
     if len(alike) < len(logs):
         blocks.append(
-            f"#{comment(f'The columns are those of {len(alike)} of {len(logs)} logs, as {log.path.name}.')[3:]}\n"
+            one_line(f"# The columns are those of {len(alike)} of {len(logs)} logs, as {log.path.name}.") + "\n"
         )
     if not log.has_clock:
-        blocks.append(
-            "# [log]\n# sample_rate_hz = 10" + comment("the logs have no time column: rate of the logger") + "\n"
-        )
+        blocks.append(f"# [log]\n# sample_rate_hz = 10{comment('no time column was found: rate of the logger')}\n")
     columns = _columns(log, near)
     blocks += ["\n".join(["[columns]", *columns]) + "\n"] if columns else []
     blocks += _phases(blocks[0], alike, near)
@@ -97,10 +92,20 @@ def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     return "\n".join(blocks)
 
 
-def candidates(log: LogFacts) -> Candidates:
+def _alike(logs: Sequence[LogFacts]) -> list[LogFacts]:
+    """The logs that have the columns of most, those that can be read first."""
+    heads = [tuple(column.name for column in log.columns) for log in logs]
+    usual = Counter(heads).most_common(1)[0][0]
+    return sorted(
+        (log for log, head in zip(logs, heads, strict=True) if head == usual), key=lambda log: log.fault != ""
+    )
+
+
+def candidates(log: LogFacts, *, loads: bool) -> Candidates:
     """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none.
 
-    A few columns without unit that are left over may be any channel of the paper's cascade for which nothing else is there.
+    Where the names of the logs state loads, a few columns without unit that are left over may be any channel of a cascade with
+    a DC link for which nothing else is there.
     """
     taken = {column.name for column in log.columns if column.channel in (*log.channels, "time")}
     free = [column for column in log.columns if column.name not in taken and column.low < column.high]
@@ -112,7 +117,7 @@ def candidates(log: LogFacts) -> Candidates:
         found[channel] = [*dict.fromkeys([*named, *fitting])]
     left = [one for one in free if one.unit is None and one.channel is None and one not in chain(*found.values())]
     there = {*log.channels, *(channel for channel, columns in found.items() if columns)}
-    if len(left) <= CANDIDATES_MAX:
+    if loads and len(left) <= CANDIDATES_MAX:
         found |= {channel: left for one in FULL if not one & there for channel in sorted(one)}
     return {channel: columns for channel, columns in found.items() if columns}
 
@@ -122,7 +127,7 @@ def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, s
 
     Parameters
     ----------
-    loads : the names of the logs state loads, so that columns without unit may be those of a DC link
+    loads : the names of the logs state loads, so that candidates without a unit count too
     """
     headers = [column.header for column in log.columns]
     for name in BUILT_IN:

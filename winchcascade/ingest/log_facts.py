@@ -57,11 +57,13 @@ class LogFacts(msgspec.Struct, frozen=True):
 
     Parameters
     ----------
+    channels, without_unit : that were read, and those of them whose columns name no unit
     started : when it began, of a local time as if it were UTC, since 1970; None where its stamps have no date [s]
     load, load_source : load that the file states of itself [ohm], and where
     top_current : top of the current, None without one [A]
     ratio : Vdc over Idc while the current flows, None without both [ohm]
     turn : speed of rotation over velocity of the line in motion, None without both [rad/m]
+    simulated : the log carries the mark of `simulate`
     has_clock : whether a time column or the file itself gives the times of the samples
     """
 
