@@ -16,8 +16,9 @@ from winchcascade.core.run import Run
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.parts import Model, with_part
-from winchcascade.rig.simulate import STEP, motion_of, solve
+from winchcascade.rig.simulate import motion_of, solve
 from winchcascade.rig.stages import StageOutput, along, outputs_along
+from winchcascade.rig.steps import STEP
 
 LOADS = {
     "open_circuit": math.inf, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5,

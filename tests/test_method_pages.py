@@ -27,7 +27,8 @@ from winchcascade.reduction import efficiency_changes, energies, gap_error, phas
 from winchcascade.reduction import uncertainty as draws
 from winchcascade.reduction.checks import at_rest, cycles, load, pairs, phased_log
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.simulate import READ, STEP, Simulation
+from winchcascade.rig.simulate import READ, Simulation
+from winchcascade.rig.steps import STEP
 
 
 def text_of(page: str, part: str = "") -> str:

@@ -15,7 +15,8 @@ from pyarrow import dataset, parquet
 from winchcascade.batch.dataset import SCHEMA, TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
-from winchcascade.report.flat_rows import RUNS_MAX
+from winchcascade.core.cascade import BUILT_IN, Cascade
+from winchcascade.report.flat_rows import RUNS_MAX, table_schema
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 FORMULA = "=SUM(A1)"
@@ -90,6 +91,14 @@ def test_the_table_of_runs_is_a_part_of_all_columns(out: Path) -> None:
     assert len(brief[0]) == RUNS_MAX
     assert {"load_ohm", "eta_pto", "eta_pto_standard_uncertainty", "power_gen_w", "findings"} <= brief[0].keys()
     assert brief == [{name: row[name] for name in brief[0]} for row in whole]
+
+
+@pytest.mark.parametrize("stages", range(1, len(BUILT_IN) + 1))
+def test_the_table_of_runs_begins_with_the_efficiencies_of_any_cascade(stages: int) -> None:
+    cascade = Cascade(tuple(BUILT_IN.values())[:stages], configured=True)
+    names = table_schema("runs", cascades=[cascade]).names
+    assert len(names) <= RUNS_MAX
+    assert {*cascade.pairs, *(f"{eta}_standard_uncertainty" for eta in cascade.pairs)} <= {*names}
 
 
 @pytest.mark.parametrize("read", READERS)

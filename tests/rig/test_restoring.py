@@ -175,3 +175,13 @@ def test_a_machine_on_the_shaft_of_the_drum_takes_no_mesh_efficiency_from_the_ri
     assert baseline(parse_rig(direct, "mine.toml")).drivetrain.eta_mesh == 1.0
     stated = parse_rig(direct + 'eta_mesh = { value = 0.99, unit = "1" }\n', "mine.toml")
     assert baseline(stated).drivetrain.eta_mesh == 0.99
+
+
+def test_a_light_rotor_gets_steps_that_resolve_it_and_one_that_no_machine_has_is_rejected() -> None:
+    model, run = baseline(own_rig("none", "direct")), motion_run(load=12.0, cycles=1)
+    light = simulate(run, with_part(model, "drivetrain", inertia_rotor=0.03))
+    assert light.motion.step < 5e-4
+    booked = sum(float(joule[-1]) for entry, joule in light.energy.items() if entry != "line")
+    assert booked == pytest.approx(float(light.energy["line"][-1]), rel=1e-3)
+    with pytest.raises(RigError, match=r"0\.000626 kg\.m2.*expected about 0\.0\d+ kg\.m2"):
+        simulate(run, with_part(model, "drivetrain", inertia_rotor=6.26e-4))

@@ -49,9 +49,6 @@ WAVES_MIN = 5
 TRIED_MAX = 5
 """Number of logs in which cycles are sought."""
 
-R_DRUM_MIN, R_DRUM_MAX = 1e-2, 1e1
-"""Range of the radius of a drum; speeds that give another one are not those of a drum and its line. [m]"""
-
 PLACES = {
     "winch": "drawing of the drum; the inertia with all that turns at its speed",
     "restoring": "data sheets of screw, piston and accumulator",
@@ -88,7 +85,7 @@ def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     columns = _columns(log, near)
     blocks += ["\n".join(["[columns]", *columns]) + "\n"] if columns else []
     blocks += _phases(blocks[0], alike, near)
-    blocks += _numbers() if base == DEFAULT_RIG else _few_numbers(log, base)
+    blocks += _numbers(log) if base == DEFAULT_RIG else _few_numbers(log, base)
     return "\n".join(blocks)
 
 
@@ -218,7 +215,7 @@ def _cycles(text: str, log: LogFacts, source: str) -> int:
     return 0 if other or disordered or (source == "waves" and count < WAVES_MIN) else count
 
 
-def _numbers() -> list[str]:
+def _numbers(log: LogFacts) -> list[str]:
     """All numbers that a model needs, as comments with those of the paper."""
     paper, blocks = tomllib.loads(built_in_text(DEFAULT_RIG)), [_NUMBERS]
     for section in PARTS:
@@ -229,10 +226,20 @@ def _numbers() -> list[str]:
         for name in needed(built_in(DEFAULT_RIG), section):
             stated, about = paper[section][name], numbers_of(section)[own[name]]
             what = about.what.replace("absolute pressure", "gauge pressure") if about.unit == "Pa" else about.what
+            what += _turn(log) if name == "r_drum" else ""
             value = f"value = {stated['value']}, unit = {quoted(stated['unit'])}"
             lines.append(f"# {name} = {{ {value} }}" + comment(what))
         blocks.append("\n".join(lines) + "\n")
     return blocks
+
+
+def _turn(log: LogFacts) -> str:
+    """What a speed of rotation and the speed of the line show of radius and gear."""
+    if log.turn is None:
+        return ""
+    return (
+        f"; rotation over line speed is {log.turn:.4g} rad/m: 1 / r_drum of a drum, gear_ratio / r_drum of a generator"
+    )
 
 
 def _instead(names: Sequence[str]) -> str:
@@ -241,10 +248,8 @@ def _instead(names: Sequence[str]) -> str:
 
 def _few_numbers(log: LogFacts, base: str) -> list[str]:
     """Drum radius, gear ratio and stages, as comments, for logs that are no whole cascade."""
-    turn = ""
-    if log.turn is not None and log.turn * R_DRUM_MIN < 1.0 < log.turn * R_DRUM_MAX:
-        turn = f"; {1.0 / log.turn:.4g} m by rotation over line speed, if no gear is between"
-    radius, gear = (comment(text) for text in (f"radius of the drum{turn}", "generator speed over drum speed"))
+    radius = comment(f"radius of the drum{_turn(log)}")
+    gear = comment("generator speed over drum speed")
     blocks = [
         f'[winch]\n# r_drum = {{ value = 0.2, unit = "m" }}{radius}\n',
         f'[drivetrain]\n# gear_ratio = {{ value = 1, unit = "1" }}{gear}\n',

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from winchcascade.cli.options import OUTPUTS, argument, option, with_options
 from winchcascade.cli.outputs import show
+from winchcascade.core.plain_text import one_line
 
 
 @with_options(
@@ -26,6 +27,6 @@ def init_command(folder: Path, rig: str | None = None, write: bool = False) -> N
         state = "written" if folder / name in written else "kept as it is" if (folder / name).exists() else "draft"
         show(f"# ---- {folder / name} ({state})\n{text}\n")
     for name, reason in drafts.skipped.items():
-        show(f"# no log: {reason if name in reason else f'{name}: {reason}'}\n")
+        show(f"# no log: {reason if one_line(name) in reason else f'{name}: {reason}'}\n")
     if not write:
         show(f"# `winchcascade init {folder} --write` writes the drafts.\n")

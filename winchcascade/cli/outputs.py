@@ -151,14 +151,14 @@ def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str)
     return report
 
 
-SLOWER = {"simulate": 2, "diagnose": 100, "blind deal": 200}
-"""Times that a command takes as long without numba, measured with the packaged campaign on one processor. [1]"""
+SLOWER = {"simulate": "up to 100 times", "diagnose": "about 100 times", "blind deal": "about 200 times"}
+"""How much longer a command takes without numba, measured on one processor; of a short log, `simulate` takes as long."""
 
 
 def report_uncompiled(command: str) -> None:
     """Report on the error stream, unless only failures are wanted, that a command of `SLOWER` runs without numba."""
     if not is_installed("numba") and not QUIET.get():
-        slower = f"{command} takes about {SLOWER[command]} times as long"
+        slower = f"{command} takes {SLOWER[command]} as long"
         show(
             f"numba is not installed: the model runs as plain Python, so {slower}; install it with {installation('numba')}.\n",
             file=sys.stderr,

@@ -28,7 +28,8 @@ from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
 from winchcascade.rig.parts import Model, changed, possible
-from winchcascade.rig.simulate import STEP, read_by
+from winchcascade.rig.simulate import read_by
+from winchcascade.rig.steps import STEP, resolving
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -474,9 +475,8 @@ def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> 
     repeats : how often it is repeated; the discrepancy of a block is the same in repeats, so that all of them together must
         tell no more of the model than one
     """
-    course = Course(run, blocks, COARSE)
-    grid, finely = course.on_grid(nominal), Course(run, blocks, STEP)
-    fine_grid = finely.on_grid(nominal)
+    course, finely = (Course(run, blocks, resolving(nominal, step)) for step in (COARSE, STEP))
+    grid, fine_grid = course.on_grid(nominal), finely.on_grid(nominal)
     coarse, fine = course.block_mean(grid), finely.block_mean(fine_grid)
     at_stamps = course.at_stamps(grid)
     measured = means_over(blocks, run)

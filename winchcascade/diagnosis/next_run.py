@@ -134,7 +134,7 @@ def _planned(load: float, speed: float, length: float, data: Fitted) -> Run:
 
 def _score(data: Fitted, both: _Explanations, run: Run) -> float:
     """Significance with which a planned run distinguishes two explanations. [sigma]"""
-    course = Course(run, blocks_of(run, data.rig))
+    course = Course(run, blocks_of(run, data.rig), data.logs[0].course.step)
     predicted = course.predict(both.other)
     moves = [course.predict(model) - predicted for model in both.tolerances]
     for k, name in enumerate(CHANNELS):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import singledispatch
+from functools import partial, singledispatch
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.errors import check_type, reject_result
+from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
 from winchcascade.core.viewed import LateModule
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -66,23 +67,22 @@ def _single(draw: Callable[..., object], *drawn: object, lacks: str = "", height
     return Plot(lambda axes: draw(axes[0], *drawn), lacks, height=height)
 
 
-def _history(history: History) -> Plot:
-    """Panels of a history one below the other."""
+def _history(rows: int, make: Callable[[], History]) -> Plot:
+    """Panels of a history one below the other, as many as rows; the history is made when it is drawn."""
     from winchcascade.report.figures.histories import draw_history
 
-    rows = len(history.panels)
-    return Plot(lambda axes: draw_history(axes, history), "", rows, 2.9 if rows == 1 else 1.2, "x")
+    return Plot(lambda axes: draw_history(axes, make()), "", rows, 2.9 if rows == 1 else 1.2, "x")
 
 
 @plots_of.register(Run)
 def _(result: Run) -> Plots:
     """Histories of all channels, of those of a group, and of each channel."""
-    from winchcascade.report.figures.histories import run_history
+    from winchcascade.report.figures.histories import channels_drawn, run_history
 
-    known = [*result.channels]
+    known = [name for name, *_ in channels_drawn(result, given_rig("plot", None, result.rig))]
     groups = {group: [name for name in names if name in known] for group, names in GROUPS.items()}
     drawn = {"history": known, **groups, **{name: [name] for name in known}}
-    return {what: _history(run_history(result, names)) for what, names in drawn.items() if names}
+    return {what: _history(len(names), partial(run_history, result, names)) for what, names in drawn.items() if names}
 
 
 @plots_of.register(Simulation)
@@ -106,7 +106,7 @@ def _(result: Reduction) -> Plots:
     }
     return {
         "power": _single(figures.draw_one_cycle, result, powers, lacks=lacks["power"]),
-        "history": _history(history),
+        "history": _history(len(history.panels), lambda: history),
         "speed": _single(figures.draw_over_speed, result, powers, lacks=lacks["speed"]),
         "efficiency": _single(_draw_efficiencies, result, ratios, lacks=lacks["efficiency"]),
     }

@@ -27,6 +27,7 @@ from winchcascade.rig.ledger import energies, integral
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import ELECTRICAL, PARTS, Model, limited, number_of
 from winchcascade.rig.physics import RPM
+from winchcascade.rig.steps import STEP, resolving
 
 
 def motion_of(run: Run, step: float) -> LineMotion:
@@ -65,9 +66,6 @@ def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     speed = curve(even)
     return LineMotion(even, integral(speed, step), speed, curve(even, 1), step)
 
-
-STEP = 1e-3
-"""Step of a simulation: half of it changes no channel by more than 0.05 % of its plateau. [s]"""
 
 READ = ("pressure", "force", "torque", "vdc", "idc")
 """Channels that sensors of the rig read."""
@@ -120,12 +118,12 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not used
     model : the baseline of the rig that the run was read with if not given, without errors of its sensors; of the paper's for a
         run that was not read
-    step : of the simulation [s]
+    step : of the simulation, which a light rotor makes smaller [s]
 
     Raises
     ------
     LogError : the line pays out further than gas or drum allow
-    RigError : the model has numbers that no rig can have
+    RigError : the model has numbers that no rig can have, or too light a rotor
     OptionError : something else than a run or a model
     """
     check_type("simulate", run, Run, "read_run(log)")
@@ -137,7 +135,8 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
             f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of the line; expected a log with "
             "velocity or displacement."
         )
-    return simulate_along(run, model, motion_of(run, step))
+    _check_model(model)
+    return simulate_along(run, model, motion_of(run, resolving(model, step)))
 
 
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
