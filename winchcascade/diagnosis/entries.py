@@ -77,9 +77,7 @@ def at_its_gear(effect: Effect, rig: Rig) -> Effect:
     if all(factor == 1.0 for factor in factors):
         return effect
     fields = tuple(
-        msgspec.structs.replace(
-            field, low=by * field.low, high=by * field.high, possible=(by * field.possible[0], by * field.possible[1])
-        )
+        msgspec.structs.replace(field, low=by * field.low, high=by * field.high)
         for field, by in zip(effect.fields, factors, strict=True)
     )
     return msgspec.structs.replace(effect, fields=fields)
