@@ -72,9 +72,10 @@ _NUMBERS = """\
 def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     """Text of a rig file for logs of one rig; the columns are those of most of the logs."""
     alike = _alike(logs)
-    log, loads = alike[0], {one.ohm for one in named_loads([log.path.name for log in logs]).values() if one.certain}
-    near = candidates(log, loads=len(loads) > 1)
-    base, why = fitting_rig(log, near, loads=len(loads) > 1)
+    log, named = alike[0], named_loads([log.path.name for log in logs]).values()
+    loads = len({one.ohm for one in named if one.certain} | {log.load for log in logs if log.load is not None}) > 1
+    near = candidates(log, loads=loads)
+    base, why = fitting_rig(log, near, loads=loads)
     blocks = [_HEAD.format(name=quoted(name)) + (f"based_on = {quoted(base)}{comment(why)}\n" if base else "")]
     if len(alike) < len(logs):
         blocks.append(
@@ -101,7 +102,7 @@ def _alike(logs: Sequence[LogFacts]) -> list[LogFacts]:
 def candidates(log: LogFacts, *, loads: bool) -> Candidates:
     """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none.
 
-    Where the names of the logs state loads, a few columns without unit that are left over may be any channel of a cascade with
+    Where logs or their names state loads, a few columns without unit that are left over may be any channel of a cascade with
     a DC link for which nothing else is there.
     """
     taken = {column.name for column in log.columns if column.channel in (*log.channels, "time")}
@@ -124,7 +125,7 @@ def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, s
 
     Parameters
     ----------
-    loads : the names of the logs state loads, so that candidates without a unit count too
+    loads : logs or their names state loads, so that candidates without a unit count too
     """
     headers = [column.header for column in log.columns]
     for name in BUILT_IN:
@@ -181,7 +182,7 @@ def _beyond(channel: str, column: ColumnFacts) -> str:
 
 
 def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
-    """Source of cycles, by trial, where the usual one finds none: a comment where candidates or a rate were taken for it."""
+    """Source of cycles, by trial, where most logs have no payouts: a comment where candidates or a rate were taken for it."""
     sure, assumed, used = not logs[0].fault and logs[0].has_clock, head, set[str]()
     if not sure:
         assumed += "\n[log]\nsample_rate_hz = 10\n[columns]\n"
@@ -191,9 +192,11 @@ def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
                 used.add(column.name)
                 assumed += _column(channel, column, "").removeprefix("# ") + "\n"
     tried = logs[:TRIED_MAX]
-    found = {source: sum(_cycles(assumed, log, source) > 0 for log in tried) for source in ("", *SOURCES)}
-    best = max(found, key=lambda source: (2 * found[source] if source == "" else 1) * found[source])
-    if best == "" or not found[best]:
+    if 2 * sum(_cycles(assumed, log, "") > 0 for log in tried) >= len(tried):  # damaged logs have no payouts either
+        return []
+    found = {source: sum(_cycles(assumed, log, source) > 0 for log in tried) for source in SOURCES}
+    best = max(found, key=found.__getitem__)
+    if not found[best]:
         return []
     mark, where = ("", f"{found[best]} of {len(tried)} logs") if sure else ("# ", "the first candidates above")
     return [f'{mark}[phases]\n{mark}from = "{best}"{comment(f"no payouts were found; gives cycles with {where}")}\n']
@@ -243,6 +246,7 @@ def _turn(log: LogFacts) -> str:
 
 
 def _instead(names: Sequence[str]) -> str:
+    """Which numbers another kind of restoring module has."""
     return f"in place of all below: {', '.join(names) or 'no number'}"
 
 

@@ -24,7 +24,13 @@ def init_command(folder: Path, rig: str | None = None, write: bool = False) -> N
     drafts = draft_folder(folder, rig)
     written = write_drafts(drafts, folder) if write else []
     for name, text in drafts.texts.items():
-        state = "written" if folder / name in written else "kept as it is" if (folder / name).exists() else "draft"
+        state = (
+            "written"
+            if folder / name in written
+            else "draft; the file that is there is kept"
+            if (folder / name).exists()
+            else "draft"
+        )
         show(f"# ---- {folder / name} ({state})\n{text}\n")
     for name, reason in drafts.skipped.items():
         show(f"# no log: {reason if one_line(name) in reason else f'{name}: {reason}'}\n")
