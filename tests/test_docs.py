@@ -13,6 +13,14 @@ OWN = sorted(DOCS.glob("*.md"))
 OUTSIDE = sorted([*ROOT.glob("*.md"), *ROOT.glob("fixtures/**/README.md")])
 
 
+MAX_WORDS, MAX_PAGE = 25_000, 2_000
+"""Words of docs/ and README together, and of one page."""
+
+
+def words(page: Path) -> int:
+    return len(read(page).split())
+
+
 def without_code(text: str) -> str:
     return re.sub(r"```.*?```", "", text, flags=re.DOTALL)
 
@@ -72,6 +80,14 @@ def test_pages_link_outside_the_folder_only_to_pages_of_the_site() -> None:
 def test_the_index_leads_to_every_page() -> None:
     listed = {target.partition("#")[0] for target in links(DOCS / "index.md")}
     assert {page.name for page in OWN} - {"index.md"} <= listed
+
+
+def test_no_page_is_long() -> None:
+    assert {page.name: words(page) for page in [*OWN, *OUTSIDE] if words(page) >= MAX_PAGE} == {}
+
+
+def test_the_documents_are_short() -> None:
+    assert sum(words(page) for page in [*OWN, ROOT / "README.md"]) <= MAX_WORDS
 
 
 def test_contributing_lists_every_package() -> None:

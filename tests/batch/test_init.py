@@ -5,6 +5,7 @@ import math
 import re
 import runpy
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -205,6 +206,13 @@ def test_a_log_without_payouts_gets_the_source_of_cycles_that_it_has(tmp_path: P
     assert re.search(r"(?m)^# sample_rate_hz = ", text)
 
 
+def test_a_speed_of_rotation_shows_gear_over_radius(tmp_path: Path) -> None:
+    speeds = [abs(k % 100 - 50) / 50 for k in range(400)]
+    rows = "".join(f"{0.04 * k:.2f},{v},{v / 0.2 * 30 / math.pi},{50 + 9 * v}\n" for k, v in enumerate(speeds))
+    (tmp_path / "a.csv").write_text("Time (s),Velocity (m/s),Shaft speed (rpm),Torque (N.m)\n" + rows)
+    assert re.search(r"(?m)^# r_drum = .* 5 rad/m", draft_folder(tmp_path).texts["rig.toml"])
+
+
 def test_columns_that_no_name_explains_are_candidates_of_what_is_missing(tmp_path: Path) -> None:
     folder = tmp_path / "plain"
     folder.mkdir()
@@ -248,6 +256,17 @@ def test_a_folder_without_logs_is_rejected(tmp_path: Path, kind: str) -> None:
     with pytest.raises(OptionError, match="logs"):
         draft_folder(folder)
     assert str(folder) in error_sentence(["init", folder])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems allow no such names")
+def test_names_of_any_kind_are_listed_and_one_that_is_no_text_is_named(tmp_path: Path) -> None:
+    odd = ['a\n27 ohm # "x".csv', "b'36 ohm'.csv"]
+    for name in [*odd, "\udcff_18ohm.csv"]:
+        shutil.copy(FIXTURES / "campaign" / "r36ohm.csv", tmp_path / name)
+    drafts = draft_folder(tmp_path)
+    write_drafts(drafts, tmp_path)
+    assert sorted(run.file.name for run in load_campaign(tmp_path).runs) == odd
+    assert [*drafts.skipped] == ["\udcff_18ohm.csv"]
 
 
 def test_results_of_this_tool_are_no_logs(bench: Path) -> None:

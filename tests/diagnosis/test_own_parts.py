@@ -11,10 +11,12 @@ import pytest
 from calls import call
 from own_rigs import RESTORING, SHAFT, Effects, own_campaign, own_rig, own_text
 
+from winchcascade.core.errors import RigError
+from winchcascade.core.rig_toml import parse_rig
 from winchcascade.diagnosis.calibrate import calibrate
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.entries import bound_to
-from winchcascade.rig.baseline import load_rig
+from winchcascade.rig.baseline import load_rig, stated_effects
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import write_simulated
 
@@ -111,6 +113,18 @@ def test_a_corrected_file_states_the_mass_that_the_logs_fit_and_the_commands_tak
     reduced = patient("reduce", tmp_path / "r12ohm.csv", "--json", "-")
     assert reduced.code == 0
     assert [one["kind"] for one in json.loads(reduced.out)["quality"]] == []
+
+
+def test_an_effect_of_a_part_that_the_rig_has_not_is_rejected_not_ignored(fixtures: Path, tmp_path: Path) -> None:
+    rig, log = tmp_path / "rig.toml", fixtures / "campaign" / "r9ohm.csv"
+    rig.write_text(own_text("none", "direct"), encoding="utf-8")
+    for effect in ("gas_volume.volume_extra=0.001", "gear_mesh_loss.efficiency_change=-0.02"):
+        done = call("simulate", log, "--load-ohm", "9", "--rig", rig, "--with", effect, "--out", tmp_path / "out.csv")
+        assert done.code == 2
+        assert effect.partition(".")[0] in done.err
+    stated = own_text("spring") + "[effects.seal_friction]\nforce = 100\n"
+    with pytest.raises(RigError, match=r"\[effects.seal_friction\].*no gas"):
+        stated_effects(parse_rig(stated, "mine.toml"))
 
 
 # ------------------------------------------------------------------------------------------------------ based on another rig

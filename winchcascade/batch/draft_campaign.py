@@ -41,11 +41,12 @@ rig = {rig}
 
 
 def quoted(text: str) -> str:
-    """A text as TOML quotes it.
+    """A text as TOML quotes it; with a question mark for what is no letter of UTF-8.
 
     >>> quoted('say "a"')
     '"say \\\\"a\\\\""'
     """
+    text = text.encode(errors="replace").decode()
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

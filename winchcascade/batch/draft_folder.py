@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from os.path import isfile, relpath
 from pathlib import Path
 
@@ -74,6 +75,8 @@ def _logs(folder: Path, rig: Rig) -> tuple[list[LogFacts], dict[str, str]]:
         if path.suffix.casefold() == ".toml":
             continue
         try:
+            if not re.fullmatch(r"[^\ud800-\udfff]+", path.name):
+                raise LogError(f"{path.name}: its name is no UTF-8, so that no campaign can list it; rename it.")
             if is_result(str(path)):
                 raise LogError(f"{path.name}: is a result of a batch.")
             found = log_facts(path, rig)

@@ -49,9 +49,6 @@ WAVES_MIN = 5
 TRIED_MAX = 5
 """Number of logs in which cycles are sought."""
 
-R_DRUM_MIN, R_DRUM_MAX = 1e-2, 1e1
-"""Range of the radius of a drum; speeds that give another one are not those of a drum and its line. [m]"""
-
 PLACES = {
     "winch": "drawing of the drum; the inertia with all that turns at its speed",
     "restoring": "data sheets of screw, piston and accumulator",
@@ -75,9 +72,10 @@ _NUMBERS = """\
 def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     """Text of a rig file for logs of one rig; the columns are those of most of the logs."""
     alike = _alike(logs)
-    log, loads = alike[0], {one.ohm for one in named_loads([log.path.name for log in logs]).values() if one.certain}
-    near = candidates(log, loads=len(loads) > 1)
-    base, why = fitting_rig(log, near, loads=len(loads) > 1)
+    log, named = alike[0], named_loads([log.path.name for log in logs]).values()
+    loads = len({one.ohm for one in named if one.certain} | {log.load for log in logs if log.load is not None}) > 1
+    near = candidates(log, loads=loads)
+    base, why = fitting_rig(log, near, loads=loads)
     blocks = [_HEAD.format(name=quoted(name)) + (f"based_on = {quoted(base)}{comment(why)}\n" if base else "")]
     if len(alike) < len(logs):
         blocks.append(
@@ -88,7 +86,7 @@ def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     columns = _columns(log, near)
     blocks += ["\n".join(["[columns]", *columns]) + "\n"] if columns else []
     blocks += _phases(blocks[0], alike, near)
-    blocks += _numbers() if base == DEFAULT_RIG else _few_numbers(log, base)
+    blocks += _numbers(log) if base == DEFAULT_RIG else _few_numbers(log, base)
     return "\n".join(blocks)
 
 
@@ -104,7 +102,7 @@ def _alike(logs: Sequence[LogFacts]) -> list[LogFacts]:
 def candidates(log: LogFacts, *, loads: bool) -> Candidates:
     """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none.
 
-    Where the names of the logs state loads, a few columns without unit that are left over may be any channel of a cascade with
+    Where logs or their names state loads, a few columns without unit that are left over may be any channel of a cascade with
     a DC link for which nothing else is there.
     """
     taken = {column.name for column in log.columns if column.channel in (*log.channels, "time")}
@@ -127,7 +125,7 @@ def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, s
 
     Parameters
     ----------
-    loads : the names of the logs state loads, so that candidates without a unit count too
+    loads : logs or their names state loads, so that candidates without a unit count too
     """
     headers = [column.header for column in log.columns]
     for name in BUILT_IN:
@@ -184,7 +182,7 @@ def _beyond(channel: str, column: ColumnFacts) -> str:
 
 
 def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
-    """Source of cycles, by trial, where the usual one finds none: a comment where candidates or a rate were taken for it."""
+    """Source of cycles, by trial, where most logs have no payouts: a comment where candidates or a rate were taken for it."""
     sure, assumed, used = not logs[0].fault and logs[0].has_clock, head, set[str]()
     if not sure:
         assumed += "\n[log]\nsample_rate_hz = 10\n[columns]\n"
@@ -194,9 +192,11 @@ def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
                 used.add(column.name)
                 assumed += _column(channel, column, "").removeprefix("# ") + "\n"
     tried = logs[:TRIED_MAX]
-    found = {source: sum(_cycles(assumed, log, source) > 0 for log in tried) for source in ("", *SOURCES)}
-    best = max(found, key=lambda source: (2 * found[source] if source == "" else 1) * found[source])
-    if best == "" or not found[best]:
+    if 2 * sum(_cycles(assumed, log, "") > 0 for log in tried) >= len(tried):  # damaged logs have no payouts either
+        return []
+    found = {source: sum(_cycles(assumed, log, source) > 0 for log in tried) for source in SOURCES}
+    best = max(found, key=found.__getitem__)
+    if not found[best]:
         return []
     mark, where = ("", f"{found[best]} of {len(tried)} logs") if sure else ("# ", "the first candidates above")
     return [f'{mark}[phases]\n{mark}from = "{best}"{comment(f"no payouts were found; gives cycles with {where}")}\n']
@@ -218,7 +218,7 @@ def _cycles(text: str, log: LogFacts, source: str) -> int:
     return 0 if other or disordered or (source == "waves" and count < WAVES_MIN) else count
 
 
-def _numbers() -> list[str]:
+def _numbers(log: LogFacts) -> list[str]:
     """All numbers that a model needs, as comments with those of the paper."""
     paper, blocks = tomllib.loads(built_in_text(DEFAULT_RIG)), [_NUMBERS]
     for section in PARTS:
@@ -229,22 +229,31 @@ def _numbers() -> list[str]:
         for name in needed(built_in(DEFAULT_RIG), section):
             stated, about = paper[section][name], numbers_of(section)[own[name]]
             what = about.what.replace("absolute pressure", "gauge pressure") if about.unit == "Pa" else about.what
+            what += _turn(log) if name == "r_drum" else ""
             value = f"value = {stated['value']}, unit = {quoted(stated['unit'])}"
             lines.append(f"# {name} = {{ {value} }}" + comment(what))
         blocks.append("\n".join(lines) + "\n")
     return blocks
 
 
+def _turn(log: LogFacts) -> str:
+    """What a speed of rotation and the speed of the line show of radius and gear."""
+    if log.turn is None:
+        return ""
+    return (
+        f"; rotation over line speed is {log.turn:.4g} rad/m: 1 / r_drum of a drum, gear_ratio / r_drum of a generator"
+    )
+
+
 def _instead(names: Sequence[str]) -> str:
+    """Which numbers another kind of restoring module has."""
     return f"in place of all below: {', '.join(names) or 'no number'}"
 
 
 def _few_numbers(log: LogFacts, base: str) -> list[str]:
     """Drum radius, gear ratio and stages, as comments, for logs that are no whole cascade."""
-    turn = ""
-    if log.turn is not None and log.turn * R_DRUM_MIN < 1.0 < log.turn * R_DRUM_MAX:
-        turn = f"; {1.0 / log.turn:.4g} m by rotation over line speed, if no gear is between"
-    radius, gear = (comment(text) for text in (f"radius of the drum{turn}", "generator speed over drum speed"))
+    radius = comment(f"radius of the drum{_turn(log)}")
+    gear = comment("generator speed over drum speed")
     blocks = [
         f'[winch]\n# r_drum = {{ value = 0.2, unit = "m" }}{radius}\n',
         f'[drivetrain]\n# gear_ratio = {{ value = 1, unit = "1" }}{gear}\n',

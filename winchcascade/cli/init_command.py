@@ -6,6 +6,7 @@ from pathlib import Path
 
 from winchcascade.cli.options import OUTPUTS, argument, option, with_options
 from winchcascade.cli.outputs import show
+from winchcascade.core.plain_text import one_line
 
 
 @with_options(
@@ -23,9 +24,15 @@ def init_command(folder: Path, rig: str | None = None, write: bool = False) -> N
     drafts = draft_folder(folder, rig)
     written = write_drafts(drafts, folder) if write else []
     for name, text in drafts.texts.items():
-        state = "written" if folder / name in written else "kept as it is" if (folder / name).exists() else "draft"
+        state = (
+            "written"
+            if folder / name in written
+            else "draft; the file that is there is kept"
+            if (folder / name).exists()
+            else "draft"
+        )
         show(f"# ---- {folder / name} ({state})\n{text}\n")
     for name, reason in drafts.skipped.items():
-        show(f"# no log: {reason if name in reason else f'{name}: {reason}'}\n")
+        show(f"# no log: {reason if one_line(name) in reason else f'{name}: {reason}'}\n")
     if not write:
         show(f"# `winchcascade init {folder} --write` writes the drafts.\n")

@@ -85,12 +85,15 @@ def simulate_command(
 
 def _model(rig: Rig, effects: Sequence[str], *, sensors: bool) -> Model:
     """Model of a rig with the effects of `--with` options, and with the errors of its sensors where they are wanted."""
-    from winchcascade.rig.baseline import baseline
+    from winchcascade.rig.baseline import baseline, missing_part
     from winchcascade.rig.effects.catalogue import make_effect
 
     model = baseline(rig) if sensors else baseline(rig).physics
     for name, fields in _fields(effects).items():
-        model = make_effect(name, fields).apply(model)
+        effect = make_effect(name, fields)
+        if part := missing_part(effect.effect, rig):
+            raise OptionError(f"--with {name}: rig {rig.name} has no {part}, which this effect acts on; leave it out.")
+        model = effect.apply(model)
     return model
 
 

@@ -10,6 +10,7 @@ import msgspec
 
 from winchcascade.diagnosis.nuisances import at_gear, quantity_of
 from winchcascade.diagnosis.verdict_limits import AGREES, MIN_RUNS, RARER
+from winchcascade.rig.baseline import missing_part
 from winchcascade.rig.effects.catalogue import ENTRIES, OF_THE_RIG, SHARED_RADIUS
 from winchcascade.rig.effects.effect import Effect, Stated, Values
 
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
 
 LOAD, RADIUS = "load_entry", "drum_radius"
 """Entries that have several forms: one for each run, and one for each place of the encoder."""
-
-GEAR = ("drivetrain.gear", "drivetrain.eta_mesh")
-"""Numbers that only a rig with a gear has."""
 
 
 def effect_name(suspect: str) -> str:
@@ -67,10 +65,8 @@ def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run]) -> Suspects:
 
 
 def has_part(effect: Effect, rig: Rig) -> bool:
-    """Whether a rig has the part that an effect acts on: gas, screw and seals, a gear, a number that its file can state."""
-    if not rig.restoring.has_gas and (effect.stage == "restoring" or effect.path == "sensors.gain.pressure"):
-        return False
-    if rig.drivetrain.direct and effect.path in GEAR:
+    """Whether a rig has the part that an effect acts on, and its file can state the number of a wrong entry."""
+    if missing_part(effect, rig):
         return False
     return effect.entry is None or not effect.number or quantity_of(rig, *effect.number.split(".")) is not None
 
@@ -81,9 +77,7 @@ def at_its_gear(effect: Effect, rig: Rig) -> Effect:
     if all(factor == 1.0 for factor in factors):
         return effect
     fields = tuple(
-        msgspec.structs.replace(
-            field, low=by * field.low, high=by * field.high, possible=(by * field.possible[0], by * field.possible[1])
-        )
+        msgspec.structs.replace(field, low=by * field.low, high=by * field.high)
         for field, by in zip(effect.fields, factors, strict=True)
     )
     return msgspec.structs.replace(effect, fields=fields)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -132,10 +133,14 @@ def _read(given: Run | str | Path | pd.DataFrame, rig: Rig | None, load: float |
     ------
     OptionError : something else, or a load of a run that is read already
     """
-    if not isinstance(given, Run):
+    if isinstance(given, str | os.PathLike) or (not isinstance(given, Run) and isinstance(given, pd.DataFrame)):
         from winchcascade.ingest.read import read_run  # which a call with a run does not wait for
 
-        return read_run(given, rig=rig, load=load)
+        return read_run(given, rig=None if rig is None else given_rig("reduce", rig), load=load)
+    if not isinstance(given, Run):
+        raise OptionError(
+            f"reduce: cannot take a {type(given).__name__}; expected a Run, the path of a log or a pandas DataFrame."
+        )
     if load is not None:
         raise OptionError(
             f"reduce: load is {load!r}, but {given.name} was read with its own; expected a load with a file or a frame "

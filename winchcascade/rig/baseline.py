@@ -13,7 +13,7 @@ from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
 from winchcascade.core.rig_file import NUMBERS_OF, Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG, read_rig
 from winchcascade.rig.effects.catalogue import make_effect
-from winchcascade.rig.effects.effect import ActiveEffect
+from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.parts import IN_RIG, PARTS, Model, in_rig_file, with_part
 
 
@@ -108,6 +108,22 @@ def _lacking(rig: Rig, missing: Mapping[str, Sequence[str]]) -> str:
     )
 
 
+GEAR = ("drivetrain.gear", "drivetrain.eta_mesh")
+"""Numbers that only a rig with a gear has."""
+
+
+def missing_part(effect: Effect, rig: Rig) -> str:
+    """The part that an effect acts on and a rig does not have; empty where it has it.
+
+    >>> from winchcascade.rig.effects.catalogue import EFFECTS
+    >>> missing_part(EFFECTS["gas_volume"], load_rig("hsu2026"))
+    ''
+    """
+    if not rig.restoring.has_gas and (effect.stage == "restoring" or effect.path == "sensors.gain.pressure"):
+        return "gas, screw and seals"
+    return "gear" if rig.drivetrain.direct and effect.path in GEAR else ""
+
+
 def stated_effects(rig: Rig) -> list[ActiveEffect]:
     """Effects that a rig file states, with their values.
 
@@ -122,6 +138,8 @@ def stated_effects(rig: Rig) -> list[ActiveEffect]:
             effect = make_effect(name, {key: number.value for key, number in stated.fields.items()})
         except OptionError as fault:
             raise RigError(f"{place}: {fault}") from None
+        if part := missing_part(effect.effect, rig):
+            raise RigError(f"{place}: the rig has no {part}, which this effect acts on; remove it.")
         if stated.of_a_sensor and not effect.effect.of_a_sensor:
             raise RigError(f"{place} is no error of a sensor; state it as [effects.{name}].")
         if not stated.fields:
