@@ -151,7 +151,7 @@ def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str)
     return report
 
 
-SLOWER = {"simulate": "up to 100 times", "diagnose": "about 100 times", "blind deal": "about 200 times"}
+SLOWER = {"simulate": "up to 70 times", "diagnose": "about 70 times", "blind deal": "about 150 times"}
 """How much longer a command takes without numba, measured on one processor; of a short log, `simulate` takes as long."""
 
 
