@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -146,7 +147,7 @@ def _present(
     ]
     notes += [
         Note(
-            f"{folder} has no campaign.toml with the loads; `winchcascade init {folder}` drafts one.",
+            f"{folder} has no campaign.toml with the loads; `winchcascade init {quote(folder)}` drafts one.",
             "Campaign",
             "warn",
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 
 from winchcascade.cli.options import OUTPUTS, argument, option, with_options
 from winchcascade.cli.outputs import show
@@ -35,4 +36,4 @@ def init_command(folder: Path, rig: str | None = None, write: bool = False) -> N
     for name, reason in drafts.skipped.items():
         show(f"# no log: {reason if one_line(name) in reason else f'{name}: {reason}'}\n")
     if not write:
-        show(f"# `winchcascade init {folder} --write` writes the drafts.\n")
+        show(f"# `winchcascade init {quote(str(folder))} --write` writes the drafts.\n")

@@ -8,6 +8,7 @@ from datetime import datetime  # msgspec evaluates the types of a struct
 from itertools import product
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import msgspec
@@ -157,7 +158,7 @@ def load_campaign(path: Path) -> Campaign:
         if not path.exists():
             raise CampaignError(
                 f"{path.parent}: holds no {CAMPAIGN_FILE}; expected one that lists the logs, each with its load. "
-                f"`winchcascade init {path.parent}` drafts it."
+                f"`winchcascade init {quote(str(path.parent))}` drafts it."
             )
     if path.exists() and not (path.is_file() and path.suffix.casefold() == ".toml"):
         raise CampaignError(
