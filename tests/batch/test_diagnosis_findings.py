@@ -73,6 +73,7 @@ def test_a_simulation_in_another_unit_than_the_assumed_one_is_rejected(
     assert "own_" in str(fault.value)
 
 
+@pytest.mark.slow
 def test_a_level_far_from_that_of_the_log_is_accepted_where_the_unit_is_stated(fixtures: Path, tmp_path: Path) -> None:
     with pytest.raises(LogError, match="23 times"):
         record(tmp_path, fixtures, ("Vdc (V)", 23.0, "Vdc"))

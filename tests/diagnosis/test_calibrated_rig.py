@@ -65,6 +65,7 @@ def assert_same_causes(campaign: Path, tmp_path: Path) -> None:
         assert numbers[1].u == pytest.approx(numbers[0].u)
 
 
+@pytest.mark.slow
 def test_the_causes_of_three_logs_do_not_depend_on_a_calibration(fixtures: Path, tmp_path: Path) -> None:
     runs = ""
     for name, load in (("open_circuit", "inf"), ("r27ohm", "27"), ("r9ohm", "9")):

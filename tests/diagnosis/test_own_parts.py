@@ -131,6 +131,7 @@ def test_an_effect_of_a_part_that_the_rig_has_not_is_rejected_not_ignored(fixtur
 BASED = 'based_on = "hsu2026"\nname = "my rig"\n[winch]\nr_drum = { value = 150, unit = "mm" }\n'
 
 
+@pytest.mark.slow
 def test_a_rig_file_that_states_a_drum_radius_alone_serves_every_command(fixtures: Path, tmp_path: Path) -> None:
     rig, entries = tmp_path / "rig.toml", ['title = "mine"', 'rig = "rig.toml"']
     rig.write_text(BASED, encoding="utf-8")

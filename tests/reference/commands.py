@@ -250,9 +250,9 @@ compare labelled/copper_heating_and_line_drag labelled/torque_gain --jobs 1
 GROUPS: dict[str, Group] = {
     "cli": Group(CLI),
     "wrong": Group(WRONG),
-    "reduce": Group(REDUCE),
+    "reduce": Group(REDUCE, slow=True),
     "batch": Group(BATCH),
-    "tables": Group(TABLES),
+    "tables": Group(TABLES, slow=True),
     "compare": Group(COMPARE),
     "model": Group(MODEL, FITTED),
     "benches": Group(BENCHES, slow=True),

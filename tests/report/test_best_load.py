@@ -38,6 +38,7 @@ def cycles_of(folder: Path, name: str) -> list[float]:
     return [cycle["phase_summary"]["payout"]["plateau"]["speed_mps"] for cycle in record["cycles"]]
 
 
+@pytest.mark.slow
 def test_no_best_load_is_claimed_of_loads_at_different_speeds(tmp_path: Path) -> None:
     record = batched(tmp_path, LOADS | {"open_circuit": math.inf})
     assert record["best_load"] is None
