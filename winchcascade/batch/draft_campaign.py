@@ -5,11 +5,12 @@ What is certain stands as an entry, all else as a comment with its reason.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
+
+import tomlkit
 
 from winchcascade.core.plain_text import one_line
 from winchcascade.ingest.log_facts import LogFacts
@@ -46,8 +47,7 @@ def quoted(text: str) -> str:
     >>> quoted('say "a"')
     '"say \\\\"a\\\\""'
     """
-    text = text.encode(errors="replace").decode()
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return str(tomlkit.string(text.encode(errors="replace").decode()).as_string())
 
 
 def comment(text: str) -> str:

@@ -25,13 +25,8 @@ def init_command(folder: Path, rig: str | None = None, write: bool = False) -> N
     drafts = draft_folder(folder, rig)
     written = write_drafts(drafts, folder) if write else []
     for name, text in drafts.texts.items():
-        state = (
-            "written"
-            if folder / name in written
-            else "draft; the file that is there is kept"
-            if (folder / name).exists()
-            else "draft"
-        )
+        kept = "draft; the file that is there is kept" if (folder / name).exists() else "draft"
+        state = "written" if folder / name in written else kept
         show(f"# ---- {folder / name} ({state})\n{text}\n")
     for name, reason in drafts.skipped.items():
         show(f"# no log: {reason if one_line(name) in reason else f'{name}: {reason}'}\n")

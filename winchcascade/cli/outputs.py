@@ -151,8 +151,9 @@ def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str)
     return report
 
 
-SLOWER = {"simulate": "up to 70 times", "diagnose": "about 70 times", "blind deal": "about 150 times"}
-"""How much longer a command takes without numba, measured on one processor; of a short log, `simulate` takes as long."""
+SLOWER = {"simulate": "up to 70 times", "diagnose": "30 to 70 times", "blind deal": "about 150 times"}
+"""How much longer a command takes without numba, measured on one processor: a diagnosis of few short and of many long logs; of
+a short log, `simulate` takes as long."""
 
 
 def report_uncompiled(command: str) -> None:

@@ -1,6 +1,6 @@
 """Compile loops over numbers with numba, which the extra `fast` installs; without it the same functions run as plain Python.
 
-Plain Python gives the same numbers but for their last digits, and takes about 70 times as long.
+Plain Python gives the same numbers but for their last digits, and a step of a simulation takes about 70 times as long.
 """
 
 from __future__ import annotations

@@ -67,9 +67,8 @@ def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> Mod
             rows = np.ones_like(data.measured)
             rows[held] = 0.0
             acting = dict(zip(best.names, best.effects(suspects), strict=True))
-            known = [
-                one for one in acting.values() if log_of(one) in here
-            ]  # a wrong entry of a log shows in this log alone
+            # a wrong entry of a log shows in this log alone
+            known = [one for one in acting.values() if log_of(one) in here]
             names = tuple(name for name, one in acting.items() if one not in known)
             problem, marginal = RigProblem(data, suspects, rows.ravel()), found.marginal.masked(rows.ravel())
             columns = found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])

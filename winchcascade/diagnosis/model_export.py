@@ -12,7 +12,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.matlab_file import matlab_bytes
-from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_file import NUMBERS_OF, Restoring, Rig, measures
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
@@ -36,7 +36,7 @@ DERIVED = {"restoring": {"eta_forward": "1", "eta_reverse": "1"}}
 """Numbers that follow from those of a part, with their units."""
 
 
-PULL = ("force", "stiffness", "mass", "friction")
+PULL = set(measures(Restoring)) - set(NUMBERS_OF["gas_screw"])
 """Numbers of a restoring module without gas; all others are of screw, piston and gas."""
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-OPEN_CIRCUIT = re.compile(
+_OPEN_CIRCUIT = re.compile(
     r"open[\W_]*circuit|no[\W_]*load|un[\W_]*loaded|leerlauf|ohne[\W_]*last|vac[ií]o|vide|vuoto"
     r"|(?<![^\W\d_])(?:oc|open|inf)(?![^\W\d_])"
 )
@@ -59,7 +59,7 @@ def _stated(text: str) -> NamedLoad | None:
         if match is not None:
             prefix = _PREFIX[match.groupdict().get("prefix") or ""]
             return NamedLoad(_value(match["number"]) * prefix, how, certain=True)
-    if OPEN_CIRCUIT.search(text):
+    if _OPEN_CIRCUIT.search(text):
         return NamedLoad(float("inf"), "open circuit", certain=True)
     match = _BY_WORD.search(text)
     return None if match is None else NamedLoad(_value(match["number"]), "word", certain=False)
