@@ -19,39 +19,76 @@ settings.load_profile("fast")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background: tests of interrupts would wait forever
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+pytest_plugins = ("designed",)
+
 ROOT = Path(__file__).parent.parent
 
 TOGETHER = {
-    f"tests/report/{name}.py": "diagnoses"
+    f"tests/{name}.py": "diagnoses"
     for name in (
-        "test_diagnosis_words",
-        "test_diagnosis_content",
-        "test_diagnosis_figures",
-        "test_stability_report",
-        "test_views",
+        "report/test_diagnosis_words",
+        "report/test_diagnosis_content",
+        "report/test_diagnosis_figures",
+        "report/test_stability_report",
+        "report/test_views",
+        "diagnosis/test_figure_data",
+        "diagnosis/test_validation",
+        "design/test_design",
+        "design/test_plan_of_runs",
     )
 }
 """Files that use results of one another: one worker takes them all, and makes each result once."""
 
+ALONE = {
+    f"tests/{name}.py"
+    for name in ("test_reference", "test_pages", "comparison/test_coverage", "diagnosis/test_calibrated_rig")
+}
+"""Files of long tests that share nothing: each test may be done by another worker."""
+
 FIRST = tuple(
-    f"tests/{name}" for name in ("test_reference.py", "batch", "report", "diagnosis", "faults", "hardening", "blind")
+    f"tests/{name}"
+    for name in (
+        "diagnosis/test_trust.py",
+        "test_pictures.py",
+        "test_determinism.py",
+        "test_reference.py",
+        "diagnosis/test_calibrated_rig.py",
+        "diagnosis/test_diagnosis.py",
+        "test_pages.py",
+        "comparison/test_coverage.py",
+        "faults",
+        "hardening",
+        "report",
+        "batch",
+        "diagnosis",
+        "blind",
+    )
 )
-"""Files with long tests: begun first, so that no worker has one left when the others are done."""
+"""Files with long tests, the longest of all first: begun first, so that no worker has one left when the others are done."""
+
+
+def place_in_order(item: pytest.Item) -> int:
+    return next((place for place, start in enumerate(FIRST) if item.nodeid.startswith(start)), len(FIRST))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
+    items.sort(key=place_in_order)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give a worker a whole file, or a whole group of `TOGETHER`, in the order of collection."""
+    """Give a worker a whole file, a whole group of `TOGETHER` or one test of `ALONE`, in the order of collection."""
     from xdist.scheduler import LoadFileScheduling
 
     config.option.loadscopereorder = False
     scheduler = LoadFileScheduling(config, log)
     file_of = scheduler._split_scope
-    scheduler._split_scope = lambda nodeid: TOGETHER.get(file_of(nodeid), file_of(nodeid))
+
+    def unit(nodeid: str) -> str:
+        file: str = file_of(nodeid)
+        return nodeid if file in ALONE else TOGETHER.get(file, file)
+
+    scheduler._split_scope = unit
     return scheduler
 
 

@@ -16,7 +16,7 @@ LAYERS = (
     {"ingest"},
     {"reduction", "rig"},
     {"diagnosis"},
-    {"tables", "comparison", "blind"},
+    {"tables", "comparison", "blind", "design"},
     {"report"},
     {"batch"},
     {"cli"},
@@ -39,8 +39,9 @@ LAYER = {package: number for number, packages in enumerate(LAYERS) for package i
 
 @cache
 def nodes_of(path: Path) -> list[ast.AST]:
-    """Syntax of a file."""
-    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    """Imports and calls of a file."""
+    nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom | ast.Call)]
 
 
 @cache

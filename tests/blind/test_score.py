@@ -1,12 +1,12 @@
 """Scores of diagnoses that were made up: names, alternatives, silence, alarms, certainty, intervals, and truths of others."""
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
+from diagnosed import PLANTED, write_campaign
 from small_trials import answer, cases_by, cause, say, sealed_trial, shipped
 from test_cli import one_sentence, winchcascade
 
@@ -225,12 +225,14 @@ def test_campaigns_that_somebody_else_made_are_judged_by_their_truths(own: Path)
 
 
 @pytest.mark.slow
-def test_campaigns_of_others_are_diagnosed_where_no_diagnosis_is_there(shared: Path, tmp_path: Path) -> None:
-    for name in ("none", "torque_gain"):
-        shutil.copytree(shared / "labelled" / name, tmp_path / "own" / name)
+def test_campaigns_of_others_are_diagnosed_where_no_diagnosis_is_there(tmp_path: Path) -> None:
+    for name in ("copper", "nothing"):
+        (tmp_path / "own" / name).mkdir(parents=True)
+        write_campaign(tmp_path / "own" / name, PLANTED[name])
+        (tmp_path / "own" / name / "truth.json").write_text(json.dumps({"effects": list(PLANTED[name])}))
     done = winchcascade("blind", "score", tmp_path / "own", "--diagnoses", tmp_path / "kept")
     assert "2 of 2 diagnoses are correct" in done.stdout
-    assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["none.json", "torque_gain.json"]
+    assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["copper.json", "nothing.json"]
 
 
 # -------------------------------------------------------------------------------------------------------- the commands

@@ -76,10 +76,9 @@ def test_the_causes_of_three_logs_do_not_depend_on_a_calibration(fixtures: Path,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "case", ["", "gear_mesh_loss", "line_friction", "rotor_viscous", "copper_heating_and_line_drag"]
-)
+@pytest.mark.parametrize("case", ["", "line_friction", "rotor_viscous"])
 def test_the_causes_of_a_campaign_do_not_depend_on_a_calibration(
     case: str, fixtures: Path, shared: Path, tmp_path: Path
 ) -> None:
+    """The packaged campaign with causes of every stage, and each cause that resembles a number of the calibration alone."""
     assert_same_causes(shared / "labelled" / case if case else fixtures / "campaign", tmp_path)

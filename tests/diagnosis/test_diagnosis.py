@@ -222,7 +222,7 @@ def test_a_campaign_of_which_everything_is_withheld_is_rejected() -> None:
 
 SHARED = [
     "copper_heating", "copper_heating_and_line_drag", "electrical_lag", "gas_polytropic", "gear_mesh_loss", "ke_rolloff",
-    "ke_rolloff_and_gear_mesh_loss", "line_friction", "none", "none_2", "outside_the_catalogue", "precharge", "rotor_inertia",
+    "ke_rolloff_and_gear_mesh_loss", "line_friction", "none_2", "outside_the_catalogue", "precharge", "rotor_inertia",
     "rotor_viscous", "torque_gain",
 ]  # fmt: skip
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from calls import call
+from diagnosed import write_campaign
 from numpy.typing import NDArray
 
 from winchcascade import RigError, baseline, load_rig, read_run, simulate
@@ -83,8 +84,10 @@ def test_an_error_of_no_sensor_is_rejected_with_its_place(tmp_path: Path, name: 
 
 
 @pytest.mark.slow
-def test_a_diagnosed_gain_is_written_apart_and_leaves_no_gap(shared: Path, tmp_path: Path) -> None:
-    rig, record, campaign = tmp_path / "corrected.toml", tmp_path / "again.json", shared / "labelled" / "torque_gain"
+def test_a_diagnosed_gain_is_written_apart_and_leaves_no_gap(tmp_path: Path) -> None:
+    rig, record, campaign = tmp_path / "corrected.toml", tmp_path / "again.json", tmp_path / "campaign"
+    campaign.mkdir()
+    write_campaign(campaign, {"torque_gain": {"gain_error": GAIN}})
     assert call("diagnose", campaign, "--write", rig, patience=300).code == 0
     entries = tomllib.loads(rig.read_text(encoding="utf-8"))
     assert "effects" not in entries

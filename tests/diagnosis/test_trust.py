@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ LOOK_ALIKES = {
 """A cause and what these logs cannot distinguish from it."""
 
 
+@cache
 def diagnosed(name: str) -> dict[str, Any]:
     """The diagnosis of a campaign as JSON."""
     if not (SHARED / name).is_dir():

@@ -10,7 +10,7 @@ from verdicts import letters
 
 FAULTS_BEFORE, CLEAN_BEFORE = recorded()
 
-FAST = 4
+FAST = 2
 """Trials of each fault in the normal test run."""
 
 FAST_SOURCES = ("campaign", "fixtures at other rates")

@@ -15,7 +15,7 @@ from seeds import DATA, HEADERS, SEEDS, seeds
 
 from winchcascade import LogError, WinchcascadeError, audit, load_rig, open_campaign, read_run
 
-MANY = 600
+MANY = 300
 PATIENCE = 900.0
 """A run of so many inputs that has not ended after this never will. [s]"""
 

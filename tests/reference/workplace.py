@@ -51,6 +51,15 @@ class Workplace:
         self.folder = folder
         self.shared = SHARED.is_dir()
         self._inputs: dict[str, str] = {}
+        running = f"Python {platform.python_version()}"
+        self._differing = {
+            str(folder): "<folder>",
+            str(ROOT): "<checkout>",
+            f"{running}, {platform.platform()}": "Python <version>, <platform>",
+            running: "Python <version>",
+            f"numpy {numpy.__version__}": "numpy <version>",
+            **{f"\n{package} {version(package)}": f"\n{package} <version>" for package in MATTERING},
+        }
 
     def lay_out(self) -> None:
         """Copy the logs into the folder, and write the inputs that are made of them."""
@@ -95,12 +104,8 @@ class Workplace:
 
     def plain(self, text: str) -> str:
         """Replace what differs between machines: folders, versions, digests of computed content."""
-        text = text.replace(str(self.folder), "<folder>").replace(str(ROOT), "<checkout>")
-        running = f"Python {platform.python_version()}"
-        text = text.replace(f"{running}, {platform.platform()}", "Python <version>, <platform>")
-        text = text.replace(running, "Python <version>").replace(f"numpy {numpy.__version__}", "numpy <version>")
-        for package in MATTERING:
-            text = text.replace(f"\n{package} {version(package)}", f"\n{package} <version>")
+        for differing, same in self._differing.items():
+            text = text.replace(differing, same)
         text = re.sub(rf"(winchcascade[ /-]|version: ){re.escape(__version__)}\b", r"\1<version>", text)
         return _DIGEST.sub(lambda found: f"<{self._inputs.get(found[0], 'digest')}>", text)
 

@@ -62,7 +62,16 @@ COMMANDS: dict[str, str] = {
 }
 """Commands by the kind of their page, words parted by bars; `{odd}` is how the names of logs begin."""
 
-SLOW = {"physics", "nothing found", "line", "campaign of waves", "loss map", "without torque", "aborted"}
+SLOW = {
+    "physics",
+    "nothing found",
+    "line",
+    "campaign of waves",
+    "loss map",
+    "without torque",
+    "aborted",
+    "open circuit",
+}
 """Kinds that take long, or are variants of another one."""
 
 

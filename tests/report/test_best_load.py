@@ -26,7 +26,7 @@ def batched(folder: Path, names: Mapping[str, float]) -> dict[str, Any]:
         shutil.copy(CAMPAIGN / f"{name}.csv", folder)
         runs += f'[[run]]\nfile = "{name}.csv"\nload_ohm = {load}\nwindow_s = 5.0\n'
     (folder / "campaign.toml").write_text(f'title = "Loads"\nrig = "hsu2026"\n{runs}', encoding="utf-8")
-    called = call("batch", folder, "--out", folder / "out")
+    called = call("batch", folder, "--out", folder / "out", "--reports", "none", "--jobs", "1")
     assert called.code == 0, called.err
     record: dict[str, Any] = json.loads((folder / "out" / "campaign.json").read_text(encoding="utf-8"))
     return record
@@ -38,7 +38,6 @@ def cycles_of(folder: Path, name: str) -> list[float]:
     return [cycle["phase_summary"]["payout"]["plateau"]["speed_mps"] for cycle in record["cycles"]]
 
 
-@pytest.mark.slow
 def test_no_best_load_is_claimed_of_loads_at_different_speeds(tmp_path: Path) -> None:
     record = batched(tmp_path, LOADS | {"open_circuit": math.inf})
     assert record["best_load"] is None
@@ -64,13 +63,11 @@ def test_the_best_of_loads_at_one_speed_is_claimed(tmp_path: Path) -> None:
     assert record["best_load_reason"] is None
 
 
-@pytest.mark.parametrize(
-    ("speed", "claimed"), [(0.82, True), (0.819, False), (0.9, True), (0.905, False), (None, False)]
-)
-def test_the_speeds_may_differ_by_five_percent(tmp_path: Path, speed: float | None, claimed: bool) -> None:
+def test_the_speeds_may_differ_by_five_percent(tmp_path: Path) -> None:
     record = batched(tmp_path, {name: LOADS[name] for name in ("r36ohm", "r18ohm")})
-    for run, its in zip(record["runs"], (0.861, speed), strict=True):
-        run["plateau_speed_mps"] = its
-    ranking = rank_loads(campaign_from(record).reduced)
-    assert (ranking.best is not None) == claimed
-    assert bool(ranking.reason) != claimed
+    for speed, claimed in ((0.82, True), (0.819, False), (0.9, True), (0.905, False), (None, False)):
+        for run, its in zip(record["runs"], (0.861, speed), strict=True):
+            run["plateau_speed_mps"] = its
+        ranking = rank_loads(campaign_from(record).reduced)
+        assert (ranking.best is not None) == claimed, speed
+        assert bool(ranking.reason) != claimed, speed
