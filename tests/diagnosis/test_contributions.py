@@ -173,7 +173,7 @@ def accounts(share: list[float], u: list[float]) -> Accounts:
     parts = np.zeros((2, len(share), 3, len(QUANTITIES)))
     parts[0, :, 0], parts[1, :, 0] = np.array(share)[:, None], np.array(u)[:, None]
     level = np.full((len(share), len(QUANTITIES)), 0.5)
-    return Accounts(0.0 * level, level, parts[0], parts[1], parts[0, :, :1])
+    return Accounts(0.0 * level, level, parts[0], parts[1], parts[0, :, :1], np.zeros((len(share), 2, len(QUANTITIES))))
 
 
 def test_a_law_errs_also_where_a_contribution_passes_zero() -> None:

@@ -68,7 +68,7 @@ def test_stages_of_a_simulation_give_it_back(load: float) -> None:
     model = with_part(model, "winch", loss_share=0.05)
     model = with_part(model, "restoring", seal_friction=300.0, stribeck=3.0, exponent=1.2)
     model = with_part(model, "drivetrain", windage=1e-7, friction=0.05)
-    model = with_part(model, "generator", rolloff=(1.0, 0.99, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7), r_diode=0.05)
+    model = with_part(model, "generator", rolloff=(1.0, 1.0, 0.99, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7), r_diode=0.05)
     errors = Sensors(gain={"vdc": 0.02}, zero={"force": 20.0}, electrical_lag=0.04)
     model = msgspec.structs.replace(model, sensors=errors)
     run = simulate(motion_run(load=load), model).run

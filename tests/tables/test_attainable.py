@@ -121,7 +121,7 @@ def test_roll_off_explains_neither_efficiency_of_the_paper() -> None:
     (rolloff,) = [one for one in paper("ke_rolloff").suspects if one.effect == "ke_rolloff"]
     assert rolloff.ability("eta_trans").verdict == rolloff.ability("eta_gen").verdict == "no"
     assert rolloff.ability("eta_trans").closed < 0.05
-    assert rolloff.ability("eta_gen").closed < 0.3
+    assert rolloff.ability("eta_gen").closed < 0.5
 
 
 def test_the_efficiencies_of_the_paper_are_beyond_its_constants() -> None:

@@ -122,7 +122,7 @@ class DrivetrainModel(NamedTuple):
     weightless: Annotated[float, Number("1", "share of one without the inertia of the rotor as well")] = 0.0
 
 
-ROLLOFF_KNOTS = (0.0, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
+ROLLOFF_KNOTS = (0.0, 2.5, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
 """Stator currents (rms) at which the roll-off of the back-EMF constant is given, closest about the rated 5.16 A, where it
 begins. Between them it is a monotone cubic, beyond the last one constant. [A]"""
 

@@ -21,8 +21,8 @@ LEAK = 1e-3
 def share_at_knots(lost: Values) -> Values:
     """Share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first; it never rises. [1]
 
-    >>> share_at_knots((0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5))
-    (1.0, 0.9, 0.9, 0.9, 0.9, 0.9, 0.9, 0.45)
+    >>> share_at_knots((0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5))
+    (1.0, 0.9, 0.9, 0.9, 0.9, 0.9, 0.9, 0.9, 0.45)
     """
     return tuple(accumulate((1.0 - share for share in lost), operator.mul))
 
