@@ -28,6 +28,8 @@ _COMMANDS = {
     "simulate": "model_commands",
     "calibrate": "model_commands",
     "diagnose": "diagnose_command",
+    "design": "design_command",
+    "plan": "design_command",
     "effects": "model_commands",
     "rig": "model_commands",
     "blind": "blind_command",

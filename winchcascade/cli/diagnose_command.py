@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     "write",
     "export",
     "predictions",
+    "validation",
     seed=option("--seed", "N", "Set the seed by which cycles are resampled; 0 by default.", EVALUATION, minimum=0),
 )
 def diagnose_command(
@@ -61,6 +62,7 @@ def diagnose_command(
     logs = [run.file for run in listed.runs]
     simulations = [run.simulated for run in listed.runs if run.simulated is not None]
     check_export(outputs["export"])
+    _check_validation(outputs["validation"])
     predicted = _prediction_files(outputs["predictions"], logs)
     outputs.without("predictions").check([listed.path, *logs, *simulations, rig or listed.rig], predicted)
     set_threads(threads or processes())
@@ -70,11 +72,18 @@ def diagnose_command(
         lacking = _write_files(found, outputs)
     for name in lacking:
         outputs = outputs.without(name)
+    _write_validation(found, outputs)
     report = _linked_report(found, outputs["html"])
     present(
         lambda: report, outputs, record=lambda: diagnosis_record(found), name="diagnosis", notes=list(lacking.values())
     )
     _list_in_results(outputs)
+
+
+def _check_validation(path: Path | None) -> None:
+    """Reject, before any work, a name that is neither a page nor a PDF: OptionError."""
+    if path is not None and path.suffix.casefold() not in (".html", ".pdf"):
+        raise OptionError(f"--validation {path}: expected a name that ends in .html or .pdf.")
 
 
 def _listed(campaign: Path, simulated: Path | None) -> Campaign:
@@ -99,6 +108,26 @@ def _write_files(found: ModelDiagnosis | LineDiagnosis, outputs: Outputs) -> dic
     if export is not None:
         write_export(found, export, force=outputs.force)
     return lacking
+
+
+def _write_validation(found: DiagnosisResult, outputs: Outputs) -> None:
+    """Write the validation as a page or a PDF of its own where it is wanted.
+
+    Raises
+    ------
+    OptionError : another ending, or a rig without a model
+    """
+    path = outputs["validation"]
+    if path is None:
+        return
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.report.render.publish import publish
+    from winchcascade.report.results.validation_report import validation_report
+
+    if not isinstance(found, ModelDiagnosis):
+        raise OptionError(f"--validation {path}: no model can be made of rig {found.rig.name}; leave --validation out.")
+    ending = path.suffix.casefold().removeprefix(".")
+    publish(validation_report(found, command=given_command()), **{ending: path}, force=outputs.force)
 
 
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:

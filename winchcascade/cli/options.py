@@ -168,6 +168,9 @@ OPTIONS: dict[str, Any] = {
         "Write what the model predicts for the held-out logs, without and with the causes, into this folder.", OUTPUTS,
     ),
     "write": option("--write", "RIG.toml", "Write a rig file that contains the named causes as effects.", OUTPUTS),
+    "validation": option(
+        "--validation", "FILE", "Write the validation by ASME V&V 20 as a page of its own, as .html or .pdf.", OUTPUTS
+    ),
     "export": option("--export", "FILE", "Write the numbers of the corrected model as .json or .mat.", OUTPUTS),
     "junit": option("--junit", "FILE", "Write the result as JUnit XML for a test server.", OUTPUTS),
     "github": option("--github", "", "Also print annotations for GitHub.", OUTPUTS),

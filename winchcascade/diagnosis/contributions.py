@@ -27,8 +27,9 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Names,
 )
-from winchcascade.diagnosis.misfit import Fitted, Log
+from winchcascade.diagnosis.misfit import Fitted, Log, log_of
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.search import inside_of
 from winchcascade.diagnosis.suspects import Suspects, varied
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.efficiency import METRICS
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Mask, Run, Signal
     from winchcascade.diagnosis.search import Fit, Found
-    from winchcascade.reduction.reduction_result import CycleResult
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
     from winchcascade.rig.parts import Model
 
@@ -50,6 +51,9 @@ QUANTITIES = (*METRICS, *CHANNELS)
 
 MOVED = 0.02
 """Share of the plausible range of a field by which its derivative is taken."""
+
+INPUTS = ("rig", "law", "load")
+"""Kinds of nuisances that are inputs of the model; those of sensors belong to the data."""
 
 OF_DISCREPANCY = 0.1
 """Share of the discrepancy of the model that may belong to the law of one effect, as a standard uncertainty of its contribution
@@ -71,14 +75,20 @@ def quantities_of(run: Run, rig: Rig, windows: Signal) -> Signal:
     return np.concatenate([np.mean(np.array(cycles, dtype=np.float64), axis=0), channels])
 
 
+def reduction_of(run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None) -> Reduction | None:
+    """Reduction of a run; None where it has no window of that length [s]."""
+    try:
+        return reduce(run, rig=rig, window=window, cycles=cycles)
+    except OptionError:
+        return None
+
+
 def complete_cycles(
     run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None
 ) -> tuple[CycleResult, ...]:
     """Complete cycles of a run; none where it has no window of that length [s]."""
-    try:
-        return reduce(run, rig=rig, window=window, cycles=cycles).complete
-    except OptionError:
-        return ()
+    found = reduction_of(run, rig, window, cycles)
+    return () if found is None else found.complete
 
 
 def windows_of(cycles: Sequence[CycleResult]) -> Signal:
@@ -90,7 +100,8 @@ def windows_of(cycles: Sequence[CycleResult]) -> Signal:
 class WindowedLog(NamedTuple):
     """A log with its integration windows, (k, 2) [s], whose metrics are simulated many times.
 
-    `number` is that of the log, `plateau_speed` the mean over the cycles, None where they have no plateau [m/s].
+    `number` is that of the log, `plateau_speed` the mean over the cycles, None where they have no plateau [m/s]; `reduction` is
+    that of the log, None where it has no window.
     """
 
     number: int
@@ -98,6 +109,7 @@ class WindowedLog(NamedTuple):
     rig: Rig
     windows: Signal
     plateau_speed: float | None
+    reduction: Reduction | None
 
     def simulated(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
         """What `quantities_of` gives for a model, (14,), also of channels that the log lacks.
@@ -119,9 +131,10 @@ def windowed(data: Fitted, number: int, window: float | None = None) -> Windowed
     window : length of the windows [s]; by default the rule of the rig
     """
     log = data.logs[number]
-    cycles = complete_cycles(log.run, data.rig, window, data.cycles[number])
+    found = reduction_of(log.run, data.rig, window, data.cycles[number])
+    cycles = () if found is None else found.complete
     speed = mean_plateau_speed(cycle.summary.payout for cycle in cycles)
-    return WindowedLog(number, log, data.rig, windows_of(cycles), speed)
+    return WindowedLog(number, log, data.rig, windows_of(cycles), speed, found)
 
 
 # ------------------------------------------------------------------------------------------------------- the split
@@ -157,7 +170,8 @@ class Accounts(NamedTuple):
 
     `measured` and `as_given` are (L, 14); `parts` and their standard uncertainties `u` (L, k + 2, 14) are those of k causes, of
     tolerances and residual. `by_model` (L, k, 14) is what each cause changes by the model, whether the log can give the
-    quantity or not.
+    quantity or not. `u_input` (L, 2, 14) are standard uncertainties by the inputs of the model, within the tolerances of the
+    rig file and as the fit leaves them.
     """
 
     measured: Signal
@@ -165,6 +179,7 @@ class Accounts(NamedTuple):
     parts: Signal
     u: Signal
     by_model: Signal
+    u_input: Signal
 
 
 class Variants(NamedTuple):
@@ -202,7 +217,9 @@ def variants_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Va
     )
 
 
-def account_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Signal, causes: int) -> Accounts:
+def account_of(
+    data: Fitted, one: WindowedLog, variants: Variants, covariance: Signal, of_inputs: Signal, causes: int
+) -> Accounts:
     """Split the difference between the model of the rig file and one run among causes, tolerances and residual; L is 1.
 
     A contribution moves with a field of its cause as all causes together do.
@@ -210,6 +227,7 @@ def account_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: S
     Parameters
     ----------
     covariance : (p + n, p + n) of the fields of the fit and then of its nuisances
+    of_inputs : the same of the fit that the run is compared with
     causes : number of causes
     """
     first, count, fields = covariance.shape[0] - len(data.nuisances), 1 << causes, len(variants.places)
@@ -222,10 +240,16 @@ def account_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: S
     slopes[-1, variants.places] = -by_field
     slopes[-1] -= slopes[-2]
     u = np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=1), 0.0))
+    by_input = np.where([n.kind in INPUTS for n in data.nuisances[: data.simulated]], 1.0, 0.0)[:, None]
+    by_input = by_input * (fitted[1:] - fitted[0])
+    after = np.zeros_like(slopes[0])
+    after[variants.places] = by_field
+    after[first : first + data.simulated] = by_input
+    u_input = np.sqrt(np.maximum([np.sum(by_input**2, axis=0), np.sum(after * (of_inputs @ after), axis=0)], 0.0))
     shares, measured = shapley(subsets), quantities_of(one.log.run, one.rig, one.windows)
     missing = np.where(np.isnan(measured + fitted[0]), math.nan, 0.0)
     parts = np.vstack([shares, fitted[0] - subsets[-1], measured - fitted[0]])
-    of_run = measured + missing, subsets[0] + missing, parts + missing, u + missing, shares
+    of_run = measured + missing, subsets[0] + missing, parts + missing, u + missing, shares, u_input
     return Accounts(*(x[None] for x in of_run))
 
 
@@ -271,24 +295,54 @@ def joint_covariance(found: Found) -> Signal:
     return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
 
 
+def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
+    """Covariance as `joint_covariance` gives it, of a fit without the logs of a load [ohm]: what these determine is added.
+
+    What concerns one log alone stays as it is known, and a field at a bound stays there.
+    """
+    best, loads = found.best, np.repeat([log.load for log in data.logs], data.sizes)
+    fields = -found.marginal.undone(found.expansion.columns[:, found.expansion.index(best.names)]) * inside_of(best)
+    of_a_log = np.zeros(best.x.size, dtype=bool)
+    for name, effect in zip(best.names, best.effects(found.problem.suspects), strict=True):
+        of_a_log[best.place[name]] = log_of(effect) >= 0
+    prior = np.diag([*best.free.sd**-2.0, *np.ones(len(data.nuisances))])
+
+    def left_by(blocks: Mask) -> Signal:
+        rows = np.repeat(blocks.astype(np.float64), len(CHANNELS))
+        own, others = np.where(of_a_log, fields, fields * rows[:, None]), found.marginal.columns.masked(rows)
+        across = others.onto(own)
+        told = np.block([[own.T @ own, across.T], [across, others.squared()]])
+        return np.asarray(np.linalg.inv(told / found.scale + prior))
+
+    return joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
+
+
 def contributions_of(
-    data: Fitted, found: Found, causes: Sequence[NamedCause], windows: Sequence[float | None] | None = None
-) -> tuple[tuple[Contribution, ...], dict[str, list[LargestChange]]]:
+    data: Fitted,
+    found: Found,
+    causes: Sequence[NamedCause],
+    windows: Sequence[float | None] | None = None,
+    held_out: Collection[int] = (),
+) -> tuple[tuple[Contribution, ...], dict[str, list[LargestChange]], Signal]:
     """Split every metric of every run among the causes that are named, tolerances and residual, the parts in this order.
 
-    Also what each cause changes of each efficiency of each run by the model, whether the log can give that or not.
+    Also what each cause changes of each efficiency of each run by the model, whether the log can give that or not, and the
+    uncertainties of the quantities by the inputs of the model, as in `Accounts`.
 
     Parameters
     ----------
     causes : named ones among those of the best fit
     windows : of each run the length of its windows [s], None for the rule of the rig
+    held_out : numbers of logs that are compared with a fit without the logs of their load
     """
     names, suspects = tuple(cause.effect for cause in causes), found.problem.suspects
     covariance, variants = joint_covariance(found), variants_of(data, suspects, found.best, names)
+    without_load = {load: covariance_without(data, found, load) for load in {data.logs[k].load for k in held_out}}
 
     def account(number: int, window: float | None) -> tuple[WindowedLog, Accounts]:
         one = windowed(data, number, window)
-        return one, account_of(data, one, variants, covariance, len(names))
+        of_inputs = without_load[one.log.load] if number in held_out else covariance
+        return one, account_of(data, one, variants, covariance, of_inputs, len(names))
 
     lengths = enumerate(windows or [None] * len(data.logs))
     each = all_at_once([partial(account, number, window) for number, window in lengths], data.sizes)
@@ -329,7 +383,7 @@ def contributions_of(
         ]
         for cause, name in enumerate(names)
     }
-    return tuple(recorded), changes
+    return tuple(recorded), changes, accounts.u_input
 
 
 def with_uncertain_laws(accounts: Accounts, loaded: Mask, discrepancy: float) -> Signal:

@@ -13,7 +13,7 @@ from winchcascade.core.jobs import linear_algebra_on_one_thread
 from winchcascade.diagnosis.adequacy import cancelling, drifts, left_over, moved_by, unbalanced
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.causes import causes_of, parameters_of, posterior_of, probabilities
-from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close, made_worse, share_closed
+from winchcascade.diagnosis.closure import ModelClosure, alarms_of, by_cycles, close, made_worse, share_closed
 from winchcascade.diagnosis.contributions import by_cost, contributions_of, efficiency_changes, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
@@ -33,13 +33,14 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.gap_map import arises, compare, deviating_stage, locate, stagewise, without_zeros
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
-from winchcascade.diagnosis.next_run import plan_run
 from winchcascade.diagnosis.nuisances import before_calibration
 from winchcascade.diagnosis.phase_energies import energies_of
+from winchcascade.diagnosis.planning import plan_run
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, expand, search, start_of
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
+from winchcascade.diagnosis.validation import Validated, validation_of
 from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, NAMED, OPEN
 from winchcascade.rig.simulate import read_by
 
@@ -58,7 +59,8 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     `rig` is as its file states it; `data.rig` has the numbers before their calibration, which the causes are found against.
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
-    those of its phases, and `cancelling` are causes that cancel each other. `thresholds` are how large each effect would have
+    those of its phases, `validation` compares each metric of each run with the model, and `cancelling` are causes that cancel
+    each other. `thresholds` are how large each effect would have
     to be to be named, where none is, and `not_visible` those that these logs would not show at any plausible size.
     """
 
@@ -72,6 +74,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     contributions: tuple[Contribution, ...] = ()
     energies: tuple[StageEnergy, ...] = ()
     cancelling: tuple[Alarm, ...] = ()
+    validation: tuple[Validated, ...] = ()
     thresholds: tuple[Threshold, ...] = ()
     not_visible: Names = ()
 
@@ -171,11 +174,13 @@ def _with_causes(
     """The result with the causes of the best fit, what each contributes, how far they close the gap, and what is too small."""
     data, suspects, found = result.data, result.suspects, result.found
     if not found.best.names:
+        contributions, _, inputs = contributions_of(data, found, (), windows)
         return msgspec.structs.replace(
             result,
             minor=_hints(result),
-            contributions=contributions_of(data, found, (), windows)[0],
+            contributions=contributions,
             thresholds=_thresholds(result, windows),
+            validation=validation_of(data, found, {}, inputs, windows),
         )
     on_progress("predicting withheld runs")
     loaded = [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
@@ -184,7 +189,8 @@ def _with_causes(
     on_progress("looking for alternative explanations")
     fitted = with_stability(data, found, causes_of(data, found))
     on_progress("splitting the difference among the causes")
-    contributions, changes = contributions_of(data, found, fitted, windows)
+    held_out = {} if by_cycles(data, left_out) else closure.predictions
+    contributions, changes, inputs = contributions_of(data, found, fitted, windows, held_out)
     moved = moved_by(data, suspects, found.best)
     minor = _minor(data, fitted, changes, moved)
     small = {one.effect for one in minor}
@@ -197,6 +203,7 @@ def _with_causes(
         minor=(*minor, *_hints(result)),
         contributions=reordered(without(contributions, small), causes),
         cancelling=tuple(cancelling(data, moved)),
+        validation=validation_of(data, found, held_out, inputs, windows),
     )
 
 

@@ -107,7 +107,7 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PLACES = ("line", "mech", "gen", "trans", "pto", "net", "payout", "returned", "hyd", "ac")
 """What the name of a metric ends with: its stage, its stages, or its part of a whole cycle."""
 
-_METRIC = re.compile(rf"(?<![\w/.-])(?:(?:energy|power|eta|E|P)_(?:gen_cycle|{'|'.join(_PLACES)}))(?![\w/]|\.\w)")
+_METRIC = re.compile(rf"(?<![\w/.-])(?:(?:energy|power|eta|E|P)_(?:gen_cycle|{'|'.join(_PLACES)}))(?![\w/]|\.\w|=\d)")
 _SIGNS: tuple[tuple[str, str], ...] = (
     (r"(?<=\d) ohm\b(?!\.\w)", "\u00a0Ω"),
     (r"(?<!--load-)(?<!\w-)\bohm\b(?!\.\w)", "Ω"),
@@ -125,8 +125,8 @@ _SIGNS: tuple[tuple[str, str], ...] = (
 def typeset(text: str) -> str:
     """A plain text with symbols for names of metrics and signs for units; names of files and effects stay.
 
-    >>> typeset("run 9 ohm.csv")
-    'run 9 ohm.csv'
+    >>> typeset("run 9 ohm.csv"), typeset("--uncertainty eta_pto=0.001")
+    ('run 9 ohm.csv', '--uncertainty eta_pto=0.001')
     >>> typeset("36 ohm: eta_pto drops by -0.01 +- 0.02 N.m, see energy_line.csv"), typeset("-"), typeset("2.5e-13")
     ('36\\xa0Ω: η_pto drops by −0.01 ± 0.02 N·m, see energy_line.csv', '–', '2.5×10⁻¹³')
     >>> typeset("+- 2 J")

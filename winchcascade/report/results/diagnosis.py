@@ -60,6 +60,7 @@ from winchcascade.report.results.diagnosis_parts import (
     verdict_tile,
 )
 from winchcascade.report.results.line_diagnosis import line_report
+from winchcascade.report.results.validation_report import validation_section
 from winchcascade.report.wording import banner, load_words
 from winchcascade.rig.effects.effect import Display
 
@@ -103,6 +104,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
             _where(found, word),
             _how_far(found, blocks, word),
             section("time-histories", "Time histories", _cycle(found, blocks, word), folded=True),
+            validation_section(found),
             numbers(found),
             _speed(found, blocks, word),
             _considered(found),

@@ -15,6 +15,8 @@ from winchcascade.diagnosis.diagnosis_result import Alternative, DiagnosisResult
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
+from winchcascade.diagnosis.posterior import posterior_of_rig, posterior_record, tested_by
+from winchcascade.diagnosis.validation import Validated
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of
 from winchcascade.report.results import diagnosis_sentences as sentences
@@ -102,7 +104,7 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
         record |= _model_record(found)
     elif isinstance(found, LineDiagnosis):
         record |= _line_record(found)
-    digits = {"contributions": SUMMED, "remainder": ALL}
+    digits = {"contributions": SUMMED, "remainder": ALL, "posterior": ALL}
     return {name: plain(value, digits.get(name, DIGITS)) for name, value in record.items()}
 
 
@@ -212,7 +214,18 @@ def _model_record(found: ModelDiagnosis) -> dict[str, Any]:
             | {"named_from": one.value, "unit": one.unit}
             for one in found.thresholds
         ],
+        "validation": [{"run": found.runs[one.log].name} | _validated(one) for one in found.validation],
+        "posterior": None
+        if (tested := tested_by(found)) is None
+        else posterior_record(posterior_of_rig(found), tested),
     }
+
+
+def _validated(one: Validated) -> dict[str, Any]:
+    """One comparison of a validation, without the number of its log."""
+    record: dict[str, Any] = msgspec.structs.asdict(one)
+    record["speed_mps"] = record.pop("speed")
+    return {name: value for name, value in record.items() if name != "log"}
 
 
 def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:

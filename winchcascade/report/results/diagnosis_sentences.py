@@ -21,7 +21,7 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.next_run import BACK, HOLD, RAMP
+from winchcascade.diagnosis.planning import BACK, HOLD, RAMP
 from winchcascade.report.diagnosis_names import (
     NAMES,
     at_words,

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 
 class RunOrder(msgspec.Struct, frozen=True):
@@ -48,16 +49,33 @@ def warming(order: RunOrder, time_constant: float, by_current: float) -> tuple[f
     >>> [round(rise, 6) for rise in warming(RunOrder((0.0, 1.0, 2.0), (0.0, 1.0, 2.0)), 1e9, 0.0)]
     [0.0, 0.5, 1.0]
     """
-    if order.temperature:
-        level = np.array(order.temperature)
-    else:
-        begins, brought = np.array(order.begins), 1.0 - by_current + by_current * np.array(order.heat)
-        age = begins[:, None] - begins[None, :]
-        kept = np.where(age > 0.0, np.exp(-np.maximum(age, 0.0) / time_constant), 0.5 * np.eye(begins.size))
-        level = kept @ brought
+    level = np.array(order.temperature) if order.temperature else _level(order, time_constant, by_current)
     rise = level - level[int(np.argmin(order.begins))]
     largest = float(np.max(np.abs(rise), initial=0.0))
     return tuple((rise / largest).tolist()) if largest > 0.0 else (0.0,) * rise.size
+
+
+def _level(order: RunOrder, time_constant: float, by_current: float) -> NDArray[np.float64]:
+    """Temperature in each run above that of the surroundings, in units of what one run of mean heat brings. [1]"""
+    begins, brought = np.array(order.begins), 1.0 - by_current + by_current * np.array(order.heat)
+    age = begins[:, None] - begins[None, :]
+    kept = np.where(age > 0.0, np.exp(-np.maximum(age, 0.0) / time_constant), 0.5 * np.eye(begins.size))
+    return np.asarray(kept @ brought)
+
+
+def lasting_heat(order: RunOrder, time_constant: float, by_current: float) -> float:
+    """Heat of a run, repeated for ever at the usual spacing, that keeps the machine as warm as in the warmest of some runs. [1]
+
+    Parameters
+    ----------
+    time_constant, by_current : as for `warming`
+
+    >>> lasting_heat(RunOrder((0.0, 1.0, 2.0), (1.0, 1.0, 1.0)), 1e-2, 1.0)  # all that a run brings is gone by the next
+    1.0
+    """
+    lasting = 0.5 + 1.0 / math.expm1(1.0 / time_constant)
+    brought = float(np.max(_level(order, time_constant, by_current))) / lasting
+    return max((brought - 1.0 + by_current) / by_current, 0.0) if by_current > 0.0 else math.inf
 
 
 def passed(order: RunOrder) -> tuple[float, ...]:

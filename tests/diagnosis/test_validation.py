@@ -1,0 +1,133 @@
+"""Validation: comparison errors and uncertainties follow their definitions; the intervals hold known errors of the model."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from calls import call
+from diagnosed import LOGS, PLANTED, diagnosed, made_logs
+
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Signal
+from winchcascade.diagnosis.causes import COVERED
+from winchcascade.diagnosis.contributions import (
+    INPUTS,
+    QUANTITIES,
+    covariance_without,
+    joint_covariance,
+    quantities_of,
+    windowed,
+)
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
+from winchcascade.diagnosis.validation import Compared
+from winchcascade.reduction.efficiency import METRICS
+from winchcascade.report.results.diagnosis_record import as_json
+from winchcascade.rig.baseline import baseline, load_rig
+from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
+from winchcascade.rig.parts import Model
+from winchcascade.rig.simulate import simulate
+
+RESOLVED = 1e-3
+"""Share of the uncertainty of the data that the steps of the simulation may have. [1]"""
+
+DERIVATIVE = 0.02
+"""Relative difference of two standard uncertainties whose derivatives are taken at different models. [1]"""
+
+every_campaign = pytest.mark.parametrize("name", PLANTED)
+
+
+def true_metrics(found: ModelDiagnosis, log: int, model: Model) -> Signal:
+    """Metrics of a model along the motion of a log, without noise, in its windows."""
+    one = windowed(found.data, log)
+    return quantities_of(simulate(one.log.run, model).run, one.rig, one.windows)
+
+
+@every_campaign
+def test_every_metric_of_every_run_is_validated_by_its_definitions(name: str) -> None:
+    found = diagnosed(name)
+    assert [(one.log, one.quantity) for one in found.validation] == [(k, m) for k in range(len(LOGS)) for m in METRICS]
+    for one in found.validation:
+        assert (one.after is None) == (not found.causes)
+        assert one.held_out == bool(found.causes)
+        assert one.u_num < RESOLVED * one.u_d
+        for side in (one.before, one.after):
+            if side is None:
+                continue
+            assert side.u_val**2 == pytest.approx(one.u_num**2 + side.u_input**2 + one.u_d**2)
+            assert side.error == pytest.approx(side.simulated - one.measured)
+            assert (side.low, side.high) == pytest.approx(
+                (side.error - COVERED * side.u_val, side.error + COVERED * side.u_val)
+            )
+
+
+@every_campaign
+def test_the_interval_before_holds_the_known_error_of_the_model(name: str) -> None:
+    """With nothing injected that is 0."""
+    found, stated = diagnosed(name), baseline(built_in())
+    truth = stated
+    for effect, fields in PLANTED[name].items():
+        truth = make_effect(effect, fields).apply(truth)
+    errors = [true_metrics(found, k, stated) - true_metrics(found, k, truth) for k in range(len(LOGS))]
+    for one in found.validation:
+        known = float(errors[one.log][QUANTITIES.index(one.quantity)])
+        assert one.before.low < known < one.before.high, one.quantity
+        assert known != 0.0 or not PLANTED[name]
+        assert one.before.u_val < 0.05 * abs(one.measured)
+
+
+@pytest.mark.parametrize("name", ["copper", "rolloff"])
+def test_the_corrected_model_has_no_error_that_its_interval_excludes(name: str) -> None:
+    for one in diagnosed(name).validation:
+        assert one.after is not None
+        assert one.after.low < 0.0 < one.after.high, one.quantity
+    significant = [one.quantity for one in diagnosed(name).validation if not one.before.low < 0.0 < one.before.high]
+    assert {"power_gen", "eta_pto"} <= set(significant)
+
+
+def test_the_uncertainty_of_the_inputs_is_that_of_the_tolerances_of_the_rig() -> None:
+    found = diagnosed("nothing")
+    data, nothing = found.data, np.zeros(len(found.data.nuisances))
+    of_inputs = [j for j, n in enumerate(data.nuisances) if n.kind in INPUTS]
+    for k in range(len(LOGS)):
+        (stated, *moved) = (
+            true_metrics(found, k, data.models(nu, [])[k]) for nu in (nothing, *np.eye(nothing.size)[of_inputs])
+        )
+        u = np.sqrt(sum((one - stated) ** 2 for one in moved))
+        for one in (one for one in found.validation if one.log == k):
+            assert one.before.u_input == pytest.approx(float(u[QUANTITIES.index(one.quantity)]), rel=DERIVATIVE)
+
+
+@pytest.mark.parametrize("name", ["copper", "rolloff"])
+def test_a_fit_without_the_logs_of_a_load_knows_less(name: str) -> None:
+    found = diagnosed(name)
+    joint = joint_covariance(found.found)
+    assert covariance_without(found.data, found.found, -1.0) == pytest.approx(joint)
+    for load in LOGS.values():
+        more = covariance_without(found.data, found.found, load) - joint
+        scale = np.sqrt(np.maximum(np.diag(joint), 1e-12))
+        assert np.linalg.eigvalsh(more / np.outer(scale, scale))[0] > -1e-6
+        assert np.trace(more / np.outer(scale, scale)) > 1.0
+
+
+def test_cycles_of_the_only_load_are_not_held_out_as_a_load() -> None:
+    runs = [one.run for one in made_logs(PLANTED["copper"])[:1]]
+    found = diagnose(runs, load_rig("hsu2026"), {"copper_heating": EFFECTS["copper_heating"]}, title="one", seed=1)
+    assert {one.held_out for one in found.validation} == {False}
+    assert [one.effect for one in found.causes] == ["copper_heating"]
+
+
+def test_the_record_has_the_validation_of_each_run() -> None:
+    found = diagnosed("copper")
+    rows = json.loads(json.dumps(as_json(found), allow_nan=False))["validation"]
+    assert len(rows) == len(found.validation)
+    for row, one in zip(rows, found.validation, strict=True):
+        assert (row["run"], row["quantity"]) == (found.runs[one.log].name, one.quantity)
+        for side in ("before", "after"):
+            assert row[side].keys() == set(Compared.__struct_fields__)
+            assert row[side]["error"] == pytest.approx(getattr(one, side).error, rel=1e-4)
+
+
+def test_a_validation_is_a_page_or_a_pdf(tmp_path: Path, fixtures: Path) -> None:
+    done = call("diagnose", fixtures / "campaign", "--validation", tmp_path / "validation.txt")
+    assert (done.code, done.out, "validation.txt" in done.err) == (2, "", True)

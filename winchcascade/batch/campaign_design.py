@@ -1,0 +1,157 @@
+"""What a design begins from: the corrected rig of a campaign or of a written diagnosis, and a motion or the speeds of a sea."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from winchcascade.batch.campaign_diagnosis import diagnose_listed
+from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
+from winchcascade.core.errors import OptionError
+from winchcascade.design.operating import Motion, motion_of_run
+from winchcascade.design.run_plan import MOST, RunPlan, after, before, determine
+from winchcascade.design.run_plan import separate as split
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.posterior import posterior_from, posterior_of_rig, tested_by
+from winchcascade.ingest.read import read_run
+from winchcascade.rig.baseline import load_rig
+from winchcascade.rig.effects.catalogue import EFFECTS
+
+if TYPE_CHECKING:
+    from winchcascade.diagnosis.posterior import RigPosterior, Tested
+
+SEA = ("speed_mps", "cycles_per_year")
+"""Columns of a table of payout speeds."""
+
+Sea = list[tuple[float, float]]
+"""Speeds of payouts [m/s], each with its number in a year."""
+
+
+def corrected_by(source: Path, rig: str | None, on_progress: Callable[[str], None]) -> tuple[RigPosterior, Tested]:
+    """The corrected rig of a campaign, which is diagnosed, or of the JSON of a diagnosis, and what its logs cover.
+
+    Raises
+    ------
+    OptionError : the JSON is no diagnosis by a model, or the rig has no model
+    WinchcascadeError : the campaign cannot be diagnosed
+    """
+    if source.suffix.casefold() == ".json":
+        if rig is not None:
+            raise OptionError(f"--rig {rig}: a diagnosis has its rig already; leave --rig out, or give the campaign.")
+        return posterior_from(_record(source).get("posterior"), str(source))
+    found = _diagnosed(source, rig, on_progress)
+    tested = tested_by(found)
+    if tested is None:
+        raise OptionError(f"{source}: no log has a payout; expected one at least.")
+    on_progress("predicting other loads and speeds")
+    return posterior_of_rig(found), tested
+
+
+def _diagnosed(source: Path, rig: str | None, on_progress: Callable[[str], None]) -> ModelDiagnosis:
+    """The diagnosis of a campaign by a model of its rig."""
+    found = diagnose_listed(load_campaign(source), EFFECTS, rig=rig, on_progress=on_progress)
+    if not isinstance(found, ModelDiagnosis):
+        raise OptionError(f"{source}: no model can be made of rig {found.rig.name}; expected all numbers of the rig.")
+    return found
+
+
+def _record(source: Path) -> dict[str, Any]:
+    """The JSON of a diagnosis."""
+    try:
+        record = msgspec.json.decode(source.read_bytes())
+    except (OSError, msgspec.DecodeError) as fault:
+        raise OptionError(
+            f"{source}: cannot be read ({fault}); expected the JSON of `winchcascade diagnose`."
+        ) from None
+    if not isinstance(record, dict) or not str(record.get("schema", "")).startswith("winchcascade/diagnosis/"):
+        raise OptionError(
+            f"{source}: is no diagnosis; expected the JSON that `winchcascade diagnose CAMPAIGN --json` writes."
+        )
+    return record
+
+
+def motions_of(path: Path | None) -> tuple[Motion | None, Sea]:
+    """The motion of a log or profile, or the speeds of a table with the columns of `SEA`; neither without a file.
+
+    Raises
+    ------
+    OptionError : a row of a table is not a speed and a number above 0
+    LogError : the file is neither
+    """
+    if path is None:
+        return None, []
+    sea = _sea(path)
+    if sea:
+        return None, sea
+    return motion_of_run(read_run(path, campaign=False)), []
+
+
+def _sea(path: Path) -> Sea:
+    """Speeds of a table; empty where the file is none."""
+    try:
+        head, *lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError):  # a log, of any format
+        return []
+    if tuple(cell.strip() for cell in head.split(",")) != SEA:
+        return []
+    found = []
+    for number, line in enumerate(lines, 2):
+        if not line.strip():
+            continue
+        try:
+            speed, count = map(float, line.split(","))
+        except ValueError:
+            speed = count = -1.0
+        if not (0.0 < speed < math.inf and 0.0 < count < math.inf):
+            raise OptionError(
+                f"{path}: line {number} is {line!r}; expected a speed in m/s and a number of cycles, both above 0."
+            )
+        found.append((speed, count))
+    if not found:
+        raise OptionError(f"{path}: no row below {','.join(SEA)}; expected a speed and a number of cycles in each.")
+    return found
+
+
+# -------------------------------------------------------------------------------------------------------------------- plans
+def planned_from(
+    source: Path,
+    rig: str | None,
+    *,
+    separate: tuple[str, str] | None,
+    uncertainty: tuple[str, float] | None,
+    most: int | None,
+    loads: Sequence[float],
+    speeds: Sequence[float],
+    length: float,
+    on_progress: Callable[[str], None],
+) -> RunPlan:
+    """Plan runs after the diagnosis of a campaign, or before any run for a rig.
+
+    Raises
+    ------
+    OptionError : both aims or, before any run, none of them; no such effect or metric; a campaign without two explanations
+    WinchcascadeError : the campaign or the rig cannot be used
+    """
+    if separate is not None and uncertainty is not None:
+        raise OptionError("--separate and --uncertainty: expected one of them.")
+    found = None
+    if source.is_dir() or source.name == CAMPAIGN_FILE:
+        found = _diagnosed(source, rig, on_progress)
+        basis, suspects = after(found, loads, speeds), found.suspects
+    else:
+        stated = load_rig(str(source))
+        basis, suspects = before(stated, loads, speeds, length), EFFECTS
+    on_progress("planning runs")
+    if uncertainty is not None:
+        return determine(basis, *uncertainty, most or MOST)
+    if separate is None:
+        if found is None or found.experiment is None:
+            raise OptionError(
+                f"{source}: no two explanations are given; expected --separate EFFECT EFFECT or --uncertainty METRIC=X."
+            )
+        separate = found.experiment.separates
+    return split(basis, separate, suspects, most or MOST)

@@ -1,0 +1,121 @@
+"""`winchcascade design`: other loads, speeds and motions with the rig that a diagnosis leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from winchcascade.cli.options import EVALUATION, INPUT, OUTPUTS, argument, named_number, option, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
+from winchcascade.core.errors import OptionError
+from winchcascade.core.jobs import one_thread_each, processes, set_threads
+
+
+@with_options(
+    "json",
+    *REPORT,
+    "csv",
+    source=argument("CAMPAIGN|DIAGNOSIS.json", "The campaign, which is diagnosed first, or the JSON of its diagnosis."),
+    motion=option("--motion", "LOG|FILE", "The motion: a log, a profile, or a table of speed_mps and cycles_per_year.", INPUT),
+    loads=option("--loads", "OHM,...", "Loads of the map [ohm]; by default those of the campaign.", EVALUATION),
+    speeds=option("--speeds", "MPS,...", "Line speeds of the map [m/s]; by default up to the fastest logged.", EVALUATION),
+    current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
+    speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
+    tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
+    csv=option("--csv", "FILE", "Write the schedule for a controller: rpm_low, rpm_high, load_ohm, within_domain.", OUTPUTS),
+)  # fmt: skip
+def design_command(
+    source: Path,
+    rig: str | None = None,
+    motion: Path | None = None,
+    loads: str | None = None,
+    speeds: str | None = None,
+    current_limit: float | None = None,
+    speed_limit: float | None = None,
+    tension_limit: float | None = None,
+    threads: int | None = None,
+    outputs: Outputs = NO_OUTPUTS,
+) -> None:
+    """Predict other loads and speeds with the corrected rig, schedule the load, and value the repair of each cause.
+
+    Every value has a 95 % interval; points that the logs do not cover and points over a limit are flagged.
+    """
+    one_thread_each()
+    from winchcascade.batch.campaign_design import corrected_by, motions_of
+    from winchcascade.core.files import write_content
+    from winchcascade.design.design import Limits, design
+    from winchcascade.report.results.design_report import design_record, design_report, schedule_csv
+    from winchcascade.report.screen import status_line
+
+    outputs.check([source, motion, rig])
+    set_threads(threads or processes())
+    limits = Limits(*(math.inf if limit is None else limit for limit in (current_limit, speed_limit, tension_limit)))
+    cycle, sea = motions_of(motion)
+    with status_line(f"designing with {source.name}") as on_progress:
+        posterior, tested = corrected_by(source, rig, on_progress)
+        found = design(
+            posterior, tested, motion=cycle, sea=sea, loads=numbers("--loads", loads),
+            speeds=numbers("--speeds", speeds), limits=limits,
+        )  # fmt: skip
+    if outputs["csv"] is not None:
+        write_content(outputs["csv"], schedule_csv(found), force=outputs.force)
+    present(
+        lambda: design_report(found, command=given_command()),
+        outputs,
+        record=lambda: design_record(found),
+        name="design",
+    )
+
+
+def numbers(flag: str, text: str | None) -> Sequence[float]:
+    """Numbers of an option that are separated by commas; OptionError for what is no number."""
+    try:
+        return [float(number) for number in text.split(",")] if text else []
+    except ValueError:
+        raise OptionError(f"{flag} {text}: expected numbers separated by commas, such as 9,18,36.") from None
+
+
+@with_options(
+    "json",
+    *REPORT,
+    source=argument("CAMPAIGN|RIG", "The campaign, which is diagnosed first, or before any run a rig file or a built-in rig."),
+    runs=option("--runs", "N", "Plan N runs at most; 12 by default.", EVALUATION, minimum=1),
+    separate=option("--separate", "EFFECT EFFECT", "Separate two effects; by default a cause and its look-alike.", EVALUATION),
+    uncertainty=option("--uncertainty", "METRIC=X", "Determine a metric to this standard uncertainty.", EVALUATION),
+    loads=option("--loads", "OHM,...", "Loads that can be run [ohm], inf for an open circuit.", EVALUATION),
+    speeds=option("--speeds", "MPS,...", "Line speeds that can be run [m/s].", EVALUATION),
+    length=option("--length", "M", "Travel of a payout before any run is made; 10 m by default.", EVALUATION),
+)  # fmt: skip
+def plan_command(
+    source: Path,
+    rig: str | None = None,
+    runs: int | None = None,
+    separate: tuple[str, str] | None = None,
+    uncertainty: str | None = None,
+    loads: str | None = None,
+    speeds: str | None = None,
+    length: float = 10.0,
+    threads: int | None = None,
+    outputs: Outputs = NO_OUTPUTS,
+) -> None:
+    """Plan the runs that separate two effects, or that determine a metric to a wanted uncertainty.
+
+    Runs stand in the order in which they help most, each with what is expected after it, beside random runs of the same number.
+    """
+    one_thread_each()
+    from winchcascade.batch.campaign_design import planned_from
+    from winchcascade.report.results.plan_report import plan_record, plan_report
+    from winchcascade.report.screen import status_line
+
+    outputs.check([source, rig])
+    set_threads(threads or processes())
+    wanted = named_number(uncertainty) if uncertainty else None
+    with status_line(f"planning for {source.name}") as on_progress:
+        found = planned_from(
+            source, rig, separate=separate, uncertainty=wanted, most=runs, loads=numbers("--loads", loads),
+            speeds=numbers("--speeds", speeds), length=length, on_progress=on_progress,
+        )  # fmt: skip
+    present(
+        lambda: plan_report(found, command=given_command()), outputs, record=lambda: plan_record(found), name="plan"
+    )

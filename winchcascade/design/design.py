@@ -1,0 +1,321 @@
+"""What a corrected rig gives at other loads and speeds, which load suits which speed, and what each cause costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.errors import OptionError
+from winchcascade.core.viewed import Viewed
+from winchcascade.design.operating import PLACE, Motion, Path, path_of, planned_cycle, points, require_positive
+from winchcascade.diagnosis.causes import COVERED
+from winchcascade.diagnosis.posterior import RigPosterior, Tested
+from winchcascade.diagnosis.verdict_limits import LAW
+from winchcascade.rig.physics import RPM
+
+if TYPE_CHECKING:
+    from winchcascade.core.run import Signal
+
+SPEEDS, SLOWEST = 7, 0.3
+"""Number of line speeds of a map, and the slowest as a share of the fastest of the campaign. [1]"""
+
+BANDS = 6
+"""Number of bands of generator speed of a schedule."""
+
+CANDIDATES = 41
+"""Number of loads, evenly spaced in their logarithm, among which a schedule looks for the best; between them by a parabola."""
+
+Criterion = Literal["power", "efficiency"]
+
+CycleAt = Callable[[float], Motion]
+"""A cycle of the line at a speed of its plateau. [m/s]"""
+
+METRIC: Mapping[Criterion, str] = {"power": "p_gen_w", "efficiency": "eta_pto"}
+"""What a schedule makes largest."""
+
+
+JOULES_PER_KWH = 3.6e6
+"""Energy of one kWh. [J]"""
+
+
+class Limits(msgspec.Struct, frozen=True):
+    """What no operating point may exceed: stator current, rms [A], speed of the generator [rpm], line tension [N], and the DC
+    current, rms over a cycle, that heats the machine [A].
+    """
+
+    current: float = math.inf
+    speed: float = math.inf
+    tension: float = math.inf
+    heating: float = math.inf
+
+    def exceeded(self, found: Signal) -> list[str]:
+        """Which limits a point with these quantities exceeds."""
+        return [name for name, (quantity, _) in LIMITED.items() if found[PLACE[quantity]] > getattr(self, name)]
+
+
+LIMITED = {
+    "current": ("i_s_a", "A"), "speed": ("rpm", "rpm"), "tension": ("force_n", "N"), "heating": ("i_dc_rms_a", "A (DC, rms)"),
+}  # fmt: skip
+"""Quantity of an operating point that each limit concerns, with its unit."""
+
+NO_LIMITS = Limits()
+"""Every operating point is allowed."""
+
+
+class Band(msgspec.Struct, frozen=True):
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class OperatingPoint(msgspec.Struct, frozen=True):
+    """What the rig does at a load [ohm] and a line speed [m/s]; `exceeds` names the limits that it is beyond."""
+
+    load: float
+    speed: float
+    values: dict[str, Band]
+    within_domain: bool
+    exceeds: tuple[str, ...]
+
+
+class Scheduled(msgspec.Struct, frozen=True):
+    """The best load [ohm] for a band of generator speed [rpm], its gain over the best fixed load [1], and why there is none."""
+
+    rpm_low: float
+    rpm_high: float
+    speed: float
+    criterion: Criterion
+    load: float | None
+    gain: Band | None
+    within_domain: bool = True
+    reason: str = ""
+
+
+class Repair(msgspec.Struct, frozen=True):
+    """What the rig would do at the same motion without an effect: deliver more energy for each cycle [J] and, where the motions
+    have a number in a year, for a year [kWh], and take less from the line for each cycle [J].
+    """
+
+    effect: str
+    per_cycle: Band
+    per_year: Band | None
+    saved: Band
+    within_domain: bool
+
+
+class Share(msgspec.Struct, frozen=True):
+    """A motion of a sea, and how often it comes in a year; NaN where that is not stated."""
+
+    motion: Motion
+    per_year: float = math.nan
+
+
+class Design(Viewed, frozen=True, kw_only=True):
+    """Maps, schedules and repairs of a corrected rig at one motion; `fixed` are the best fixed loads by criterion [ohm].
+
+    `repaired_at` is the load at which the repairs are valued [ohm].
+    """
+
+    tested: Tested
+    motion: str
+    limits: Limits
+    rows: tuple[OperatingPoint, ...]
+    schedule: tuple[Scheduled, ...]
+    fixed: dict[Criterion, float]
+    repairs: tuple[Repair, ...]
+    repaired_at: float
+
+
+class CorrectedRig:
+    """A corrected rig whose operating points have bands: those of the posterior, and of the laws of its effects.
+
+    `moved` are the best model and it moved along every direction of the posterior, `repaired` the same without each effect, and
+    `each` are `moved` and the best models without each effect.
+    """
+
+    def __init__(self, posterior: RigPosterior, tested: Tested) -> None:
+        self.posterior, self.tested = posterior, tested
+        self.moved = posterior.models()
+        self.acting = [one.effect.name for one in posterior.effects if one.effect.entry is None]
+        self.repaired = {name: posterior.models(name) for name in self.acting}
+        self.each = [*self.moved, *(models[0] for models in self.repaired.values())]
+
+    def bands(self, paths: Sequence[Path], loads: Sequence[float]) -> tuple[Signal, Signal]:
+        """Quantities along each motion at each load with standard uncertainties, (2, motions, loads, quantities)."""
+        found = points(self.each, paths, loads)
+        return found[0], self._u(found)
+
+    def _u(self, found: Signal) -> Signal:
+        """Standard uncertainty of what `each` gives, (models, ...): by the posterior and by the laws of the effects."""
+        change = found[1:] - found[0]
+        change[len(self.moved) - 1 :] *= LAW
+        return np.asarray(np.linalg.norm(change, axis=0))
+
+    def gain(self, path: Path, load: float, fixed: float, metric: str) -> Band:
+        """How much larger a metric is with a load than with a fixed one. [1]"""
+        found = points(self.each, [path], [load, fixed])[:, 0, :, PLACE[metric]]
+        gains = found[:, 0] / found[:, 1] - 1.0
+        return _band(float(gains[0]), float(self._u(gains)))
+
+    def covers(self, speed: Signal, found: Signal) -> Signal:
+        """Whether the logs cover quantities, (n, quantities), at line speeds [m/s], (n,)."""
+        return self.tested.covers(speed, found[:, PLACE["i_dc_a"]], found[:, PLACE["force_n"]])
+
+    def worth(self, name: str, shares: Sequence[Share], load: float) -> Repair:
+        """What a repair brings over some motions at a load."""
+        paths = [path_of(share.motion, self.moved[0]) for share in shares]
+        repaired, acting = (points(models, paths, [load])[:, :, 0] for models in (self.repaired[name], self.moved))
+        number = np.array([share.per_year for share in shares])
+        yearly = bool(np.all(np.isfinite(number)))
+        weights = number / number.sum() if yearly else np.full(len(shares), 1.0 / len(shares))
+
+        def change(quantity: str, per: float = 1.0) -> Band:
+            each = per * (repaired - acting)[:, :, PLACE[quantity]] @ weights
+            return _band(float(each[0]), math.hypot(float(np.linalg.norm(each[1:] - each[0])), LAW * float(each[0])))
+
+        per_year = change("e_gen_j", float(number.sum()) / JOULES_PER_KWH) if yearly else None
+        covered = self.covers(np.array([share.motion.speed for share in shares]), acting[0])
+        return Repair(name, change("e_gen_j"), per_year, change("e_line_j", -1.0), bool(covered.all()))
+
+
+def _band(value: float, u: float) -> Band:
+    return Band(value, value - COVERED * u, value + COVERED * u)
+
+
+def design(
+    posterior: RigPosterior,
+    tested: Tested,
+    *,
+    motion: Motion | None = None,
+    sea: Sequence[tuple[float, float]] = (),
+    loads: Sequence[float] = (),
+    speeds: Sequence[float] = (),
+    limits: Limits = NO_LIMITS,
+) -> Design:
+    """Design with a corrected rig.
+
+    Parameters
+    ----------
+    motion : a cycle of the line, which other speeds make faster or slower; by default the usual cycle of the campaign
+    sea : speeds of the payouts of a year with their numbers, over which repairs are valued; by default one cycle at the
+        fastest speed
+    loads, speeds : of the map; by default those of the campaign [ohm], and `SPEEDS` up to its fastest [m/s]
+    limits : that no operating point may exceed; where the diagnosis found that the machine warms, also the current of its
+        warmest run
+
+    Raises
+    ------
+    OptionError : a load, a speed or a limit that is none
+    """
+    stated = {f"--{name}-limit": [limit] for name in LIMITED if (limit := getattr(limits, name)) != math.inf}
+    for option, numbers in {"--loads": loads, "--speeds": speeds, **stated}.items():
+        require_positive(option, numbers)
+    if tested.warm is not None:
+        limits = msgspec.structs.replace(limits, heating=min(limits.heating, tested.warm))
+    rig = CorrectedRig(posterior, tested)
+    at_loads = sorted(loads) or list(tested.loads)
+    if not at_loads:
+        raise OptionError(f"{tested.title}: no run has a load; name some by --loads OHM,...")
+
+    def cycle_at(speed: float) -> Motion:
+        return planned_cycle(speed, tested.length, tested.ramp) if motion is None else motion.at_speed(speed)
+
+    top = tested.speed if motion is None else motion.speed
+    at_speeds = sorted(speeds) or np.linspace(SLOWEST * top, top, SPEEDS).tolist()
+    rows = _map(rig, cycle_at, at_speeds, at_loads, limits)
+    span = (at_speeds[0] if len(at_speeds) > 1 else SLOWEST * at_speeds[0], at_speeds[-1])
+    schedules = {criterion: _schedule(rig, cycle_at, span, at_loads, limits, criterion) for criterion in METRIC}
+    fixed = schedules["efficiency"][1]
+    load = at_loads[-1] if math.isnan(fixed) else fixed
+    valued = [Share(cycle_at(speed), number) for speed, number in sea] or [Share(cycle_at(at_speeds[-1]))]
+    return Design(
+        tested=tested,
+        motion="usual cycle of the campaign" if motion is None else "motion as given",
+        limits=limits,
+        rows=tuple(rows),
+        schedule=tuple(one for scheduled, _ in schedules.values() for one in scheduled),
+        fixed={criterion: fixed for criterion, (_, fixed) in schedules.items()},
+        repairs=tuple(
+            sorted((rig.worth(name, valued, load) for name in rig.acting), key=lambda one: -one.per_cycle.value)
+        ),
+        repaired_at=load,
+    )
+
+
+def _map(
+    rig: CorrectedRig, cycle_at: CycleAt, speeds: Sequence[float], loads: Sequence[float], limits: Limits
+) -> list[OperatingPoint]:
+    """Every load at every speed, with bands."""
+    best, u = rig.bands([path_of(cycle_at(speed), rig.moved[0]) for speed in speeds], loads)
+    rows = []
+    for i, speed in enumerate(speeds):
+        covered = rig.covers(np.full(len(loads), speed), best[i])
+        for j, load in enumerate(loads):
+            values = {
+                name: _band(float(best[i, j, k]), float(u[i, j, k])) for name, k in PLACE.items() if name != "rpm"
+            } | {"rpm": _band(float(best[i, j, PLACE["rpm"]]), 0.0)}
+            exceeded = tuple(limits.exceeded(best[i, j]))
+            rows.append(OperatingPoint(load, speed, values, bool(covered[j]), exceeded))
+    return rows
+
+
+def _schedule(
+    rig: CorrectedRig,
+    cycle_at: CycleAt,
+    span: tuple[float, float],
+    loads: Sequence[float],
+    limits: Limits,
+    criterion: Criterion,
+) -> tuple[list[Scheduled], float]:
+    """The best load in the middle of each band of generator speed, allowed up to its end, and the best fixed load of all bands.
+
+    Parameters
+    ----------
+    span : slowest and fastest line speed [m/s]
+    loads : between the smallest and the largest of which the best one is sought [ohm]
+    """
+    model, metric = rig.moved[0], PLACE[METRIC[criterion]]
+    edges = np.linspace(*span, BANDS + 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    paths, fastest = ([path_of(cycle_at(float(speed)), model) for speed in speeds] for speeds in (middles, edges[1:]))
+    candidates = np.geomspace(min(loads), max(loads), CANDIDATES if len(set(loads)) > 1 else 1)
+    found, reached = (points([model], each, candidates.tolist())[0] for each in (paths, fastest))
+    allowed = np.array([[not limits.exceeded(one) for one in row] for row in reached])
+    values = np.where(allowed, found[:, :, metric], -math.inf)
+    usable = allowed.any(axis=1)  # a band without an allowed load has no fixed one either
+    in_all = np.where(allowed[usable].all(axis=0) & usable.any(), found[usable, :, metric].sum(axis=0), -math.inf)
+    fixed = float(candidates[int(np.argmax(in_all))])
+    rpm = model.drivetrain.gear / model.winch.r_drum * RPM
+    scheduled = []
+    for k, path in enumerate(paths):
+        ends = float(edges[k] * rpm), float(edges[k + 1] * rpm)
+        if not allowed[k].any():
+            which = ", ".join(limits.exceeded(reached[k, -1]))
+            scheduled.append(
+                Scheduled(
+                    *ends, float(middles[k]), criterion, None, None, False, f"every load exceeds the {which} limit"
+                )
+            )
+            continue
+        load = _largest_at(candidates, values[k])
+        inside = rig.covers(middles[k : k + 1], points([model], [path], [load])[0, 0])
+        gain = rig.gain(path, load, fixed, METRIC[criterion]) if np.isfinite(in_all).any() else None
+        scheduled.append(Scheduled(*ends, float(middles[k]), criterion, load, gain, bool(inside[0])))
+    return scheduled, fixed if np.isfinite(in_all).any() else math.nan
+
+
+def _largest_at(loads: Signal, values: Signal) -> float:
+    """Where a metric is largest over the logarithm of the load, by a parabola through the three highest neighbours. [ohm]"""
+    k = int(np.argmax(values))
+    if not 0 < k < loads.size - 1 or not np.all(np.isfinite(values[k - 1 : k + 2])):
+        return float(loads[k])
+    before, here, after = values[k - 1 : k + 2].tolist()
+    curve = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
+    return float(loads[k] * (loads[k + 1] / loads[k]) ** shift)

@@ -1,0 +1,150 @@
+"""What a corrected rig does at a load along a motion: powers and efficiencies, and its largest torque, current and tension."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from winchcascade.core.errors import OptionError
+from winchcascade.core.jobs import all_at_once
+from winchcascade.diagnosis.planning import PLATEAU, REST, cycle_of
+from winchcascade.rig import physics
+from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
+from winchcascade.rig.physics import RPM
+from winchcascade.rig.simulate import even_motion
+from winchcascade.rig.steps import resolving
+
+if TYPE_CHECKING:
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.rig.parts import Model
+
+STEP = 2.5e-3
+"""Step of the simulations, as in a fit. [s]"""
+
+MOVES = 1e-3
+"""Speed of the line above which it pays out. [m/s]"""
+
+QUANTITIES = {
+    "rpm": "rpm", "p_line_w": "W", "p_mech_w": "W", "p_gen_w": "W", "eta_trans": "1", "eta_gen": "1", "eta_pto": "1",
+    "torque_nm": "N.m", "i_s_a": "A", "i_dc_a": "A", "i_dc_rms_a": "A", "force_n": "N",
+    "e_gen_j": "J", "e_line_j": "J",
+}  # fmt: skip
+"""What an operating point gives, with units: powers and efficiencies over the payout, largest speed of the generator, torque of
+the shaft, stator current (rms), DC current and line tension, and over the whole motion the rms of the DC current and, for each
+cycle, the energies that it delivers and takes from the line."""
+
+PLACE = {name: k for k, name in enumerate(QUANTITIES)}
+"""Number of each quantity in a row."""
+
+
+def require_positive(option: str, numbers: Sequence[float]) -> None:
+    """Raise OptionError for numbers of an option that are not finite and above 0."""
+    if not all(0.0 < number < math.inf for number in numbers):
+        raise OptionError(f"{option} {','.join(f'{x:g}' for x in numbers)}: expected finite numbers above 0.")
+
+
+class Motion(NamedTuple):
+    """A motion of the line: stamps [s], velocities [m/s], (k,), payout positive, speed of its plateau [m/s], and its cycles."""
+
+    t: Signal
+    v: Signal
+    speed: float
+    cycles: int = 1
+
+    def at_speed(self, speed: float) -> Motion:
+        """The same path of the line at another speed of the plateau, faster or slower throughout."""
+        share = speed / self.speed
+        return Motion(self.t / share, self.v * share, speed, self.cycles)
+
+
+def planned_cycle(speed: float, length: float, ramp: float) -> Motion:
+    """One payout and one haul-in, as `cycle_of` has them; a motion is laid on a monotone cubic, which smooths their ramps."""
+    return Motion(*cycle_of(speed, length, ramp), speed)
+
+
+def motion_of_run(run: Run) -> Motion:
+    """The motion of a log, as a simulation takes it, without longer rests at its ends; OptionError where it has no payout."""
+    from winchcascade.rig.line_velocity import line_velocity
+
+    v, fast, slow = line_velocity(run).value, *PAYS_OUT
+    top = float(np.max(v, initial=0.0))
+    if top <= MOVES:
+        raise OptionError(f"{run.name}: no payout; expected a motion with line speeds above 0, payout positive.")
+    speed = float(np.quantile(v[v > fast * top], PLATEAU))
+    known = v[(v > fast * speed) | (v < slow * speed)] > fast * speed
+    moved = run.t[np.abs(v) > slow * speed]
+    own = (run.t >= moved[0] - REST) & (run.t <= moved[-1] + REST)
+    return Motion(run.t[own], v[own], speed, int(np.sum(known & ~np.roll(known, 1))) or 1)
+
+
+PAYS_OUT = (0.5, 0.1)
+"""Shares of the speed of the plateau above which a payout has begun, and below which it has ended."""
+
+
+class Path(NamedTuple):
+    """A motion of some cycles at even steps, with the direction of friction (n,) and where the line pays out (n,)."""
+
+    motion: LineMotion
+    direction: Signal
+    payout: Signal
+    cycles: int
+
+
+def path_of(motion: Motion, model: Model) -> Path:
+    """Lay a motion onto steps that resolve a model.
+
+    Raises
+    ------
+    OptionError : the motion takes longer than `LONGEST`
+    RigError : no step resolves the model
+    """
+    takes = float(motion.t[-1] - motion.t[0])
+    if takes > LONGEST:
+        raise OptionError(f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {LONGEST:g} s at most.")
+    even = even_motion(motion.t, motion.v, resolving(model, STEP))
+    return Path(even, physics.direction(even.v), (even.v > MOVES).astype(np.float64), motion.cycles)
+
+
+LONGEST = 3600.0
+"""Longest motion of a point, whose steps fit into memory. [s]"""
+
+
+def point(model: Model, path: Path, load: float) -> Signal:
+    """What a model does at a load along a motion: `QUANTITIES` in a row.
+
+    Parameters
+    ----------
+    load : at the DC link, inf for an open circuit [ohm]
+    """
+    numbers, motion = constants(model, load), path.motion
+    shaft, line = solve_shaft(motion.v, motion.step, numbers), np.empty((motion.t.size, len(LINE)))
+    clutch = shaft[:, SHAFT.index("clutch")].copy()
+    run_line(motion, path.direction, numbers, clutch, line)
+    force, torque = physics.tension(line[:, LINE.index("force")], model.winch), line[:, LINE.index("torque")]
+    delivered = shaft[:, SHAFT.index("vdc")] ** 2 / numbers.shaft.load
+    seconds = max(float(path.payout.sum()) * motion.step, motion.step)
+    rates = np.array([force * motion.v, torque * motion.v / model.r_motion, delivered])
+    line_w, mech_w, gen_w = (rates @ path.payout * motion.step / seconds).tolist()
+    efficiencies = [
+        np.divide(*pair) if pair[1] > 0.0 else np.nan for pair in ((mech_w, line_w), (gen_w, mech_w), (gen_w, line_w))
+    ]
+    speed, current, dc = (shaft[:, SHAFT.index(name)] for name in ("omega_gen", "i_s", "idc"))
+    rpm, *largest = (float(np.max(x)) for x in (speed * RPM, torque, current, dc))
+    e_line, _, e_gen = (rates.sum(axis=1) * motion.step / path.cycles).tolist()
+    dc_rms = float(np.sqrt(np.mean(dc**2)))
+    return np.array([rpm, line_w, mech_w, gen_w, *efficiencies, *largest, dc_rms, np.max(force), e_gen, e_line])
+
+
+def points(models: Sequence[Model], paths: Sequence[Path], loads: Sequence[float]) -> Signal:
+    """What several models do along each motion at each load, (models, motions, loads, quantities)."""
+
+    def along(path: Path, load: float) -> Signal:
+        return np.array([point(model, path, load) for model in models])
+
+    jobs = [partial(along, path, load) for path in paths for load in loads]
+    found = np.array(all_at_once(jobs))
+    return found.reshape(len(paths), len(loads), len(models), len(QUANTITIES)).transpose(2, 0, 1, 3)

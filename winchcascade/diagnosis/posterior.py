@@ -1,0 +1,257 @@
+"""The rig as a diagnosis leaves it: its corrected numbers and what is not known of them, without the errors of its sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.errors import OptionError
+from winchcascade.diagnosis.block_means import PAYOUT
+from winchcascade.diagnosis.contributions import joint_covariance
+from winchcascade.diagnosis.misfit import log_of
+from winchcascade.diagnosis.nuisances import LOAD
+from winchcascade.diagnosis.planning import usual
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.reduction.loss_map import convex_hull
+from winchcascade.rig.effects.catalogue import EFFECTS, SHARED_RADIUS
+from winchcascade.rig.effects.effect import ActiveEffect, Parameter
+from winchcascade.rig.effects.run_order import lasting_heat
+from winchcascade.rig.parts import PARTS, Model, possible
+
+if TYPE_CHECKING:
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+
+OF_THE_RIG = ("rig", "law")
+"""Kinds of nuisances that are numbers of the rig; the others concern sensors, single loads or the comparison."""
+
+IDLE = 1e-9
+"""A direction of the posterior whose variance is below this share of the largest, in squares of the tolerances, is known."""
+
+
+class RigPosterior(msgspec.Struct, frozen=True):
+    """A corrected rig with the joint uncertainty of its numbers.
+
+    `nominal` is the model of the rig file without errors of its sensors. It is changed by `numbers` of the rig, each by its
+    value of `moves` in its own unit, and then by `effects`. `covariance` (n + k, n + k) is that of the moves and then of all
+    fields of the effects. An effect that changes from run to run acts as in the run that shows it most.
+    """
+
+    nominal: Model
+    numbers: tuple[Parameter, ...]
+    moves: tuple[float, ...]
+    effects: tuple[ActiveEffect, ...]
+    covariance: Signal
+
+    @property
+    def best(self) -> Signal:
+        """Moves of the numbers, then fields of the effects, (n + k,)."""
+        return np.array([*self.moves, *(value for effect in self.effects for value in effect.values)])
+
+    def model(self, at: Signal | None = None, without: str = "") -> Model:
+        """The corrected rig.
+
+        Parameters
+        ----------
+        at : (n + k,) other moves and fields than the best ones
+        without : name of an effect that is repaired
+        """
+        values, model = (self.best if at is None else at).tolist(), self.nominal
+        place = len(self.numbers)
+        for number, move in zip(self.numbers, values[:place], strict=True):
+            model = number.apply(model, move)
+        for effect in self.effects:
+            own = np.array(values[place : place + len(effect.values)])
+            place += own.size
+            if effect.effect.name != without:
+                free = freedom(effect.effect)
+                model = with_values(effect.effect, np.clip(own, free.minimum, free.maximum)).apply(model)
+        return possible(model)
+
+    def directions(self) -> Signal:
+        """Moves and fields one standard deviation away along independent directions, (r, n + k), the least known first."""
+        scale = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        known = np.where(scale > 0.0, scale, 1.0)
+        variance, ways = np.linalg.eigh(self.covariance / np.outer(known, known))
+        keep = np.flatnonzero(variance > IDLE * variance[-1])[::-1]
+        return np.asarray((ways[:, keep] * np.sqrt(variance[keep])).T * known)
+
+    def models(self, without: str = "") -> list[Model]:
+        """The corrected rig, then the same moved along each of `directions`."""
+        return [self.model(self.best, without), *(self.model(self.best + way, without) for way in self.directions())]
+
+
+def posterior_of_rig(found: ModelDiagnosis) -> RigPosterior:
+    """The rig that a diagnosis leaves, with every effect of its fit but errors of sensors and of single logs or loads."""
+    data, fit = found.data, found.found.best
+    chosen = [j for j, n in enumerate(data.nuisances) if n.kind in OF_THE_RIG]
+    kept = {
+        name: effect
+        for name, effect in zip(fit.names, fit.effects(found.suspects), strict=True)
+        if not effect.effect.of_a_sensor and log_of(effect) < 0 and effect.effect.path != LOAD
+    }
+    fields = [k for name in kept for k in range(fit.place[name].start, fit.place[name].stop)]
+    places = [*(fit.x.size + j for j in chosen), *fields]
+    unit = np.array([*(data.nuisances[j].sd for j in chosen), *np.ones(len(fields))])
+    nominal = data.nominal
+    for effect in data.stated_by_run:
+        nominal = effect.apply(nominal)
+    return RigPosterior(
+        nominal=nominal.physics,
+        numbers=tuple(data.nuisances[j] for j in chosen),
+        moves=tuple(float(fit.nu[j]) * data.nuisances[j].sd for j in chosen),
+        effects=tuple(kept.values()),
+        covariance=joint_covariance(found.found)[np.ix_(places, places)] * np.outer(unit, unit),
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------- what was tested
+class Tested(msgspec.Struct, frozen=True):
+    """What the logs of a diagnosis cover, SI units, and what a prediction beyond them begins from.
+
+    `loads` are those of the runs but open circuits [ohm]. `border` are corners of the convex region of line speed and DC
+    current in payout, (k, 2) [m/s, A]. `force` is the largest line tension. `speed`, `length` and `ramp` are those of a usual
+    payout with a load: its fastest plateau, its travel and the time of its ramp. `warm` is the DC current (rms over a cycle)
+    that keeps the machine as warm as in its warmest run, repeated at the spacing of the runs; None without heating.
+    """
+
+    title: str
+    rig: str
+    verdict: str
+    loads: tuple[float, ...]
+    border: tuple[tuple[float, float], ...]
+    force: float
+    speed: float
+    length: float
+    ramp: float
+    warm: float | None = None
+
+    def covers(self, speed: Signal, current: Signal, force: Signal) -> Signal:
+        """Whether speeds [m/s], DC currents [A] and tensions [N], (n,) each, lie within what was tested or `NEAR` of it, (n,).
+
+        Nothing lies within a border that is a line.
+        """
+        corners = np.array(self.border)
+        edges = np.roll(corners, -1, axis=0) - corners
+        outward = np.column_stack([edges[:, 1], -edges[:, 0]])
+        beyond = np.column_stack([speed, current]) @ outward.T - np.sum(corners * outward, axis=1)
+        inside = np.all(beyond <= NEAR * np.abs(outward) @ np.ptp(corners, axis=0), axis=1) & (len(corners) > 2)
+        return np.asarray(inside & (force <= (1.0 + NEAR) * self.force))
+
+
+NEAR = 0.02
+"""Distance from the border of what was tested that still counts as within, as a share of its extent. [1]"""
+
+
+def tested_by(found: ModelDiagnosis) -> Tested | None:
+    """What the logs of a diagnosis cover, of which withheld ones do not count; None where none has a payout."""
+    data, seen = found.data, usual(found.data)
+    if seen is None:
+        return None
+    logs = [log for k, log in enumerate(data.logs) if k not in data.withheld]
+    reached = [np.zeros((1, 2))]
+    for log in logs:
+        payout = log.course.blocks.phase == PAYOUT
+        vdc, current = (log.measured[payout, CHANNELS.index(name)] for name in ("vdc", "idc"))
+        v = log.course.blocks.mean(log.run.channels["velocity"])[payout]
+        reached.append(np.column_stack([v, np.where(np.isnan(current), vdc / log.load, current)]))
+    points, force = np.vstack(reached), [log.measured[:, CHANNELS.index("force")] for log in logs]
+    border, _ = convex_hull(points[np.isfinite(points).all(axis=1)], np.zeros((0, 2)))
+    loads = tuple(sorted({log.load for log in logs if math.isfinite(log.load)}))
+    return Tested(
+        title=found.title,
+        rig=found.rig.name,
+        verdict=found.verdict,
+        loads=loads,
+        border=tuple((float(x), float(y)) for x, y in border),
+        force=float(np.fmax.reduce(np.concatenate(force), initial=0.0)),
+        speed=max(seen.fastest_at(load) for load in loads or (math.inf,)),
+        length=seen.length,
+        ramp=seen.ramp,
+        warm=_warm(found),
+    )
+
+
+def _warm(found: ModelDiagnosis) -> float | None:
+    """The `warm` current of what was tested."""
+    data, fit = found.data, found.found.best
+    for effect in fit.effects(found.suspects):
+        if effect.effect.name == WARMS and not data.order.temperature:
+            squares = [np.mean(log.run.channels["idc"] ** 2) for log in data.logs if "idc" in log.run.channels]
+            heat = lasting_heat(data.order, *effect.values[2:])
+            return math.sqrt(heat * float(np.mean(squares))) if squares else None
+    return None
+
+
+WARMS = "heating"
+"""Effect by which a machine warms from run to run."""
+
+
+# -------------------------------------------------------------------------------------------------------------- as a record
+RADIUS = "shared_radius"
+"""Name in a record of the second form of the drum radius."""
+
+
+def posterior_record(posterior: RigPosterior, tested: Tested) -> dict[str, Any]:
+    """A posterior as JSON: numbers of the nominal model by part, what changes them, their covariance, and what was `tested`."""
+    return {
+        "tested": msgspec.structs.asdict(tested),
+        "nominal": {part: getattr(posterior.nominal, part)._asdict() for part in PARTS},
+        "numbers": [
+            {"name": n.name, "path": n.path, "operation": n.operation, "per": n.per, "move": move}
+            for n, move in zip(posterior.numbers, posterior.moves, strict=True)
+        ],
+        "effects": [
+            {"effect": RADIUS if one.effect.law is SHARED_RADIUS.law else one.effect.name, "values": list(one.values)}
+            for one in posterior.effects
+        ],
+        "covariance": posterior.covariance.tolist(),
+    }
+
+
+def posterior_from(record: Mapping[str, Any] | None, place: str) -> tuple[RigPosterior, Tested]:
+    """Read a posterior, and what was tested, from the JSON of a diagnosis.
+
+    Raises
+    ------
+    OptionError : the record is not one of this version
+    """
+    try:
+        if record is None:
+            raise ValueError("it has none")
+        parts = {part: kind(**_tuples(record["nominal"][part])) for part, kind in PARTS.items()}
+        numbers = [
+            Parameter(n["name"], path=n["path"], operation=n["operation"], per=n["per"]) for n in record["numbers"]
+        ]
+        known = EFFECTS | {RADIUS: SHARED_RADIUS}
+        effects = [ActiveEffect(known[one["effect"]], tuple(map(float, one["values"]))) for one in record["effects"]]
+        posterior = RigPosterior(
+            nominal=Model(**parts),
+            numbers=tuple(numbers),
+            moves=tuple(float(n["move"]) for n in record["numbers"]),
+            effects=tuple(effects),
+            covariance=np.array(record["covariance"], dtype=np.float64),
+        )
+        covariance, tested = posterior.covariance, msgspec.convert(record["tested"], Tested)
+        fits = covariance.shape == 2 * (posterior.best.size,) and bool(np.isfinite(covariance).all())
+        if not fits or np.any(np.diag(covariance) < 0.0):
+            raise ValueError(f"no covariance of {posterior.best.size} numbers")
+        if not tested.border:
+            raise ValueError("no border of what was tested")
+        posterior.models()
+        return posterior, tested
+    except (AttributeError, KeyError, TypeError, ValueError, np.linalg.LinAlgError) as fault:
+        raise OptionError(
+            f"{place}: its posterior cannot be read ({fault}); expected the JSON that `winchcascade diagnose CAMPAIGN --json "
+            "FILE` of this version writes. Diagnose the campaign again."
+        ) from None
+
+
+def _tuples(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers of a part from JSON, where a sequence is a list."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()}

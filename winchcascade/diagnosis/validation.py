@@ -1,0 +1,148 @@
+"""Validation of a model by its logs in the words of ASME V&V 20-2009: comparison error, its uncertainties, model error.
+
+The comparison error E = S - D is what a simulation S deviates from the reduced data D. With the uncertainties of the numerical
+solution, of the inputs of the model and of the data, u_val^2 = u_num^2 + u_input^2 + u_D^2, the error of the model lies in
+E - k u_val to E + k u_val; k is 1.96 for 95 %.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.jobs import all_at_once
+from winchcascade.diagnosis.causes import COVERED
+from winchcascade.diagnosis.contributions import INPUTS, QUANTITIES, WindowedLog, quantities_of, windowed
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.uncertainty import budget
+from winchcascade.rig.simulate import simulate
+from winchcascade.rig.steps import STEP
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.search import Fit, Found
+
+
+class Compared(msgspec.Struct, frozen=True):
+    """A simulation S of one quantity, the uncertainty of its inputs, the validation uncertainty, the comparison error
+    E = S - D, and the ends `low` and `high` of the 95 % interval of the model error.
+    """
+
+    simulated: float
+    u_input: float
+    u_val: float
+    error: float
+    low: float
+    high: float
+
+
+class Validated(msgspec.Struct, frozen=True):
+    """One quantity of one run, a mean over its integration windows: `measured` D with its uncertainty `u_d`, that of the
+    numerical solution `u_num`, and the simulations: `before` by the rig file within its tolerances, `after` by the corrected
+    rig, of a fit without the logs of this load where it is `held_out`; None without a cause. `speed` is the mean of the
+    plateaus, None without one. SI units.
+    """
+
+    log: int
+    load: float | None
+    speed: float | None
+    quantity: str
+    measured: float
+    u_d: float
+    u_num: float
+    before: Compared
+    after: Compared | None
+    held_out: bool
+
+
+def validation_of(
+    data: Fitted,
+    found: Found,
+    held_out: Mapping[int, Fit],
+    inputs: Signal,
+    windows: Sequence[float | None] | None = None,
+) -> tuple[Validated, ...]:
+    """Compare every metric of every run with the model of the rig file and with the corrected one.
+
+    Parameters
+    ----------
+    held_out : by number of a log, the fit without the logs of its load
+    inputs : (L, 2, 14) standard uncertainty of each of `QUANTITIES` of each run by the inputs of the model, within the
+        tolerances of the rig file and as the fit leaves them, SI units
+    windows : of each run the length of its windows [s], None for the rule of the rig
+    """
+
+    def of_run(k: int, window: float | None) -> list[Validated]:
+        return _of_run(data, found, held_out.get(k), windowed(data, k, window), inputs[k])
+
+    lengths = enumerate(windows or [None] * len(data.logs))
+    several = all_at_once([partial(of_run, k, window) for k, window in lengths], data.sizes)
+    return tuple(one for own in several for one in own)
+
+
+def _of_run(data: Fitted, found: Found, held_out: Fit | None, one: WindowedLog, inputs: Signal) -> list[Validated]:
+    """Every metric of one run that the log gives."""
+    nothing, k, fit = np.zeros(len(data.nuisances)), one.number, held_out or found.best
+    no_skew = no_zero = np.zeros(len(CHANNELS))
+    measured = quantities_of(one.log.run, one.rig, one.windows)
+    before = one.simulated(data.models(nothing, [])[k], no_skew, no_zero)
+    of_inputs = np.where([n.kind in INPUTS for n in data.nuisances], fit.nu, 0.0)
+    corrected = data.models(of_inputs, fit.effects(found.problem.suspects))[k]
+    after = one.simulated(corrected, no_skew, no_zero) if fit.names else None
+    u_d, u_num = _of_the_data(one), _numerical(data, one)
+    rows = []
+    for name in METRICS:
+        q = QUANTITIES.index(name)
+        if not math.isfinite(measured[q]) or name not in u_d:
+            continue
+
+        def compared(simulated: Signal, u_input: float, q: int = q, name: str = name) -> Compared:
+            u_val, error = math.hypot(u_num[q], u_input, u_d[name]), float(simulated[q] - measured[q])
+            return Compared(
+                float(simulated[q]), u_input, u_val, error, error - COVERED * u_val, error + COVERED * u_val
+            )
+
+        rows.append(
+            Validated(
+                log=k,
+                load=one.log.run.load,
+                speed=one.plateau_speed,
+                quantity=name,
+                measured=float(measured[q]),
+                u_d=u_d[name],
+                u_num=float(u_num[q]),
+                before=compared(before, float(inputs[0, q])),
+                after=None if after is None else compared(after, float(inputs[1, q])),
+                held_out=held_out is not None,
+            )
+        )
+    return rows
+
+
+def _of_the_data(one: WindowedLog) -> dict[str, float]:
+    """Standard uncertainty of the reduced mean of each metric by sensors and gaps; metrics without a known one are left out.
+
+    The scatter of the cycles is none: the model is driven by the motion of each of them.
+    """
+    if one.reduction is None:
+        return {}
+    sensors = budget(one.reduction).sensors
+    return {name: float(u) for name in METRICS if (u := sensors[name]) is not None}
+
+
+def _numerical(data: Fitted, one: WindowedLog) -> Signal:
+    """Change of each quantity where the step of the simulation is halved, (14,), SI units."""
+    run = one.log.run
+    whole, half = (
+        quantities_of(simulate(run, data.nominal.physics, step=step).run, one.rig, one.windows)
+        for step in (STEP, 0.5 * STEP)
+    )
+    return np.nan_to_num(np.abs(half - whole))

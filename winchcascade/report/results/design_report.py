@@ -1,0 +1,199 @@
+"""What a design states: the best load of each speed, maps with intervals, and what each repair is worth."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from winchcascade.core.version import __version__
+from winchcascade.design.design import LIMITED, Band, Design, OperatingPoint, Repair, Scheduled
+from winchcascade.diagnosis.causes import COVERED
+from winchcascade.report.content import (
+    Cell,
+    Column,
+    Measured,
+    Note,
+    Report,
+    Section,
+    Span,
+    picture,
+    section,
+    shown,
+    table,
+)
+from winchcascade.report.figures.style import house_style
+from winchcascade.report.results.common import provenance
+
+SHOWN = (
+    ("p_line_w", "P_line", "W"), ("p_gen_w", "P_gen", "W"), ("eta_pto", "eta_pto", ""), ("torque_nm", "torque", "N.m"),
+    ("i_s_a", "current", "A"), ("force_n", "tension", "N"),
+)  # fmt: skip
+"""Quantities of the table of operating points, with their heads and units."""
+
+
+# -------------------------------------------------------------------------------------------------------------------- JSON
+def design_record(found: Design) -> dict[str, Any]:
+    """The design as JSON: SI units, loads in ohm, 95 % intervals as low and high."""
+    return {
+        "schema": "winchcascade/design/1",
+        "version": __version__,
+        "title": found.tested.title,
+        "rig": found.tested.rig,
+        "verdict": found.tested.verdict,
+        "motion": found.motion,
+        "limits": {
+            quantity: limit if math.isfinite(limit := getattr(found.limits, name)) else None
+            for name, (quantity, _) in LIMITED.items()
+        },
+        "rows": [
+            {"load_ohm": row.load, "speed_mps": row.speed}
+            | {name: _band(band) for name, band in row.values.items()}
+            | {"within_domain": row.within_domain, "over_limit": bool(row.exceeds), "exceeds": list(row.exceeds)}
+            for row in found.rows
+        ],
+        "schedule": [
+            {"rpm_low": one.rpm_low, "rpm_high": one.rpm_high, "load_ohm": one.load, "criterion": one.criterion}
+            | {"gain_over_fixed": one.gain and one.gain.value, "low": one.gain and one.gain.low}
+            | {"high": one.gain and one.gain.high, "within_domain": one.within_domain, "reason": one.reason or None}
+            for one in found.schedule
+        ],
+        "fixed_load_ohm": {name: None if math.isnan(load) else load for name, load in found.fixed.items()},
+        "repairs": [_repair(one) for one in found.repairs],
+        "repaired_at_load_ohm": found.repaired_at,
+    }
+
+
+def _band(band: Band) -> dict[str, float | None]:
+    return {
+        name: x if math.isfinite(x) else None
+        for name, x in (("value", band.value), ("low", band.low), ("high", band.high))
+    }
+
+
+def _repair(one: Repair) -> dict[str, Any]:
+    """A repair, with what it brings in a year where the motions have a number."""
+    record = {"effect": one.effect, "energy_j_per_cycle": one.per_cycle.value, "low": one.per_cycle.low}
+    record |= {"high": one.per_cycle.high, "line_energy_saved_j_per_cycle": _band(one.saved)}
+    record |= {"within_domain": one.within_domain}
+    return record | ({} if one.per_year is None else {"energy_kwh_per_year": _band(one.per_year)})
+
+
+def schedule_csv(found: Design, criterion: str = "power") -> str:
+    """The schedule as a controller reads it: in each row a band of generator speed [rpm], its load [ohm] and whether the logs
+    cover that; bands without a load are left out.
+    """
+    rows = [one for one in found.schedule if one.criterion == criterion and one.load is not None]
+    lines = [f"{one.rpm_low:.1f},{one.rpm_high:.1f},{one.load:.4g},{str(one.within_domain).lower()}" for one in rows]
+    return "\n".join(["rpm_low,rpm_high,load_ohm,within_domain", *lines]) + "\n"
+
+
+# ------------------------------------------------------------------------------------------------------------------ report
+@house_style()
+def design_report(found: Design, *, command: str = "") -> Report:
+    """Report of a design."""
+    from winchcascade.report.figures.design_figures import map_figure, schedule_figure
+
+    tested = found.tested
+    outside = sum(not row.within_domain for row in found.rows)
+    over = sum(bool(row.exceeds) for row in found.rows)
+    best = [f"{shown(load)} ohm for {criterion}" for criterion, load in found.fixed.items() if not math.isnan(load)]
+    return Report(
+        kind="Design with a corrected rig",
+        title=f"{tested.title}: other loads and speeds",
+        subtitle=f"rig {tested.rig} · {found.motion}",
+        points=[
+            Note("Predicted by the corrected rig without errors of its sensors; no value was measured.", "Data", "warn"),
+            Note(f"The diagnosis is {tested.verdict.replace('_', ' ')}.", "Diagnosis", _tone(tested.verdict), brief=False),
+            Note("; ".join(best), "Best fixed load"),
+            Note(f"{outside} of {len(found.rows)} points lie outside what the logs cover.", "Domain") if outside else None,
+            Note(f"{over} of {len(found.rows)} points exceed {_limits(found)}.", "Limits", "warn") if over else None,
+        ],
+        sections=[
+            section("schedule", "Schedule", picture(
+                schedule_figure(found), "schedule",
+                "Best load over generator speed.",
+                "Load in ohm over generator speed for most power and for most efficiency; the values are in the table.",
+            ), _schedule_table(found)),
+            section("map", "Map", picture(
+                map_figure(found), "map",
+                "Power at the DC link and eta_pto over line speed at each load, with 95 % bands.",
+                "Lines over speed for each load; the values are in the table.",
+            ), _map_table(found)),
+            _repairs_section(found),
+            provenance(
+                [("Loads of the logs (ohm)", ", ".join(f"{load:g}" for load in tested.loads)),
+                 ("Fastest plateau of the logs (m/s)", tested.speed)],
+                command,
+            ),
+        ],
+    )  # fmt: skip
+
+
+def _limits(found: Design) -> str:
+    """The limits that are set."""
+    each = {name: (getattr(found.limits, name), unit) for name, (_, unit) in LIMITED.items()}
+    return " or ".join(f"{name} {limit:.4g} {unit}" for name, (limit, unit) in each.items() if math.isfinite(limit))
+
+
+def _tone(verdict: str) -> Any:
+    return "plain" if verdict in ("explained", "no_gap") else "warn"
+
+
+def _cell(band: Band) -> Cell:
+    return Measured(band.value, (band.high - band.value) / COVERED, both=True)
+
+
+def _interval(band: Band) -> Span:
+    return Span(band.low, band.high, (band.high - band.value) / COVERED)
+
+
+def _schedule_table(found: Design) -> Any:
+    """The bands of both criteria."""
+    columns: list[Column[Scheduled]] = [
+        Column("for most", lambda one: one.criterion),
+        Column("speed", lambda one: Span(one.rpm_low, one.rpm_high), "rpm", 0),
+        Column("load", lambda one: one.load, "ohm", own_digits=True),
+        Column("gain over fixed", lambda one: None if one.gain is None else 100.0 * one.gain.value, "%", 2),
+        Column("95 % interval", lambda one: _percent(one.gain), "%", 2),
+        Column("domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")),
+    ]
+    return table("schedule", "Best load of each band of generator speed.", columns, found.schedule)
+
+
+def _percent(gain: Band | None) -> Cell:
+    return None if gain is None else Span(100.0 * gain.low, 100.0 * gain.high)
+
+
+def _map_table(found: Design) -> Any:
+    """Every operating point."""
+    columns: list[Column[OperatingPoint]] = [
+        Column("load", lambda row: row.load, "ohm", own_digits=True),
+        Column("speed", lambda row: row.speed, "m/s", 3),
+        *(
+            Column(head, lambda row, name=name: _cell(row.values[name]), unit, own_digits=True)  # type: ignore[misc]
+            for name, head, unit in SHOWN
+        ),
+        Column("outside", lambda row: "" if row.within_domain else "logs"),
+        Column("over", lambda row: ", ".join(row.exceeds)),
+    ]
+    caption = "Operating points: mean powers of the payout; largest torque, stator current and tension; standard uncertainties."
+    return table("map", caption, columns, found.rows, brief=False)
+
+
+def _repairs_section(found: Design) -> Section:
+    """What each repair is worth."""
+    yearly = any(one.per_year is not None for one in found.repairs)
+    columns: list[Column[Repair]] = [
+        Column("without", lambda one: one.effect),
+        Column("delivered", lambda one: _cell(one.per_cycle), "J a cycle"),
+        Column("95 % interval", lambda one: _interval(one.per_cycle), "J a cycle"),
+        *([Column("a year", lambda one: None if one.per_year is None else _cell(one.per_year), "kWh")]
+          if yearly else []),
+        Column("saved of the line", lambda one: _cell(one.saved), "J a cycle"),
+        Column("domain", lambda one: "covered" if one.within_domain else "not covered"),
+    ]  # fmt: skip
+    caption = (
+        f"At {shown(found.repaired_at)} ohm without each effect: energy delivered more, and taken less from the line; "
+        "negative: the reverse."
+    )
+    return section("repairs", "Worth of a repair", table("repairs", caption, columns, found.repairs))

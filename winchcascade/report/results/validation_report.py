@@ -1,0 +1,121 @@
+"""What a validation states on one page: comparison errors, their uncertainties, intervals of the model error, the domain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.posterior import Tested, tested_by
+from winchcascade.diagnosis.validation import Compared, Validated
+from winchcascade.report.content import (
+    PAIRS,
+    Cell,
+    Column,
+    Measured,
+    Note,
+    Report,
+    Section,
+    Span,
+    Table,
+    section,
+    table,
+)
+from winchcascade.report.diagnosis_names import origins_of
+from winchcascade.report.glossary import short
+from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.wording import banner
+
+FILED = ("power_gen", "eta_trans", "eta_gen", "eta_pto")
+"""Quantities on the page; the JSON has every metric."""
+
+TERMS: tuple[tuple[str, Cell], ...] = (
+    ("E = S - D", "comparison error: simulation S minus reduced data D, a mean over the integration windows of a run"),
+    ("before, after", "S of the model of the rig file, S of the model with the causes"),
+    ("u_D, u_num", "standard uncertainties of D by sensors and gaps, and of S by its step, which is halved"),
+    ("u_input", "that of S by rig and loads: before within their tolerances, after as the fit leaves them"),
+    ("model error", "with 95 % from E - 1.96 u_val to E + 1.96 u_val, u_val^2 = u_num^2 + u_input^2 + u_D^2"),
+)
+"""Words of ASME V&V 20-2009."""
+
+Which = Callable[[Validated], "Compared | None"]
+"""One of the two simulations of a comparison."""
+
+
+def validation_section(found: ModelDiagnosis) -> Section:
+    """The validation as a part of a diagnosis."""
+    return section("validation", "Validation (ASME V&V 20)", _table(found), folded=True)
+
+
+def validation_report(found: ModelDiagnosis, *, command: str = "") -> Report:
+    """The validation as a page of its own, to be filed."""
+    rows = [row for row in found.validation if row.quantity in FILED]
+    held = {
+        name: sum(one is not None and one.low <= 0.0 <= one.high for one in map(which, rows))
+        for name, which in _sides().items()
+    }
+    after = f", after in {held['after']}" if any(row.after for row in rows) else ""
+    return Report(
+        kind="Validation of a model",
+        title=f"{found.title}: model error by ASME V&V 20",
+        subtitle=f"rig {found.rig.name} · {len(found.runs)} logs",
+        points=[
+            data_note(origins_of(found)),
+            Note(f"The interval of the model error contains 0 in {held['before']} of {len(rows)} comparisons before{after}.",
+                 "Result"),
+            None if (tested := tested_by(found)) is None else Note(_domain(tested), "Domain"),
+        ],
+        sections=[
+            msgspec.structs.replace(validation_section(found), folded=False),
+            section("terms", "Terms of ASME V&V 20-2009", table("validation-terms", "Symbols.", PAIRS, TERMS)),
+            provenance([("Runs", "; ".join(f"{k} {run.name}" for k, run in enumerate(found.runs, 1)))], command),
+        ],
+        banner=banner(origins_of(found)),
+    )  # fmt: skip
+
+
+def _sides() -> dict[str, Which]:
+    """The two simulations by name."""
+    return {"before": lambda row: row.before, "after": lambda row: row.after}
+
+
+def _table(found: ModelDiagnosis) -> Table[Validated] | None:
+    """Comparison errors before and after with the intervals of the model error, by run and quantity."""
+
+    def of(which: Which, cell: Callable[[Compared], Cell]) -> Callable[[Validated], Cell]:
+        return lambda row: None if (one := which(row)) is None else cell(one)
+
+    columns: list[Column[Validated]] = [
+        Column("run", lambda row: row.log + 1),
+        Column("load", lambda row: "open" if math.isinf(row.load or 0.0) else row.load, "ohm", own_digits=True),
+        Column("speed", lambda row: row.speed, "m/s", 2),
+        Column("of", lambda row: short(row.quantity)),
+        Column("D", lambda row: Measured(row.measured, row.u_d), own_digits=True),
+        Column("u_D", lambda row: Measured(row.u_d, row.u_d), own_digits=True),
+    ]
+    for name, which in _sides().items():
+        columns += [
+            Column(f"u_input {name}", of(which, lambda one: Measured(one.u_input, one.u_input)), own_digits=True),
+            Column(f"E {name}", of(which, lambda one: Measured(one.error, one.u_val)), own_digits=True, signed=True),
+            Column(f"model error {name}", of(which, lambda one: Span(one.low, one.high, one.u_val)), own_digits=True),
+        ]
+    rows = [row for row in found.validation if row.quantity in FILED]
+    own = sum(row.after is not None and not row.held_out for row in rows)
+    caption = (
+        "Comparison errors with the 95 % interval of the model error; powers in W. After: by fits without the logs of the load"
+        f"{f', but for {own} rows' * bool(own)}. u_num is at most {max((row.u_num for row in rows), default=0.0):.1g}."
+    )
+    return table("validation", caption, columns, rows, brief=False)
+
+
+def _domain(tested: Tested) -> str:
+    """What the logs cover: beyond it the model is not validated."""
+    speed, current = np.max(np.array(tested.border), axis=0)
+    loads = ", ".join(f"{load:g}" for load in tested.loads)
+    return (
+        f"{loads} ohm; in payout up to {speed:.2f} m/s of line speed and {current:.3g} A of DC current; up to "
+        f"{tested.force:.0f} N of line tension."
+    )
