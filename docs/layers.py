@@ -17,6 +17,7 @@ PACKAGES = {
     "report": "tables, figures, pages, files",
     "blind": "trials on an independent twin",
     "comparison": "differences between two sets of results",
+    "design": "other loads, speeds and runs",
     "tables": "published tables: check and audit",
     "diagnosis": "why model and measurement differ",
     "rig": "the rig as a model, and its effects",

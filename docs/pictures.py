@@ -193,9 +193,16 @@ def _rounded(value: float | None) -> str | None:
     return None if value is None else f"{value:.3g}"
 
 
+def designed(record: Any) -> Source:
+    """Power at each operating point, and which of them are flagged."""
+    rows = record["rows"]
+    return [f"{_rounded(row['p_gen_w']['value'])} {row['within_domain']} {row['over_limit']}" for row in rows]
+
+
 LOG_FIGURES = f"winchcascade reduce {LOG} --json log.json --figures figures"
 CAMPAIGN_PAGE = "winchcascade batch fixtures/campaign --out results"
 DIAGNOSIS_FIGURES = "winchcascade diagnose fixtures/campaign --json diagnosis.json --figures figures"
+DESIGN_FIGURES = "winchcascade design fixtures/campaign --current-limit 11 --json design.json --figures figures"
 BENCH_FIGURES = "winchcascade reduce dyno.csv --rig bench.toml --loss-map dyno_loss.json --figures figures"
 
 WRITTEN = {
@@ -203,6 +210,7 @@ WRITTEN = {
     "campaign.png": Written(CAMPAIGN_PAGE, "results/campaign.json", of_campaign, "results/campaign.html"),
     "map.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_map.svg"),
     "waterfall.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_waterfall.svg"),
+    "design.svg": Written(DESIGN_FIGURES, "design.json", designed, "figures/design_map.svg"),
     "loss_map.svg": Written(BENCH_FIGURES, "dyno_loss.json", mapped, "figures/dyno_loss-heat.svg"),
 }
 
