@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -230,7 +230,8 @@ def design(
     at_speeds = sorted(speeds) or np.linspace(SLOWEST * top, top, SPEEDS).tolist()
     rows = _map(rig, cycle_at, at_speeds, at_loads, limits)
     span = (at_speeds[0] if len(at_speeds) > 1 else SLOWEST * at_speeds[0], at_speeds[-1])
-    schedules = {criterion: _schedule(rig, cycle_at, span, at_loads, limits, criterion) for criterion in METRIC}
+    searched = _searched(rig, cycle_at, span, at_loads)
+    schedules = {criterion: _schedule(rig, searched, limits, criterion) for criterion in METRIC}
     fixed = schedules["efficiency"][1]
     load = at_loads[-1] if math.isnan(fixed) else fixed
     valued = [Share(cycle_at(speed), number) for speed, number in sea] or [Share(cycle_at(at_speeds[-1]))]
@@ -265,27 +266,35 @@ def _map(
     return rows
 
 
-def _schedule(
-    rig: CorrectedRig,
-    cycle_at: CycleAt,
-    span: tuple[float, float],
-    loads: Sequence[float],
-    limits: Limits,
-    criterion: Criterion,
-) -> tuple[list[Scheduled], float]:
-    """The best load in the middle of each band of generator speed, allowed up to its end, and the best fixed load of all bands.
-
-    Parameters
-    ----------
-    span : slowest and fastest line speed [m/s]
-    loads : between the smallest and the largest of which the best one is sought [ohm]
+class Searched(NamedTuple):
+    """Loads that are tried in bands of line speed: ends of the bands, (n + 1,) [m/s], the motion in the middle of each, the
+    loads, (k,) [ohm], and their quantities in the middle and at the fast end, (n, k, quantities).
     """
-    model, metric = rig.moved[0], PLACE[METRIC[criterion]]
-    edges = np.linspace(*span, BANDS + 1)
+
+    edges: Signal
+    paths: list[Path]
+    loads: Signal
+    middle: Signal
+    end: Signal
+
+
+def _searched(rig: CorrectedRig, cycle_at: CycleAt, span: tuple[float, float], loads: Sequence[float]) -> Searched:
+    """Try loads between the smallest and the largest of some [ohm] in bands of a span of line speed [m/s]."""
+    model, edges = rig.moved[0], np.linspace(*span, BANDS + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
     paths, fastest = ([path_of(cycle_at(float(speed)), model) for speed in speeds] for speeds in (middles, edges[1:]))
-    candidates = np.geomspace(min(loads), max(loads), CANDIDATES if len(set(loads)) > 1 else 1)
-    found, reached = (points([model], each, candidates.tolist())[0] for each in (paths, fastest))
+    tried = np.geomspace(min(loads), max(loads), CANDIDATES if len(set(loads)) > 1 else 1)
+    middle, end = (points([model], each, tried.tolist())[0] for each in (paths, fastest))
+    return Searched(edges, paths, tried, middle, end)
+
+
+def _schedule(
+    rig: CorrectedRig, searched: Searched, limits: Limits, criterion: Criterion
+) -> tuple[list[Scheduled], float]:
+    """The best load in the middle of each band, allowed up to its end, and the best fixed load of all bands [ohm]."""
+    model, metric = rig.moved[0], PLACE[METRIC[criterion]]
+    edges, paths, candidates, found, reached = searched
+    middles = 0.5 * (edges[1:] + edges[:-1])
     allowed = np.array([[not limits.exceeded(one) for one in row] for row in reached])
     values = np.where(allowed, found[:, :, metric], -math.inf)
     usable = allowed.any(axis=1)  # a band without an allowed load has no fixed one either

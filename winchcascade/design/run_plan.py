@@ -242,7 +242,7 @@ def _before_pair(basis: Basis, pair: tuple[str, str], suspects: Suspects) -> tup
 
 # ------------------------------------------------------------------------------------------------- the metric of a design
 def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> RunPlan:
-    """Plan runs after which a metric is known to a standard uncertainty, at every load at the fastest speed that is planned.
+    """Plan runs after which a metric is known to a standard uncertainty, at every load at the fastest speed planned for it.
 
     Raises
     ------
@@ -254,8 +254,8 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
         raise OptionError(
             f"--uncertainty {metric}={wanted:g}: expected METRIC=X with X above 0, such as eta_pto=0.002."
         )
-    loads = sorted({one.load for one in basis.options if math.isfinite(one.load)})
-    if not loads:
+    fastest = {one.load: one.speed for one in sorted(basis.options, key=lambda one: one.speed) if one.load != math.inf}
+    if not fastest:
         raise OptionError(f"--uncertainty {metric}: expected a finite load at least among --loads.")
     posterior = posterior_of_rig(basis.found) if basis.found is not None else _of_rig_file(basis)
     sd = np.sqrt(np.diag(posterior.covariance))
@@ -263,9 +263,9 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     best, moved = posterior.model(), [posterior.model(posterior.best + way) for way in np.diag(sd)[open_]]
     runs = [planned(one.load, one.speed, basis.length, basis.data.logs[0].run.fs) for one in basis.options]
     tells = all_at_once([partial(told, basis.data, Explanations(best, best, moved, ()), run) for run in runs])
-    path = path_of(planned_cycle(max(one.speed for one in basis.options), basis.length, RAMP), best)
-    values = points([best, *moved], [path], loads)[:, 0, :, PLACE[metric]]
-    slopes = values[1:] - values[0]
+    paths = {load: path_of(planned_cycle(speed, basis.length, RAMP), best) for load, speed in fastest.items()}
+    values = [points([best, *moved], [path], [load])[:, 0, 0, PLACE[metric]] for load, path in paths.items()]
+    slopes = np.transpose([value[1:] - value[0] for value in values])
     prior = np.linalg.pinv(posterior.covariance[np.ix_(open_, open_)] / np.outer(sd[open_], sd[open_]))
 
     def u_of(chosen: Sequence[int]) -> float:
