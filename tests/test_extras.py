@@ -44,6 +44,7 @@ def numbers_in(record: object) -> list[float]:
     return [float(record)] if isinstance(record, int | float) else []
 
 
+@pytest.mark.slow
 def test_a_simulation_without_numba_gives_the_same_numbers(one_cycle: Path, tmp_path: Path) -> None:
     log, effects, tables = one_cycle, ("--with", "ke_rolloff.lost_to_9_a=0.05"), []
     for name, code in (("plain", HIDDEN), ("compiled", WHOLE)):

@@ -25,6 +25,7 @@ def result(family: str, number: int, verdict: str, *causes: dict[str, Any]) -> s
     return json.dumps({"plan": {"family": family, "number": number}, "found": found, **times}) + "\n"
 
 
+@pytest.mark.slow
 def test_a_score_counts_the_results_and_lists_the_cases_that_missed(tmp_path: Path) -> None:
     lines = [result("nothing", 1, "no_gap"), result("nothing", 2, "explained", {"effect": "rotor_windage"})]
     (tmp_path / "nothing.jsonl").write_text("".join((*lines, '{"plan": {"fam')))

@@ -154,6 +154,7 @@ def test_a_wrong_row_of_a_sea_is_rejected_with_its_line(tmp_path: Path, row: str
         motions_of(table)
 
 
+@pytest.mark.slow
 def test_bands_hold_the_rig_that_the_logs_are_of(fitted: RigPosterior, tested: Tested) -> None:
     stated, held = baseline(built_in()), []
     truth = make_effect("copper_heating", {"r_s_change": 0.4}).apply(stated)

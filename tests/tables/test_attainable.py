@@ -124,6 +124,7 @@ def test_roll_off_explains_neither_efficiency_of_the_paper() -> None:
     assert rolloff.ability("eta_gen").closed < 0.5
 
 
+@pytest.mark.slow
 def test_the_efficiencies_of_the_paper_are_beyond_its_constants() -> None:
     assert all(-10.0 < 100.0 * cell.gap < -6.5 for cell in cells_of(paper(), "eta_gen"))
     assert all(2.0 < 100.0 * cell.gap < 4.0 for cell in cells_of(paper(), "eta_trans"))
