@@ -190,6 +190,9 @@ def test_a_command_writes_the_map_as_json_and_the_schedule_as_csv(record: Path, 
     for row in found["rows"]:
         assert row["over_limit"] == (row["i_s_a"]["value"] > 14.0) == (row["exceeds"] == ["current"])
         assert all(row[name]["low"] <= row[name]["value"] <= row[name]["high"] for name in PLACE)
+    causes = json.loads(record.read_text())["causes"]
+    alike = {one["effect"]: [other["effect"] for other in one["look_alikes"]] for one in causes}
+    assert {one["effect"]: one["look_alikes"] for one in found["repairs"]} == alike
     head, *lines = table.read_text().splitlines()
     assert head == "rpm_low,rpm_high,load_ohm,within_domain"
     power = [one for one in found["schedule"] if one["criterion"] == "power" and one["load_ohm"] is not None]

@@ -53,10 +53,10 @@ def design_command(
     limits = Limits(*(math.inf if limit is None else limit for limit in (current_limit, speed_limit, tension_limit)))
     cycle, sea = motions_of(motion)
     with status_line(f"designing with {source.name}") as on_progress:
-        posterior, tested = corrected_by(source, rig, on_progress)
+        posterior, tested, alike = corrected_by(source, rig, on_progress)
         found = design(
             posterior, tested, motion=cycle, sea=sea, loads=numbers("--loads", loads),
-            speeds=numbers("--speeds", speeds), limits=limits,
+            speeds=numbers("--speeds", speeds), limits=limits, look_alikes=alike,
         )  # fmt: skip
     if outputs["csv"] is not None:
         write_content(outputs["csv"], schedule_csv(found), force=outputs.force)

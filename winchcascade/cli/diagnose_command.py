@@ -115,7 +115,7 @@ def _write_validation(found: DiagnosisResult, outputs: Outputs) -> None:
 
     Raises
     ------
-    OptionError : another ending, or a rig without a model
+    OptionError : a rig without a model
     """
     path = outputs["validation"]
     if path is None:

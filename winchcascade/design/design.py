@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
@@ -119,7 +120,7 @@ class Share(msgspec.Struct, frozen=True):
 class Design(Viewed, frozen=True, kw_only=True):
     """Maps, schedules and repairs of a corrected rig at one motion; `fixed` are the best fixed loads by criterion [ohm].
 
-    `repaired_at` is the load at which the repairs are valued [ohm].
+    `repaired_at` is the load at which the repairs are valued [ohm]. `look_alikes` are, by cause, effects that may act instead.
     """
 
     tested: Tested
@@ -130,6 +131,7 @@ class Design(Viewed, frozen=True, kw_only=True):
     fixed: dict[Criterion, float]
     repairs: tuple[Repair, ...]
     repaired_at: float
+    look_alikes: Mapping[str, Sequence[str]] = {}
 
 
 class CorrectedRig:
@@ -197,6 +199,7 @@ def design(
     loads: Sequence[float] = (),
     speeds: Sequence[float] = (),
     limits: Limits = NO_LIMITS,
+    look_alikes: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Design:
     """Design with a corrected rig.
 
@@ -208,6 +211,7 @@ def design(
     loads, speeds : of the map; by default those of the campaign [ohm], and `SPEEDS` up to its fastest [m/s]
     limits : that no operating point may exceed; where the diagnosis found that the machine warms, also the current of its
         warmest run
+    look_alikes : of a cause, effects that explain the logs as well
 
     Raises
     ------
@@ -246,6 +250,7 @@ def design(
             sorted((rig.worth(name, valued, load) for name in rig.acting), key=lambda one: -one.per_cycle.value)
         ),
         repaired_at=load,
+        look_alikes={name: others for name, others in look_alikes.items() if name in rig.acting and others},
     )
 
 

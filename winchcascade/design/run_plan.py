@@ -19,7 +19,7 @@ from winchcascade.core.jobs import all_at_once
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, QUANTITIES, path_of, planned_cycle, points, require_positive
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.planning import RAMP, SPEEDS, Explanations, explanations_of, planned, told, usual
+from winchcascade.diagnosis.planning import RAMP, SPEEDS, Explanations, distinction_of, explanations_of, planned, usual
 from winchcascade.diagnosis.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
 from winchcascade.rig.baseline import baseline
@@ -188,13 +188,13 @@ def separate(
     both = {key: make(*key) for key in {(option.load, option.place) for option in basis.options}}
     rate = basis.data.logs[0].run.fs
     jobs = [
-        partial(told, basis.data, both[one.load, one.place], planned(one.load, one.speed, basis.length, rate))
+        partial(distinction_of, basis.data, both[one.load, one.place], planned(one.load, one.speed, basis.length, rate))
         for one in basis.options
     ]
-    tells = all_at_once(jobs)
+    distinctions = all_at_once(jobs)
 
     def z_of(chosen: Sequence[int]) -> float:
-        return reduce(add, [tells[k] for k in chosen]).separation(precision) if chosen else 0.0
+        return reduce(add, [distinctions[k] for k in chosen]).separation(precision) if chosen else 0.0
 
     return _greedy(basis, z_of, "z", most, wanted, pair=pair)
 
@@ -262,7 +262,9 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     open_ = np.flatnonzero(sd > 0.0)
     best, moved = posterior.model(), [posterior.model(posterior.best + way) for way in np.diag(sd)[open_]]
     runs = [planned(one.load, one.speed, basis.length, basis.data.logs[0].run.fs) for one in basis.options]
-    tells = all_at_once([partial(told, basis.data, Explanations(best, best, moved, ()), run) for run in runs])
+    distinctions = all_at_once(
+        [partial(distinction_of, basis.data, Explanations(best, best, moved, ()), run) for run in runs]
+    )
     paths = {load: path_of(planned_cycle(speed, basis.length, RAMP), best) for load, speed in fastest.items()}
     values = [points([best, *moved], [path], [load])[:, 0, 0, PLACE[metric]] for load, path in paths.items()]
     slopes = np.transpose([value[1:] - value[0] for value in values])
@@ -271,7 +273,7 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     def u_of(chosen: Sequence[int]) -> float:
         information = prior
         if chosen:
-            information = prior + _of_numbers(np.sum([tells[k].information for k in chosen], axis=0), open_.size)
+            information = prior + _of_numbers(np.sum([distinctions[k].information for k in chosen], axis=0), open_.size)
         return math.sqrt(float(np.max(np.sum(slopes * np.linalg.solve(information, slopes), axis=0))))
 
     return _greedy(basis, u_of, "u", most, wanted, metric=metric)

@@ -311,8 +311,8 @@ def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
         rows = np.repeat(blocks.astype(np.float64), len(CHANNELS))
         own, others = np.where(of_a_log, fields, fields * rows[:, None]), found.marginal.columns.masked(rows)
         across = others.onto(own)
-        told = np.block([[own.T @ own, across.T], [across, others.squared()]])
-        return np.asarray(np.linalg.inv(told / found.scale + prior))
+        information = np.block([[own.T @ own, across.T], [across, others.squared()]])
+        return np.asarray(np.linalg.inv(information / found.scale + prior))
 
     return joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
 

@@ -1,7 +1,7 @@
-"""What planned runs would tell of two explanations of the same data, and the run that best distinguishes the leading cause from
-its strongest alternative.
+"""How well planned runs distinguish two explanations of the same data, and the run that best distinguishes the leading cause
+from its strongest alternative.
 
-A planned run is one trapezoid out and one back with the noise of the campaign. What several runs tell adds up.
+A planned run is one trapezoid out and one back with the noise of the campaign. The information of several runs adds up.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class Explanations(NamedTuple):
     fields: Sequence[tuple[Model, float]]
 
 
-class Told(msgspec.Struct, frozen=True):
-    """What runs tell of two explanations in whitened blocks: their squared distance `apart`, and over what may adapt, fields
+class Distinction(msgspec.Struct, frozen=True):
+    """How runs distinguish two explanations, in whitened blocks: squared distance `apart`, and over what may adapt, fields
     last, the `pull` (k,) towards the first and the `information` (k, k), both beside the priors.
     """
 
@@ -59,9 +59,9 @@ class Told(msgspec.Struct, frozen=True):
     pull: Signal
     information: Signal
 
-    def __add__(self, other: Told) -> Told:
-        """What further runs tell beside these."""
-        return Told(self.apart + other.apart, self.pull + other.pull, self.information + other.information)
+    def __add__(self, other: Distinction) -> Distinction:
+        """That of these and of further runs."""
+        return Distinction(self.apart + other.apart, self.pull + other.pull, self.information + other.information)
 
     def separation(self, precision: Signal) -> float:
         """Standard deviations between the two explanations after adaptation.
@@ -109,10 +109,13 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
         options = [(load, seen.fastest_at(load)) for load in loads[-2:]]
     both = {load: explanations_of(data, found, (found.best, fit), load) for load, _ in options}
     precision = fit.curve + np.diag(fit.free.sd**-2.0)
-    tells = all_at_once(
-        [partial(told, data, both[load], planned(load, v, seen.length, data.logs[0].run.fs)) for load, v in options]
+    each = all_at_once(
+        [
+            partial(distinction_of, data, both[load], planned(load, v, seen.length, data.logs[0].run.fs))
+            for load, v in options
+        ]
     )
-    scores = [one.separation(precision) for one in tells]
+    scores = [one.separation(precision) for one in each]
     z, (load, v) = max(zip(scores, options, strict=True), key=lambda pair: pair[0])
     again = next(log.run.name for log in data.logs if log.load == load) if repeats else ""
     return Experiment("cycle", v, (lead.effect, other), z, load=load, length=seen.length, repeats=again)
@@ -203,8 +206,8 @@ def planned(load: float, speed: float, length: float, rate: float) -> Run:
     return Run(name="planned", t=t, channels={"velocity": np.interp(t, *corners)}, fs=rate, samples=t.size, load=load)
 
 
-def told(data: Fitted, both: Explanations, run: Run) -> Told:
-    """What a planned run tells of two explanations; the zeros of its sensors are its own."""
+def distinction_of(data: Fitted, both: Explanations, run: Run) -> Distinction:
+    """How a planned run distinguishes two explanations; the zeros of its sensors are its own."""
     course = Course(run, blocks_of(run, data.rig), data.logs[0].course.step)
     predicted = course.predict(both.other)
     moves = [course.predict(model) - predicted for model in both.tolerances]
@@ -225,7 +228,7 @@ def told(data: Fitted, both: Explanations, run: Run) -> Told:
     def joint(one: Signal, other: Signal) -> Signal:
         return np.asarray(one.T @ other - (one.T @ own) @ shrink @ (own.T @ other))
 
-    return Told(float(joint(z, z)[0, 0]), joint(j, z)[:, 0], joint(j, j))
+    return Distinction(float(joint(z, z)[0, 0]), joint(j, z)[:, 0], joint(j, j))
 
 
 def _planned_noise(data: Fitted, phase: NDArray[np.intp]) -> Signal:

@@ -58,7 +58,9 @@ def design_record(found: Design) -> dict[str, Any]:
             for one in found.schedule
         ],
         "fixed_load_ohm": {name: None if math.isnan(load) else load for name, load in found.fixed.items()},
-        "repairs": [_repair(one) for one in found.repairs],
+        "repairs": [
+            _repair(one) | {"look_alikes": list(found.look_alikes.get(one.effect, []))} for one in found.repairs
+        ],
         "repaired_at_load_ohm": found.repaired_at,
     }
 
@@ -104,6 +106,9 @@ def design_report(found: Design, *, command: str = "") -> Report:
         points=[
             Note("Predicted by the corrected rig without errors of its sensors; no value was measured.", "Data", "warn"),
             Note(f"The diagnosis is {tested.verdict.replace('_', ' ')}.", "Diagnosis", _tone(tested.verdict), brief=False),
+            Note("; ".join(f"{name} or {' or '.join(others)}" for name, others in found.look_alikes.items())
+                 + ": the logs do not distinguish them, and a repair is worth what is stated only if the first acts.",
+                 "Alike", "warn") if found.look_alikes else None,
             Note("; ".join(best), "Best fixed load"),
             Note(f"{outside} of {len(found.rows)} points lie outside what the logs cover.", "Domain") if outside else None,
             Note(f"{over} of {len(found.rows)} points exceed {_limits(found)}.", "Limits", "warn") if over else None,
