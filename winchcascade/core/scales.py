@@ -1,0 +1,244 @@
+"""The characteristic scales of a campaign: what its speeds, times, forces and currents are compared with.
+
+By similarity (Buckingham 1914) a rig of another size obeys the same laws in other units. Whatever decides a result is therefore a
+share of one of these scales or a number of the rig file. Only what nature fixes has a size of its own: the atmosphere, the density
+of air, the drop of a diode.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import median, quantile
+from winchcascade.core.quantity import Quantity
+
+if TYPE_CHECKING:
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+
+MOVES = 0.2
+"""The line moves above this share of its largest speed. [1]"""
+
+TOP = 0.9
+"""Quantile of the speed of a moving line that is its top speed: braking and noise leave it alone. [1]"""
+
+RAMP = (0.1, 0.9)
+"""Shares of the top speed between which a ramp lasts, as rise times are given. [1]"""
+
+SHORTEST = 1 / 40
+"""Shortest ramp as a share of the time of a stroke: a step of the velocity is no time to resolve. [1]"""
+
+NO_RAMP = 0.1
+"""Ramp of a line that never stops, as a share of the time of a stroke. [1]"""
+
+BEYOND_RATED = 2.3
+"""Largest stator current of a test over the rated one, where that is not stated: as in tests that look for a limit. [1]"""
+
+SHORTED = 0.1
+"""Rated current over that of a shorted machine, where no run has a load. [1]"""
+
+STATOR = math.sqrt(2.0 / 3.0)
+"""Stator current, rms, over the DC current of a six-pulse bridge without overlap. [1]"""
+
+
+class Motion(msgspec.Struct, frozen=True):
+    """Scales of the motion of the line.
+
+    Parameters
+    ----------
+    speed : largest top speed of a payout, without any that of a haul-in [m/s]
+    ramp : median time in which the line passes from a tenth to nine tenths of its top speed, or back [s]
+    stroke : median distance between the ends of the motion [m]
+    """
+
+    speed: float
+    ramp: float
+    stroke: float
+
+
+def motion_of_log(t: Signal, v: Signal) -> Motion | None:
+    """Scales of the motion of one log; None where it does not move.
+
+    Parameters
+    ----------
+    t, v : (n,) stamps that rise [s] and the velocity of the line [m/s], NaN where it is unknown
+
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> motion_of_log(t, np.interp(t, [0.0, 5.0, 6.0, 14.0, 15.0], [0.0, 0.0, 2.0, 2.0, 0.0])).speed
+    2.0
+    """
+    known = np.isfinite(v)
+    t, v = t[known], v[known]
+    if v.size < 3:
+        return None
+    top, payout = _top(np.abs(v)), _top(np.maximum(v, 0.0))
+    if top == 0.0:
+        return None
+    steps = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))))
+    stroke = max(float(np.ptp(steps)), 1e-9 * top * float(t[-1] - t[0]))
+    times = _ramps(t, np.abs(v) / top)
+    ramp = median(times) if times.size else NO_RAMP * stroke / top
+    return Motion(payout or top, max(ramp, SHORTEST * stroke / top), stroke)
+
+
+def _top(speed: Signal) -> float:
+    """Top speed of a line; 0 where it rests. [m/s]"""
+    moving = speed[speed > MOVES * float(np.max(speed))]
+    return quantile(moving, TOP) if moving.size else 0.0
+
+
+def _ramps(t: Signal, speed: Signal) -> Signal:
+    """Times in which the speed, as a share of its top, passes from one of `RAMP` to the other, (k,). [s]"""
+    side = np.where(speed < RAMP[0], -1, np.where(speed > RAMP[1], 1, 0))
+    ends = np.flatnonzero(side)
+    begin, end = (ends[:-1], ends[1:]) if ends.size else (ends, ends)
+    turns = side[begin] != side[end]
+    begin, end = begin[turns], end[turns]
+    leaves = np.where(side[begin] < 0, *RAMP)
+    reaches = np.where(side[begin] < 0, *RAMP[::-1])
+    return _passed(t, speed, end - 1, reaches) - _passed(t, speed, begin, leaves)
+
+
+def _passed(t: Signal, x: Signal, k: np.ndarray, level: Signal) -> Signal:
+    """When x passes a level between samples k and k + 1, by a straight line, (j,). [s]"""
+    share = (level - x[k]) / (x[k + 1] - x[k])
+    return np.asarray(t[k] + np.clip(share, 0.0, 1.0) * (t[k + 1] - t[k]))
+
+
+def motion_of_runs(runs: Iterable[Run]) -> Motion:
+    """Scales of the motion of several logs: the largest top speed, the median ramp and stroke; of 1 where none moves."""
+    each = [motion_of_log(run.t, run.channels["velocity"]) for run in runs if "velocity" in run.channels]
+    known = [motion for motion in each if motion is not None]
+    if not known:
+        return Motion(1.0, 1.0, 1.0)
+    speeds, ramps, strokes = (np.array([getattr(one, name) for one in known]) for name in Motion.__struct_fields__)
+    return Motion(float(speeds.max()), median(ramps), median(strokes))
+
+
+class Scales(msgspec.Struct, frozen=True):
+    """Scales of a campaign on a rig, SI units; NaN where the rig file lacks a number that one follows from.
+
+    Parameters
+    ----------
+    motion : of the line
+    current : rated stator current, rms; where it is not stated, that which the logs reach over `BEYOND_RATED` [A]
+    torque_rotor : torque of the machine at that current [N m]
+    torque : the same on the PTO shaft, `torque_drum` with that of the restoring module, at the drum [N m]
+    omega_rotor, omega_drum : speeds at the top speed of the line [rad/s]
+    voltage : back-EMF there, line to line, rms [V]
+    thrust : of the gas on the piston at zero payout, of a spring or a counterweight its force [N]
+    """
+
+    motion: Motion
+    current: float
+    torque_rotor: float
+    torque: float
+    torque_drum: float
+    omega_rotor: float
+    omega_drum: float
+    voltage: float
+    thrust: float
+
+    @property
+    def speed(self) -> float:
+        """Top speed of the line. [m/s]"""
+        return self.motion.speed
+
+    @property
+    def ramp(self) -> float:
+        """Time in which the line speeds up. [s]"""
+        return self.motion.ramp
+
+    @property
+    def stroke(self) -> float:
+        """Distance between the ends of the motion. [m]"""
+        return self.motion.stroke
+
+    @property
+    def tension(self) -> float:
+        """Line tension that balances machine and restoring module. [N]"""
+        return self.torque_drum * self.omega_drum / self.speed
+
+    @property
+    def ohm(self) -> float:
+        """Voltage over current. [ohm]"""
+        return self.voltage / self.current
+
+    def of(self, name: str) -> float:
+        """A scale, or a product of powers of several: `torque_rotor / omega_rotor`.
+
+        >>> Scales(Motion(2.0, 1.0, 1.0), *[4.0] * 8).of("torque * ramp / omega_drum")
+        1.0
+        """
+        value = 1.0
+        for k, word in enumerate(name.replace("/", "* /").split("*")):
+            factor = getattr(self, word.strip(" /"))
+            value = value / factor if k and word.strip().startswith("/") else value * factor
+        return value
+
+
+def scales_of(rig: Rig, motion: Motion, loads: Sequence[float | None]) -> Scales:
+    """Scales of a campaign.
+
+    Parameters
+    ----------
+    loads : at the DC link, inf or None for an open circuit [ohm]
+    """
+    radius, gear = _value(rig.r_drum), _number(rig.drivetrain.gear_ratio)
+    omega_drum = motion.speed / radius
+    omega_rotor = omega_drum * gear
+    per_speed = _number(rig.generator.k_e) * 30.0 / math.pi
+    voltage = per_speed * omega_rotor
+    current = _rated(rig, voltage, omega_rotor, loads)
+    torque_rotor = math.sqrt(3.0) * per_speed * current
+    thrust, hold = _restoring(rig, motion)
+    held = hold * radius if rig.restoring.kind != "gas_screw" else hold
+    return Scales(
+        motion=motion,
+        current=current,
+        torque_rotor=torque_rotor,
+        torque=torque_rotor * gear,
+        torque_drum=torque_rotor * gear + held,
+        omega_rotor=omega_rotor,
+        omega_drum=omega_drum,
+        voltage=voltage,
+        thrust=thrust,
+    )
+
+
+def _rated(rig: Rig, voltage: float, omega: float, loads: Sequence[float | None]) -> float:
+    """Rated stator current as stated, or from what the logs reach: averaged bridge, resistances and commutation. [A]"""
+    if rig.generator.i_rated is not None:
+        return rig.generator.i_rated.value
+    ohm = 2.0 * _number(rig.generator.r_s) + 3.0 / math.pi * _number(rig.generator.pole_pairs) * omega * _number(
+        rig.generator.l_s
+    )
+    smallest = min((load for load in loads if load is not None and math.isfinite(load)), default=0.0)
+    reached = STATOR * 3.0 * math.sqrt(2.0) / math.pi * voltage / (smallest + ohm)
+    return reached / BEYOND_RATED if smallest else SHORTED * reached
+
+
+def _restoring(rig: Rig, motion: Motion) -> tuple[float, float]:
+    """Thrust of the restoring module [N], and its torque at the drum, or its force on the line where there is no screw."""
+    part = rig.restoring
+    if part.kind == "gas_screw":
+        thrust = _number(part.p_precharge) * _number(part.area_piston)
+        return thrust, thrust * _number(part.lead) / (2.0 * math.pi)
+    if part.kind == "spring":
+        force = _number(part.force) + 0.5 * _number(part.stiffness) * motion.stroke
+        return force, force
+    force = _number(part.mass) if part.kind == "counterweight" else 0.0
+    return force, force
+
+
+def _number(number: Quantity | None) -> float:
+    return math.nan if number is None else number.value
+
+
+def _value(number: float | None) -> float:
+    return math.nan if number is None else number
