@@ -26,6 +26,7 @@ from winchcascade.core.jobs import one_thread_each
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run
     from winchcascade.rig.parts import Model
 
 
@@ -66,7 +67,7 @@ def simulate_command(
     run = read_by(source, settings)
     if run.load is None:
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
-    model = _model(settings.rig, effects or [], sensors=sensors)
+    model = _model(settings.rig, effects or [], run, sensors=sensors)
     report_uncompiled("simulate")
     simulation = simulate(run, model)
     write_log(simulation, out, force=outputs.force)
@@ -83,14 +84,15 @@ def simulate_command(
     present(report, outputs, name=f"{out.stem}_simulation")
 
 
-def _model(rig: Rig, effects: Sequence[str], *, sensors: bool) -> Model:
+def _model(rig: Rig, effects: Sequence[str], run: Run, *, sensors: bool) -> Model:
     """Model of a rig with the effects of `--with` options, and with the errors of its sensors where they are wanted."""
+    from winchcascade.core.scales import motion_of_runs, scales_of
     from winchcascade.rig.baseline import baseline, missing_part
     from winchcascade.rig.effects.catalogue import make_effect
 
-    model = baseline(rig) if sensors else baseline(rig).physics
+    model, scales = baseline(rig) if sensors else baseline(rig).physics, scales_of(rig, motion_of_runs([run]))
     for name, fields in _fields(effects).items():
-        effect = make_effect(name, fields)
+        effect = make_effect(name, fields, scales)
         if part := missing_part(effect.effect, rig):
             raise OptionError(f"--with {name}: rig {rig.name} has no {part}, which this effect acts on; leave it out.")
         model = effect.apply(model)

@@ -80,7 +80,7 @@ RIG_NAME = Expected("a rig file or the name of a built-in rig", lambda value: is
 PROCESSES = Expected("a number of processes from 1 on", lambda value: is_whole(value, 1))
 SEED_NUMBER = Expected("a whole number from 0 on", lambda value: is_whole(value, 0))
 STEP_LENGTH = Expected(
-    "a length from 0.00001 to 0.01 in seconds", lambda value: is_number(value) and 1e-5 <= value <= 1e-2
+    "a number of seconds above 0, or None", lambda value: value is None or (is_number(value) and 0.0 < value < math.inf)
 )
 WATCH = Expected("a Watch, with begin and done", lambda value: value is None or hasattr(value, "begin"))
 RATE = Expected("a number above 0", lambda value: is_number(value) and 0.0 < value < math.inf)

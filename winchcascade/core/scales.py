@@ -1,14 +1,14 @@
 """The characteristic scales of a campaign: what its speeds, times, forces and currents are compared with.
 
-By similarity (Buckingham 1914) a rig of another size obeys the same laws in other units. Whatever decides a result is therefore a
-share of one of these scales or a number of the rig file. Only what nature fixes has a size of its own: the atmosphere, the density
-of air, the drop of a diode.
+By similarity (Buckingham 1914) a rig of another size obeys the same laws in other units. What decides a result
+is therefore a share of one of these scales or a number of the rig file. Nature fixes a few sizes alone: the
+atmosphere, the density of air, the drop of a diode.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -36,17 +36,14 @@ SHORTEST = 1 / 40
 NO_RAMP = 0.1
 """Ramp of a line that never stops, as a share of the time of a stroke. [1]"""
 
-BEYOND_RATED = 2.3
-"""Largest stator current of a test over the rated one, where that is not stated: as in tests that look for a limit. [1]"""
-
 SHORTED = 0.1
-"""Rated current over that of a shorted machine, where no run has a load. [1]"""
+"""Rated current, where it is not stated, over that of the shorted machine at high speed: as that of the paper. [1]"""
 
-STATOR = math.sqrt(2.0 / 3.0)
-"""Stator current, rms, over the DC current of a six-pulse bridge without overlap. [1]"""
+SILICON = 0.7
+"""Drop of a silicon diode, of a rig file that states none. [V]"""
 
 
-class Motion(msgspec.Struct, frozen=True):
+class MotionScale(msgspec.Struct, frozen=True):
     """Scales of the motion of the line.
 
     Parameters
@@ -60,8 +57,13 @@ class Motion(msgspec.Struct, frozen=True):
     ramp: float
     stroke: float
 
+    @property
+    def time(self) -> float:
+        """Time of a stroke at the top speed. [s]"""
+        return self.stroke / self.speed
 
-def motion_of_log(t: Signal, v: Signal) -> Motion | None:
+
+def motion_of_log(t: Signal, v: Signal) -> MotionScale | None:
     """Scales of the motion of one log; None where it does not move.
 
     Parameters
@@ -83,7 +85,7 @@ def motion_of_log(t: Signal, v: Signal) -> Motion | None:
     stroke = max(float(np.ptp(steps)), 1e-9 * top * float(t[-1] - t[0]))
     times = _ramps(t, np.abs(v) / top)
     ramp = median(times) if times.size else NO_RAMP * stroke / top
-    return Motion(payout or top, max(ramp, SHORTEST * stroke / top), stroke)
+    return MotionScale(payout or top, max(ramp, SHORTEST * stroke / top), stroke)
 
 
 def _top(speed: Signal) -> float:
@@ -110,14 +112,14 @@ def _passed(t: Signal, x: Signal, k: np.ndarray, level: Signal) -> Signal:
     return np.asarray(t[k] + np.clip(share, 0.0, 1.0) * (t[k + 1] - t[k]))
 
 
-def motion_of_runs(runs: Iterable[Run]) -> Motion:
+def motion_of_runs(runs: Iterable[Run]) -> MotionScale:
     """Scales of the motion of several logs: the largest top speed, the median ramp and stroke; of 1 where none moves."""
     each = [motion_of_log(run.t, run.channels["velocity"]) for run in runs if "velocity" in run.channels]
     known = [motion for motion in each if motion is not None]
     if not known:
-        return Motion(1.0, 1.0, 1.0)
-    speeds, ramps, strokes = (np.array([getattr(one, name) for one in known]) for name in Motion.__struct_fields__)
-    return Motion(float(speeds.max()), median(ramps), median(strokes))
+        return MotionScale(1.0, 1.0, 1.0)
+    speeds, ramps, strokes = (np.array([getattr(one, name) for one in known]) for name in MotionScale.__struct_fields__)
+    return MotionScale(float(speeds.max()), median(ramps), median(strokes))
 
 
 class Scales(msgspec.Struct, frozen=True):
@@ -126,15 +128,18 @@ class Scales(msgspec.Struct, frozen=True):
     Parameters
     ----------
     motion : of the line
-    current : rated stator current, rms; where it is not stated, that which the logs reach over `BEYOND_RATED` [A]
+    current : rated stator current, rms [A]
     torque_rotor : torque of the machine at that current [N m]
     torque : the same on the PTO shaft, `torque_drum` with that of the restoring module, at the drum [N m]
     omega_rotor, omega_drum : speeds at the top speed of the line [rad/s]
     voltage : back-EMF there, line to line, rms [V]
     thrust : of the gas on the piston at zero payout, of a spring or a counterweight its force [N]
+    onset : speed of the line at which a payout begins, as the rig file states it [m/s]
+    volume, inertia : of the gas [m3], and at the drum [kg m2], as the rig file states them
+    diode : drop of a diode [V]
     """
 
-    motion: Motion
+    motion: MotionScale
     current: float
     torque_rotor: float
     torque: float
@@ -143,6 +148,10 @@ class Scales(msgspec.Struct, frozen=True):
     omega_drum: float
     voltage: float
     thrust: float
+    onset: float
+    volume: float
+    inertia: float
+    diode: float
 
     @property
     def speed(self) -> float:
@@ -164,40 +173,27 @@ class Scales(msgspec.Struct, frozen=True):
         """Line tension that balances machine and restoring module. [N]"""
         return self.torque_drum * self.omega_drum / self.speed
 
-    @property
-    def ohm(self) -> float:
-        """Voltage over current. [ohm]"""
-        return self.voltage / self.current
-
     def of(self, name: str) -> float:
-        """A scale, or a product of powers of several: `torque_rotor / omega_rotor`.
+        """A product of scales and of inverse ones: `torque_rotor / omega_rotor`; 1 for no name. [SI]
 
-        >>> Scales(Motion(2.0, 1.0, 1.0), *[4.0] * 8).of("torque * ramp / omega_drum")
+        >>> Scales(MotionScale(2.0, 1.0, 1.0), *[4.0] * 12).of("torque * ramp / omega_drum")
         1.0
         """
-        value = 1.0
-        for k, word in enumerate(name.replace("/", "* /").split("*")):
-            factor = getattr(self, word.strip(" /"))
-            value = value / factor if k and word.strip().startswith("/") else value * factor
-        return value
+        first, *below = name.split("/")
+        value = math.prod(getattr(self, word.strip()) for word in first.split("*") if word.strip())
+        for word in below:
+            value /= getattr(self, word.strip())
+        return float(value)
 
 
-def scales_of(rig: Rig, motion: Motion, loads: Sequence[float | None]) -> Scales:
-    """Scales of a campaign.
-
-    Parameters
-    ----------
-    loads : at the DC link, inf or None for an open circuit [ohm]
-    """
+def scales_of(rig: Rig, motion: MotionScale) -> Scales:
+    """Scales of a campaign on a rig."""
     radius, gear = _value(rig.r_drum), _number(rig.drivetrain.gear_ratio)
     omega_drum = motion.speed / radius
     omega_rotor = omega_drum * gear
-    per_speed = _number(rig.generator.k_e) * 30.0 / math.pi
-    voltage = per_speed * omega_rotor
-    current = _rated(rig, voltage, omega_rotor, loads)
+    per_speed, current = _number(rig.generator.k_e) * 30.0 / math.pi, rated_current(rig)
     torque_rotor = math.sqrt(3.0) * per_speed * current
-    thrust, hold = _restoring(rig, motion)
-    held = hold * radius if rig.restoring.kind != "gas_screw" else hold
+    thrust, held = _restoring(rig, motion, radius)
     return Scales(
         motion=motion,
         current=current,
@@ -206,34 +202,35 @@ def scales_of(rig: Rig, motion: Motion, loads: Sequence[float | None]) -> Scales
         torque_drum=torque_rotor * gear + held,
         omega_rotor=omega_rotor,
         omega_drum=omega_drum,
-        voltage=voltage,
+        voltage=per_speed * omega_rotor,
         thrust=thrust,
+        onset=rig.thresholds.v_onset,
+        volume=_number(rig.restoring.volume_gas),
+        inertia=_number(rig.winch.inertia),
+        diode=0.0 if rig.generator.v_diode is None else rig.generator.v_diode.value or SILICON,
     )
 
 
-def _rated(rig: Rig, voltage: float, omega: float, loads: Sequence[float | None]) -> float:
-    """Rated stator current as stated, or from what the logs reach: averaged bridge, resistances and commutation. [A]"""
-    if rig.generator.i_rated is not None:
-        return rig.generator.i_rated.value
-    ohm = 2.0 * _number(rig.generator.r_s) + 3.0 / math.pi * _number(rig.generator.pole_pairs) * omega * _number(
-        rig.generator.l_s
-    )
-    smallest = min((load for load in loads if load is not None and math.isfinite(load)), default=0.0)
-    reached = STATOR * 3.0 * math.sqrt(2.0) / math.pi * voltage / (smallest + ohm)
-    return reached / BEYOND_RATED if smallest else SHORTED * reached
+def rated_current(rig: Rig) -> float:
+    """Rated stator current of a rig, rms: as stated, or from k_e and reactance; NaN where these are not stated. [A]"""
+    machine = rig.generator
+    if machine.i_rated is not None:
+        return machine.i_rated.value
+    flux = _number(machine.k_e) * 30.0 / math.pi / math.sqrt(3.0)
+    inductance = _number(machine.pole_pairs) * _number(machine.l_s)
+    return SHORTED * flux / inductance if inductance != 0.0 else math.inf
 
 
-def _restoring(rig: Rig, motion: Motion) -> tuple[float, float]:
-    """Thrust of the restoring module [N], and its torque at the drum, or its force on the line where there is no screw."""
+def _restoring(rig: Rig, motion: MotionScale, radius: float) -> tuple[float, float]:
+    """Thrust of the restoring module [N], and its torque at the drum [N m]."""
     part = rig.restoring
     if part.kind == "gas_screw":
         thrust = _number(part.p_precharge) * _number(part.area_piston)
         return thrust, thrust * _number(part.lead) / (2.0 * math.pi)
+    force = _number(part.mass) if part.kind == "counterweight" else 0.0
     if part.kind == "spring":
         force = _number(part.force) + 0.5 * _number(part.stiffness) * motion.stroke
-        return force, force
-    force = _number(part.mass) if part.kind == "counterweight" else 0.0
-    return force, force
+    return force, force * radius
 
 
 def _number(number: Quantity | None) -> float:

@@ -11,22 +11,23 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import all_at_once
+from winchcascade.core.scales import MotionScale, motion_of_log, motion_of_runs
 from winchcascade.diagnosis.planning import PLATEAU, REST, cycle_of
 from winchcascade.rig import physics
 from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.physics import RPM
 from winchcascade.rig.simulate import even_motion
-from winchcascade.rig.steps import resolving
+from winchcascade.rig.steps import COARSE, resolving
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
     from winchcascade.rig.parts import Model
 
-STEP = 2.5e-3
-"""Step of the simulations, as in a fit. [s]"""
-
 MOVES = 1e-3
-"""Speed of the line above which it pays out. [m/s]"""
+"""Share of its top speed above which the line pays out. [1]"""
+
+SCALED_BY = 2000
+"""Number of even samples that show the scales of a motion. [1]"""
 
 QUANTITIES = {
     "rpm": "rpm", "p_line_w": "W", "p_mech_w": "W", "p_gen_w": "W", "eta_trans": "1", "eta_gen": "1", "eta_pto": "1",
@@ -61,23 +62,25 @@ class Motion(NamedTuple):
         return Motion(self.t / share, self.v * share, speed, self.cycles)
 
 
-def planned_cycle(speed: float, length: float, ramp: float) -> Motion:
+def planned_cycle(speed: float, length: float, time: float) -> Motion:
     """One payout and one haul-in, as `cycle_of` has them; a motion is laid on a monotone cubic, which smooths their ramps."""
-    return Motion(*cycle_of(speed, length, ramp), speed)
+    return Motion(*cycle_of(speed, length, time), speed)
 
 
 def motion_of_run(run: Run) -> Motion:
     """The motion of a log, as a simulation takes it, without longer rests at its ends; OptionError where it has no payout."""
     from winchcascade.rig.line_velocity import line_velocity
 
-    v, fast, slow = line_velocity(run).value, *PAYS_OUT
+    scale = motion_of_runs([run])
+    v, fast, slow = line_velocity(run, scale.ramp).value, *PAYS_OUT
     top = float(np.max(v, initial=0.0))
-    if top <= MOVES:
+    if top <= MOVES * scale.speed:
         raise OptionError(f"{run.name}: no payout; expected a motion with line speeds above 0, payout positive.")
     speed = float(np.quantile(v[v > fast * top], PLATEAU))
     known = v[(v > fast * speed) | (v < slow * speed)] > fast * speed
     moved = run.t[np.abs(v) > slow * speed]
-    own = (run.t >= moved[0] - REST) & (run.t <= moved[-1] + REST)
+    rest = REST * scale.time
+    own = (run.t >= moved[0] - rest) & (run.t <= moved[-1] + rest)
     return Motion(run.t[own], v[own], speed, int(np.sum(known & ~np.roll(known, 1))) or 1)
 
 
@@ -105,8 +108,12 @@ def path_of(motion: Motion, model: Model) -> Path:
     takes = float(motion.t[-1] - motion.t[0])
     if takes > LONGEST:
         raise OptionError(f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {LONGEST:g} s at most.")
-    even = even_motion(motion.t, motion.v, resolving(model, STEP))
-    return Path(even, physics.direction(even.v), (even.v > MOVES).astype(np.float64), motion.cycles)
+    t = np.linspace(motion.t[0], motion.t[-1], SCALED_BY)
+    scale = motion_of_log(t, np.interp(t, motion.t, motion.v)) or MotionScale(motion.speed, takes, 1.0)
+    rest = physics.REST * scale.speed
+    even = even_motion(motion.t, motion.v, resolving(model, scale, COARSE), rest)
+    pays_out = (even.v > MOVES * scale.speed).astype(np.float64)
+    return Path(even, physics.direction(even.v, rest), pays_out, motion.cycles)
 
 
 LONGEST = 3600.0
@@ -120,7 +127,7 @@ def point(model: Model, path: Path, load: float) -> Signal:
     ----------
     load : at the DC link, inf for an open circuit [ohm]
     """
-    numbers, motion = constants(model, load), path.motion
+    numbers, motion = constants(model, load, path.motion.rest), path.motion
     shaft, line = solve_shaft(motion.v, motion.step, numbers), np.empty((motion.t.size, len(LINE)))
     clutch = shaft[:, SHAFT.index("clutch")].copy()
     run_line(motion, path.direction, numbers, clutch, line)

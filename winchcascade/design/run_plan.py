@@ -19,7 +19,7 @@ from winchcascade.core.jobs import all_at_once
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, QUANTITIES, path_of, planned_cycle, points, require_positive
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.planning import RAMP, SPEEDS, Explanations, distinction_of, explanations_of, planned, usual
+from winchcascade.diagnosis.planning import SPEEDS, Explanations, distinction_of, explanations_of, planned, usual
 from winchcascade.diagnosis.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
 from winchcascade.rig.baseline import baseline
@@ -48,8 +48,8 @@ HALF = 0.5
 SAMPLE_NOISE = 0.002
 """Noise of a sample before a campaign, as a share of the largest value of the channel in the run. Assumed. [1]"""
 
-RATE = 25.0
-"""Samples a second of a planned campaign. [Hz]"""
+SAMPLES = 250.0
+"""Samples of a stroke at the top speed in a planned campaign. [1]"""
 
 
 Place = Literal["first", "any", "last"]
@@ -144,10 +144,10 @@ def before(rig: Rig, loads: Sequence[float], speeds: Sequence[float], length: fl
         )
     _require(loads, speeds)
     require_positive("--length", [length])
-    model, rng = baseline(rig), np.random.default_rng(SEED)
+    model, rng, time = baseline(rig), np.random.default_rng(SEED), length / max(speeds)
     runs = []
     for load in sorted(loads):
-        motion = planned(load, max(speeds), length, RATE)
+        motion = planned(load, max(speeds), length, time, SAMPLES / time)
         run = simulate(motion, model).run
         noise = {name: SAMPLE_NOISE * float(np.max(np.abs(run.channels[name]))) for name in READ}
         channels = {name: x + rng.normal(0.0, noise.get(name, 0.0), x.size) for name, x in run.channels.items()}
@@ -188,7 +188,12 @@ def separate(
     both = {key: make(*key) for key in {(option.load, option.place) for option in basis.options}}
     rate = basis.data.logs[0].run.fs
     jobs = [
-        partial(distinction_of, basis.data, both[one.load, one.place], planned(one.load, one.speed, basis.length, rate))
+        partial(
+            distinction_of,
+            basis.data,
+            both[one.load, one.place],
+            planned(one.load, one.speed, basis.length, basis.data.scales.motion.time, rate),
+        )
         for one in basis.options
     ]
     distinctions = all_at_once(jobs)
@@ -261,11 +266,12 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     sd = np.sqrt(np.diag(posterior.covariance))
     open_ = np.flatnonzero(sd > 0.0)
     best, moved = posterior.model(), [posterior.model(posterior.best + way) for way in np.diag(sd)[open_]]
-    runs = [planned(one.load, one.speed, basis.length, basis.data.logs[0].run.fs) for one in basis.options]
+    time, rate = basis.data.scales.motion.time, basis.data.logs[0].run.fs
+    runs = [planned(one.load, one.speed, basis.length, time, rate) for one in basis.options]
     distinctions = all_at_once(
         [partial(distinction_of, basis.data, Explanations(best, best, moved, ()), run) for run in runs]
     )
-    paths = {load: path_of(planned_cycle(speed, basis.length, RAMP), best) for load, speed in fastest.items()}
+    paths = {load: path_of(planned_cycle(speed, basis.length, time), best) for load, speed in fastest.items()}
     values = [points([best, *moved], [path], [load])[:, 0, 0, PLACE[metric]] for load, path in paths.items()]
     slopes = np.transpose([value[1:] - value[0] for value in values])
     prior = np.linalg.pinv(posterior.covariance[np.ix_(open_, open_)] / np.outer(sd[open_], sd[open_]))

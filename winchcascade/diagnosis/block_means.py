@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
 
-BLOCK = 0.44
-"""Length of a block, unless samples are few: one period of the tether's ringing at 2.2 to 2.3 Hz. [s]"""
+BLOCK = 0.56
+"""Length of a block over the ramp of the motion, unless samples are few: about a period of the ringing tether. [1]"""
 
 MIN_SAMPLES = 4.0
 """A block of a coarse log is longer, so that it holds this number of samples: the scatter of fewer is uncertain. [1]"""
@@ -72,11 +72,12 @@ class Blocks(msgspec.Struct, frozen=True):
         return np.asarray(np.sqrt(np.maximum(squares, 0.0) / np.maximum(self.count - 2.0, 1.0)))
 
 
-def blocks_of(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Blocks:
+def blocks_of(run: Run, rig: Rig, ramp: float, cycles: tuple[int, int] | None = None) -> Blocks:
     """Cut a log into blocks, phase by phase.
 
     Parameters
     ----------
+    ramp : time in which the line speeds up [s]
     cycles : first and last cycle that count, both included, numbered by payout; all by default
 
     Raises
@@ -94,7 +95,7 @@ def blocks_of(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Bloc
             begins += [(cycle.haul_in[0], HAUL_IN, number), (cycle.haul_in[1], HOLD, number)]
     ends = [*(begin for begin, _, _ in begins[1:]), float(run.t[-1])]
     counted = [
-        _cut(run, begin, end, phase, number)
+        _cut(run, begin, end, phase, number, max(BLOCK * ramp, MIN_SAMPLES / run.fs))
         for (begin, phase, number), end in zip(begins, ends, strict=True)
         if first <= max(number, 1) <= last
     ]
@@ -125,9 +126,10 @@ def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], min
     return GAUSS * median(second) if k.size >= minimum else math.nan
 
 
-def _cut(run: Run, begin: float, end: float, phase: int, cycle: int) -> NDArray[np.intp]:
+def _cut(
+    run: Run, begin: float, end: float, phase: int, cycle: int, length: float
+) -> NDArray[np.intp]:
     """Cut a stretch into equal blocks, (m, 5) as the fields of `Blocks`; drop those in which gaps leave less than half."""
-    length = max(BLOCK, MIN_SAMPLES / run.fs)
     pieces = max(round((end - begin) / length), 1)
     if end - begin < 0.5 * length * pieces:
         return np.zeros((0, 5), dtype=np.intp)

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 GAIN_STEP = 0.005
 """Relative change of the velocity by which the model's answer to its noise is found."""
 
-MOVING = 0.03
-"""Slower than this, friction only bounds the force. [m/s]"""
+MOVING = 3.0
+"""Slower than this multiple of the speed in which friction turns, it only bounds the force. [1]"""
 
 MAX_NOISE = 3.0
 """Number of standard deviations of its noise that the smoothed velocity reaches occasionally."""
 
-CREEPING = 0.002
-"""Below this speed the velocity's noise moves nothing. [m/s]"""
+CREEPING = 0.2
+"""Below this multiple of that speed the noise of the velocity moves nothing. [1]"""
 
 CONDUCTING = 0.5
 """In open circuit the voltage follows the machine while the bridge carries at least this share of the bleed's current."""
@@ -87,13 +87,13 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     """
     run, blocks = course.run, course.blocks
     speed = blocks.mean(run.channels["velocity"])
-    moved, fast = course.predict(model, 1.0 + GAIN_STEP) - predicted, np.abs(speed[:, None]) > CREEPING
+    moved, fast = course.predict(model, 1.0 + GAIN_STEP) - predicted, np.abs(speed[:, None]) > CREEPING * course.coarse.rest
     slope = np.divide(moved, GAIN_STEP * speed[:, None], out=np.zeros_like(predicted), where=fast)
     white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
     minimum = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
     bare = np.maximum(white / np.sqrt(blocks.count)[:, None], minimum)
     samples = max(round(float(np.median(blocks.count))), 1)
-    velocity = line_velocity(run)
+    velocity = line_velocity(run, course.scale.ramp)
     drive = slope * velocity.noise(samples)
     return Noise(_seen(course, model, speed, velocity.max_noise), bare, bare, drive, np.zeros_like(bare))
 
@@ -109,13 +109,14 @@ def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDA
     u_velocity : largest noise of the smoothed velocity [m/s]
     """
     blocks, hold = course.blocks, course.blocks.phase == HOLD
+    moves = (np.abs(speed) > MOVING * course.coarse.rest)[:, None]
     seen = np.tile([name in course.run.channels for name in CHANNELS], (blocks.size, 1))
     force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
-    seen[:, [force, torque]] &= ((np.abs(speed) > MOVING) & ~hold)[:, None]
-    generator, numbers = model.generator, constants(model, course.load)
+    seen[:, [force, torque]] &= moves & ~hold[:, None]
+    generator, numbers = model.generator, constants(model, course.load, course.coarse.rest)
     rpm = MAX_NOISE * u_velocity * model.drivetrain.gear / model.winch.r_drum * 30.0 / math.pi
     if generator.k_e * rpm > 2.0 * generator.v_diode:
-        seen[:, [vdc, idc]] &= (np.abs(speed) > MOVING)[:, None]
+        seen[:, [vdc, idc]] &= moves
     if np.isinf(course.load):
         bridge, bleed = (course.block_mean(course.electrical(numbers, name)) for name in ("i_bridge", "idc"))
         seen[:, vdc] &= (bridge > CONDUCTING * bleed) | (hold & (blocks.cycle == 0))

@@ -17,6 +17,7 @@ from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
+from winchcascade.core.scales import motion_of_runs, scales_of
 from winchcascade.core.viewed import Viewed
 from winchcascade.diagnosis.marginal import huber, weights
 from winchcascade.diagnosis.misfit import Fitted
@@ -246,12 +247,13 @@ def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> B
 
     Raises
     ------
-    LogError : no Vdc, or too few samples above 1000 rpm with a conducting bridge
+    LogError : no Vdc, or too few samples above `rpm_min` with a conducting bridge
     """
     gain, zero = sensor_errors(rig.sensors.get("vdc"))
     found = back_emf(run, baseline(rig), payouts, u_gain=gain)
     zeroed = msgspec.structs.replace(run, channels={**run.channels, "vdc": run.channels["vdc"] + zero})
-    open_numbers = (n for n in nuisances(rig, [run]) if n.kind == "rig" and n.name != "k_e")
+    scales = scales_of(rig, motion_of_runs([run]))
+    open_numbers = (n for n in nuisances(rig, [run], scales) if n.kind == "rig" and n.name != "k_e")
     moved = [
         back_emf(zeroed, baseline(rig), payouts),
         *(back_emf(run, n.apply(baseline(rig), n.sd), payouts) for n in open_numbers),

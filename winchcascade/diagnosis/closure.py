@@ -246,7 +246,7 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[s
         if number in data.withheld or np.count_nonzero(payout) < FEW // 2:
             continue
         grid = log.course.on_grid(model, skew=skew)
-        again = Course(noisy[number], blocks, log.course.step).on_grid(model, skew=skew) - grid
+        again = Course(noisy[number], blocks, log.course.step, log.course.scale).on_grid(model, skew=skew) - grid
         for k, channel in enumerate(CHANNELS):
             here = payout & log.noise.seen[:, k]
             if channel == "force" or not here.any():

@@ -120,7 +120,8 @@ def diagnose(
     Entries(runs, cycles, withheld, title).check_withheld()
     on_progress("simulating the model of the rig file")
     before = before_calibration(rig)
-    data, suspects = Fitted(runs, before, cycles, withheld), bound_to(suspects, before, runs)
+    data = Fitted(runs, before, cycles, withheld)
+    suspects = bound_to(suspects, before, runs, data.scales)
     channels = read_by(data.nominal)
     if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
         raise LogError(

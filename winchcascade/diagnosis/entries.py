@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.diagnosis.nuisances import at_gear, quantity_of
+from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.diagnosis.verdict_limits import AGREES, MIN_RUNS, RARER
 from winchcascade.rig.baseline import missing_part
 from winchcascade.rig.effects.catalogue import ENTRIES, OF_THE_RIG, SHARED_RADIUS
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
+    from winchcascade.core.scales import Scales
     from winchcascade.diagnosis.suspects import Suspects
 
 LOAD, RADIUS = "load_entry", "drum_radius"
@@ -40,16 +41,15 @@ def is_entry(suspect: str) -> bool:
 
 
 # ----------------------------------------------------------------------------------------------------------- the suspects
-def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run]) -> Suspects:
+def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run], scales: Scales) -> Suspects:
     """Suspects of a diagnosis: wrong entries report the numbers of the rig file, and each run has its own wrong load.
 
     A drum radius is suspected twice: the logged motion may be true, or computed with the same radius. Effects of parts that the
-    rig has not are left out, and the plausible losses of a fast shaft are those for its gear.
+    rig has not are left out, and ranges are those of the scales of the campaign.
     """
     found: dict[str, Effect] = {}
-    for name, effect in (
-        (name, at_its_gear(effect, rig)) for name, effect in suspects.items() if has_part(effect, rig)
-    ):
+    own = {name: effect.at(scales) for name, effect in suspects.items() if has_part(effect, rig)}
+    for name, effect in own.items():
         if effect.over_runs is not None and len(runs) < MIN_RUNS:
             continue
         if effect.entry is None or effect.entry.log >= 0:
@@ -69,18 +69,6 @@ def has_part(effect: Effect, rig: Rig) -> bool:
     if missing_part(effect, rig):
         return False
     return effect.entry is None or not effect.number or quantity_of(rig, *effect.number.split(".")) is not None
-
-
-def at_its_gear(effect: Effect, rig: Rig) -> Effect:
-    """An effect whose ranges are plausible at the gear of a rig."""
-    factors = [at_gear(rig, field.path) for field in effect.fields]
-    if all(factor == 1.0 for factor in factors):
-        return effect
-    fields = tuple(
-        msgspec.structs.replace(field, low=by * field.low, high=by * field.high)
-        for field, by in zip(effect.fields, factors, strict=True)
-    )
-    return msgspec.structs.replace(effect, fields=fields)
 
 
 def _multiple(stated: float, values: Values) -> float:

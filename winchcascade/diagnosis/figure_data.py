@@ -170,14 +170,15 @@ def profile_of(found: ModelDiagnosis) -> Signal | None:
     fitted = best.x[place]
     covariance = posterior_of(found.found, best).covariance[place, place]
     drawn = np.random.default_rng(0).multivariate_normal(fitted, covariance, DRAWS, check_valid="ignore", method="eigh")
-    reached = ROLLOFF_KNOTS[1]
+    rated = data.nominal.generator.i_rated
+    reached = ROLLOFF_KNOTS[1] * rated
     for log, model in zip(data.logs, data.models(best.nu, best.effects(found.suspects)), strict=True):
         if math.isfinite(log.load):
-            currents = log.course.block_mean(log.course.electrical(constants(model, log.load), "i_s"))
+            currents = log.course.block_mean(log.course.electrical(constants(model, log.load, log.course.coarse.rest), "i_s"))
             reached = max(reached, float(np.max(currents)))
     current = np.linspace(0.0, reached, POINTS)
     fields = [fitted, *np.clip(drawn, best.free.minimum[place], best.free.maximum[place])]
-    line, *lines = (share_of_k_e(tuple(x.tolist()), current) for x in fields)
+    line, *lines = (share_of_k_e(tuple(x.tolist()), current / rated) for x in fields)
     low, high = np.quantile(list(lines), (0.025, 0.975), axis=0)
     return np.array([current, line, low, high])
 

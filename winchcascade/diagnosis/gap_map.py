@@ -154,7 +154,8 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
     """
     log, model = data.logs[number], data.nominal
     run, course = log.run, log.course
-    path = along(run, course.coarse, course.shaft(constants(model, course.load))[0])
+    numbers = constants(model, course.load, course.coarse.rest)
+    path = along(run, course.coarse, course.scale.ramp, course.shaft(numbers)[0])
     simulated = zip(CHANNELS, course.at_stamps(course.on_grid(model)).T, strict=True)
     made = msgspec.structs.replace(run, channels={**run.channels, **dict(simulated)})
     of_the_laws, gaps = _gaps(made, model, path), _gaps(run, model, path)

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
+from winchcascade.core.scales import motion_of_runs, scales_of
 from winchcascade.diagnosis.block_means import (
     HAUL_IN,
     HOLD,
@@ -23,13 +24,13 @@ from winchcascade.diagnosis.block_noise import Noise, noise_of, with_extra
 from winchcascade.diagnosis.entries import price_of
 from winchcascade.diagnosis.marginal import WILD, Columns
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
-from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MAX_KEPT, Course
+from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
 from winchcascade.rig.parts import Model, changed, possible
 from winchcascade.rig.simulate import read_by
-from winchcascade.rig.steps import STEP, resolving
+from winchcascade.rig.steps import COARSE, STEP, resolving
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
+    from winchcascade.core.scales import MotionScale
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
@@ -58,7 +60,7 @@ class Log(msgspec.Struct, frozen=True):
     """One log of a fit.
 
     `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one of the fit, at the stamps
-    `offset_at_stamps` (n, 5), `whitener` (m, 5, 5) turns a block's residuals into independent ones of unit variance. `courses`
+    `offset_at_stamps` (n, 5), `step` the fine one [s], `whitener` (m, 5, 5) turns a block's residuals into independent ones of unit variance. `courses`
     (m, 5, 3) are what a discrepancy of the model of 1 moves along each of `nuisances.COURSES`. SI units, columns of
     `predict.CHANNELS`.
     """
@@ -68,6 +70,7 @@ class Log(msgspec.Struct, frozen=True):
     measured: Signal
     offset: Signal
     offset_at_stamps: Signal
+    step: float
     noise: Noise
     whitener: Signal
     courses: Signal
@@ -113,12 +116,14 @@ class Fitted:
         self.rig, self.nominal, self.withheld = rig, baseline(self._same), frozenset(withheld)
         runs = [with_channels_of(self.nominal, run) for run in runs]
         self.order = _order(runs)
-        self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs)
+        self.scales = scales_of(rig, motion_of_runs(runs))
+        self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs, self.scales)
         self.cycles = cycles or [None] * len(runs)
-        blocks = [blocks_of(run, rig, span) for run, span in zip(runs, self.cycles, strict=True)]
+        ramp, logs = self.scales.ramp, zip(runs, self.cycles, strict=True)
+        blocks = [blocks_of(run, rig, ramp, span) for run, span in logs]
         repeats = _repeats(runs, blocks, self.withheld)
         each = zip(runs, blocks, repeats, strict=True)
-        jobs = [partial(_log, rig, self.nominal, *one) for one in each]
+        jobs = [partial(_log, rig, self.nominal, self.scales.motion, *one) for one in each]
         self.logs = all_at_once(jobs, [run.t[-1] - run.t[0] for run in runs])
         for log in self.logs:
             log.course.max_kept = max(min(MAX_KEPT, ALL_KEPT // len(self.logs)), 2)
@@ -467,15 +472,20 @@ def means_over(blocks: Blocks, run: Run) -> Signal:
     return np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
 
 
-def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> Log:
+def _log(
+    rig: Rig, nominal: Model, scale: MotionScale, run: Run, blocks: Blocks, repeats: float
+) -> Log:
     """Prepare a log.
 
     Parameters
     ----------
+    scale : scales of the motion of the campaign
     repeats : how often it is repeated; the discrepancy of a block is the same in repeats, so that all of them together must
         tell no more of the model than one
     """
-    course, finely = (Course(run, blocks, resolving(nominal, step)) for step in (COARSE, STEP))
+    course, finely = (
+        Course(run, blocks, resolving(nominal, scale, share), scale) for share in (COARSE, STEP)
+    )
     grid, fine_grid = course.on_grid(nominal), finely.on_grid(nominal)
     coarse, fine = course.block_mean(grid), finely.block_mean(fine_grid)
     at_stamps = course.at_stamps(grid)
@@ -490,6 +500,7 @@ def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> 
         measured=measured,
         offset=fine - coarse,
         offset_at_stamps=finely.at_stamps(fine_grid) - at_stamps,
+        step=finely.step,
         noise=noise,
         whitener=_whitener(noise),
         courses=_courses(course, fine, level),

@@ -24,8 +24,8 @@ MODEL_SCHEMA = "winchcascade/model/1"
 
 FORMATS = (".json", ".mat")
 
-CURRENT_STEP = 0.25
-"""Distance of the stator currents at which the roll-off is tabulated. [A]"""
+CURRENT_STEP = 0.05
+"""Distance of the stator currents at which the roll-off is tabulated, over the rated one. [1]"""
 
 RPM_PER_RAD_S = 30.0 / math.pi
 
@@ -123,8 +123,8 @@ def _back_emf(model: Model) -> dict[str, Any]:
     """Back-EMF constant over the stator current, line to line, rms, per mechanical speed; and flux linkage without current."""
     machine = model.generator
     k_e = machine.k_e * RPM_PER_RAD_S
-    current = np.arange(0.0, ROLLOFF_KNOTS[-1] + 0.5 * CURRENT_STEP, CURRENT_STEP)
-    share = rolloff_curve(machine.rolloff)(current)
+    over_rated = np.arange(0.0, ROLLOFF_KNOTS[-1] + 0.5 * CURRENT_STEP, CURRENT_STEP)
+    current, share = over_rated * machine.i_rated, rolloff_curve(machine.rolloff)(over_rated)
     return {
         "flux_linkage": {"value": math.sqrt(2.0 / 3.0) * k_e / machine.pole_pairs, "unit": "Wb"},
         "stator_current_a": current.tolist(),

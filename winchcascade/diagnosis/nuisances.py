@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig, Sensor
     from winchcascade.core.run import Run
+    from winchcascade.core.scales import Scales
 
 SECTIONS = ("winch", "restoring", "drivetrain", "generator", "dc_link")
 
@@ -35,16 +36,16 @@ ideal bridge on a stiff DC link is within about 0.1 % of Vdc of a switched circu
 move as much. Inertias: the acceleration of a smoothed velocity is some hundredths too small where the motion turns."""
 
 ABSENT = {
-    ("winch", "friction"): (0.25, "N.m"),
-    ("winch", "stribeck"): (0.3, "N.m"),
-    ("restoring", "seal_friction"): (60.0, "N"),
-    ("drivetrain", "friction"): (0.005, "N.m"),
-    ("drivetrain", "clutch_drag"): (0.15, "N.m"),
+    ("winch", "friction"): (8.6e-4, "torque_drum", "N.m"),
+    ("winch", "stribeck"): (1.0e-3, "torque_drum", "N.m"),
+    ("restoring", "seal_friction"): (3.8e-3, "thrust", "N"),
+    ("drivetrain", "friction"): (9.5e-4, "torque_rotor", "N.m"),
+    ("drivetrain", "clutch_drag"): (5.7e-4, "torque", "N.m"),
 }
-"""Standard uncertainty of a law that is taken as absent, by part and number of the model: no rig is quite free of dry friction,
-and the model deviates by as much where the motion begins and ends. About that of the zeros of torque and force; assumed. The
-friction near standstill also stands for how the screw changes its direction: laws that do so within 0.01 m/s by other curves
-differ by 0.2 to 0.5 N m at 0.03 to 0.05 m/s."""
+"""Standard uncertainty of a law that is taken as absent, by part and number of the model, as a share of a scale: no rig is quite
+free of dry friction, and the model deviates by as much where the motion begins and ends. About that of the zeros of torque and
+force; assumed. The friction near standstill also stands for how the screw changes its direction: laws that do so within the same
+speed by other curves differ by as much just above the onset speed."""
 
 WITHOUT_ZERO = ("vdc",)
 """Channels without a zero in the fit: that of Vdc acts as the drop of the diodes, which has twice the uncertainty."""
@@ -95,9 +96,9 @@ class Nuisance(Parameter, frozen=True, kw_only=True):
         }[self.kind]
 
 
-def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
+def nuisances(rig: Rig, runs: Sequence[Run], scales: Scales) -> tuple[Nuisance, ...]:
     """Every nuisance of some logs on a rig, in a fixed order: rig, laws, loads, gains, timing, zeros, discrepancy."""
-    found = _of_the_rig(rig)
+    found = _of_the_rig(rig, scales)
     share = rig.dc_link.load_u
     loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
     found += [
@@ -123,7 +124,7 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
     return tuple(n for n in found if n.sd)
 
 
-def _of_the_rig(rig: Rig) -> list[Nuisance]:
+def _of_the_rig(rig: Rig, scales: Scales) -> list[Nuisance]:
     """Numbers that the rig file states, by their names there, and laws of the model that it has not."""
     found = []
     for section, number, name in ((part, *names) for part in SECTIONS for names in in_rig_file(part).items()):
@@ -132,30 +133,12 @@ def _of_the_rig(rig: Rig) -> list[Nuisance]:
             per = IN_RIG.get(path, 1.0)
             sd = math.hypot(value.u or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
             found.append(Nuisance(name, value.unit, kind="rig", sd=sd, path=path, per=per, section=section))
-    for (part, name), (sd, unit) in ABSENT.items():
+    for (part, name), (share, scale, unit) in ABSENT.items():
         if part == "restoring" and not rig.restoring.has_gas:
             continue
         path = f"{part}.{name}"
-        found.append(Nuisance(name, unit, kind="law", sd=sd * at_gear(rig, path), path=path, section=part))
+        found.append(Nuisance(name, unit, kind="law", sd=share * scales.of(scale), path=path, section=part))
     return found
-
-
-GEAR_STATED = 50.0
-"""Gear ratio for which the plausible losses of the fast shaft are stated, that of the paper. [1]"""
-
-POWER_OF_GEAR = {"drivetrain.friction": 1, "drivetrain.b_rotor": 2, "drivetrain.windage": 3}
-"""Power of the gear ratio with which a loss of the fast shaft acts at the drum: losses of a slow shaft are larger. [1]"""
-
-
-def at_gear(rig: Rig, path: str) -> float:
-    """What a plausible loss of the fast shaft is multiplied by for the gear of a rig; 1 for other numbers. [1]
-
-    >>> from winchcascade.core.rig_toml import built_in
-    >>> at_gear(built_in("hsu2026"), "drivetrain.b_rotor")
-    1.0
-    """
-    gear = rig.drivetrain.gear_ratio
-    return 1.0 if gear is None else (GEAR_STATED / gear.value) ** POWER_OF_GEAR.get(path, 0)
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:

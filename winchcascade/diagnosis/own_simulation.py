@@ -16,6 +16,7 @@ import numpy as np
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import UNITS, unit_names
+from winchcascade.core.scales import motion_of_runs
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.adequacy import moved_by
 from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of
@@ -78,7 +79,7 @@ def on_the_logs(
     """
     found = []
     for simulation, log, span in zip(simulations, logs, cycles, strict=True):
-        blocks = blocks_of(log, rig, span)
+        blocks = blocks_of(log, rig, motion_of_runs([log]).ramp, span)
         counted = slice(int(blocks.start[0]), int(blocks.stop[-1])) if blocks.size else slice(None)
         there = onto_log(simulation, log, counted)
         _check_levels(there, log, rig, blocks)
@@ -125,7 +126,8 @@ def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
     from scipy.optimize import minimize_scalar
     from scipy.signal import correlate
 
-    velocity, other = (local_quadratic(run.t, run.channels["velocity"], SMOOTHING) for run in (log, simulation))
+    width = SMOOTHING * motion_of_runs([log]).ramp
+    velocity, other = (local_quadratic(run.t, run.channels["velocity"], width) for run in (log, simulation))
     step, scale = 1.0 / log.fs, max(float(np.sqrt(np.mean(velocity[counted] ** 2))), 1e-6)
 
     def difference(shift: float) -> float:

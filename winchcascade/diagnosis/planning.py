@@ -34,8 +34,9 @@ if TYPE_CHECKING:
 SPEEDS = (0.5, 1.0, 1.3)
 """Plateau speeds that are tried, as shares of the fastest of the campaign at the load."""
 
-RAMP, HOLD, REST, BACK = 1.5, 4.0, 2.0, 0.6
-"""Ramps of a planned run, hold after its payout, rests before and after [s]; its haul-in as a share of the payout speed [1]."""
+RAMP, HOLD, REST, BACK, SHORTEST = 0.15, 0.4, 0.2, 0.6, 0.01
+"""Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke; its haul-in as a share of the
+payout speed, and the shortest plateau over that time. [1]"""
 
 
 class Explanations(NamedTuple):
@@ -111,7 +112,7 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     precision = fit.curve + np.diag(fit.free.sd**-2.0)
     each = all_at_once(
         [
-            partial(distinction_of, data, both[load], planned(load, v, seen.length, data.logs[0].run.fs))
+            partial(distinction_of, data, both[load], planned(load, v, seen.length, data.scales.motion.time, data.logs[0].run.fs))
             for load, v in options
         ]
     )
@@ -179,36 +180,37 @@ def usual(data: Fitted) -> Usual | None:
     return Usual(fastest, float(np.median(lengths)), max(float(np.median(ramps)), 0.1))
 
 
-def cycle_of(speed: float, length: float, ramp: float) -> tuple[Signal, Signal]:
+def cycle_of(speed: float, length: float, time: float) -> tuple[Signal, Signal]:
     """Corners of one trapezoid out and one back, (10,): stamps [s] and velocities [m/s].
 
     Parameters
     ----------
     speed : of the plateau [m/s]
     length : of the payout [m]; one shorter than its ramps need reaches the speed for an instant
-    ramp : time in which the line reaches its speed [s]
+    time : of a stroke at the top speed of the campaign [s]
     """
-    back = BACK * speed
-    out, home = (max(length / v - ramp, 0.1) for v in (speed, back))
-    t = np.cumsum([0.0, REST, ramp, out, ramp, HOLD, ramp, home, ramp, REST])
+    back, ramp, rest = BACK * speed, RAMP * time, REST * time
+    out, home = (max(length / v - ramp, SHORTEST * time) for v in (speed, back))
+    t = np.cumsum([0.0, rest, ramp, out, ramp, HOLD * time, ramp, home, ramp, rest])
     return t, np.array([0.0, 0.0, speed, speed, 0.0, 0.0, -back, -back, 0.0, 0.0])
 
 
-def planned(load: float, speed: float, length: float, rate: float) -> Run:
+def planned(load: float, speed: float, length: float, time: float, rate: float) -> Run:
     """A run of one such cycle, without noise.
 
     Parameters
     ----------
-    rate : samples a second [Hz]
+    time, rate : of a stroke at the top speed of the campaign [s], and samples a second [Hz]
     """
-    corners = cycle_of(speed, length, RAMP)
+    corners = cycle_of(speed, length, time)
     t = np.arange(0.0, corners[0][-1], 1.0 / rate)
     return Run(name="planned", t=t, channels={"velocity": np.interp(t, *corners)}, fs=rate, samples=t.size, load=load)
 
 
 def distinction_of(data: Fitted, both: Explanations, run: Run) -> Distinction:
     """How a planned run distinguishes two explanations; the zeros of its sensors are its own."""
-    course = Course(run, blocks_of(run, data.rig), data.logs[0].course.step)
+    scale = data.scales.motion
+    course = Course(run, blocks_of(run, data.rig, scale.ramp), data.logs[0].course.step, scale)
     predicted = course.predict(both.other)
     moves = [course.predict(model) - predicted for model in both.tolerances]
     zeros: list[Signal] = []

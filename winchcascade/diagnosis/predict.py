@@ -15,17 +15,15 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from winchcascade.core.run import Index, Run, Signal
+    from winchcascade.core.scales import MotionScale
     from winchcascade.diagnosis.block_means import Blocks
     from winchcascade.rig.parts import Model
 
 CHANNELS = READ
 """Channels that are compared, in the order of the columns of every block array."""
 
-COARSE = 2.5e-3
-"""Step of the solutions that a fit compares with one another. [s]"""
-
-GRID = 0.01
-"""Solutions are kept at this spacing. [s]"""
+GRID = 1 / 80
+"""Solutions are kept at this spacing over the ramp of the motion. [1]"""
 
 SEEN = ("clutch", "vdc")
 """Columns of `kernel.SHAFT` that the sensors depend on: torque of the clutch [N m] and DC voltage [V]."""
@@ -34,15 +32,16 @@ SEEN = ("clutch", "vdc")
 class Course:
     """The line motion of one log, ready to be simulated many times, and its blocks.
 
-    `v` is the velocity at every step [m/s], `coarse` the motion on the grid, `displacement` that of the line at the stamps [m].
+    `scale` are the scales of the motion of its campaign. `v` is the velocity at every step [m/s], `coarse` the motion on the grid, `displacement` that of the line at the stamps [m].
 
     Solutions of the shaft are kept by the numbers that they depend on: an effect of the gas costs none anew.
     """
 
-    def __init__(self, run: Run, blocks: Blocks, step: float = COARSE) -> None:
-        self.run, self.blocks = run, blocks
+    def __init__(self, run: Run, blocks: Blocks, step: float, scale: MotionScale) -> None:
+        self.run, self.blocks, self.scale = run, blocks, scale
         self.load = math.inf if run.load is None else run.load
-        motion, self.every, self.step = motion_of(run, step), max(round(GRID / step), 1), step
+        motion, self.step = motion_of(run, step, scale), step
+        self.every = max(round(GRID * scale.ramp / step), 1)
         self.v, self.displacement = motion.v, np.interp(run.t, motion.t, motion.x)
         self.coarse = _thinned(motion, self.every)
         self._path = path_of(self.coarse)
@@ -83,7 +82,7 @@ class Course:
         gain : scales the velocity that drives the shaft [1]
         skew : (5,) how late each channel is read [s]
         """
-        numbers = constants(model, self.load)
+        numbers = constants(model, self.load, self.coarse.rest)
         return readings(self._path, numbers, self.shaft(numbers, gain), model.sensors, skew).T
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
@@ -109,8 +108,8 @@ ALL_KEPT = 1200
 
 
 def _thinned(motion: LineMotion, every: int) -> LineMotion:
-    t, x, v, a = (column[::every].copy() for column in motion[:-1])
-    return LineMotion(t, x, v, a, motion.step * every)
+    t, x, v, a = (column[::every].copy() for column in motion[:4])
+    return LineMotion(t, x, v, a, motion.step * every, motion.rest)
 
 
 def _places(t: Signal, grid: Signal) -> tuple[Index, Signal]:

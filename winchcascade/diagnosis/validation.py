@@ -21,7 +21,6 @@ from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.uncertainty import budget
 from winchcascade.rig.simulate import simulate
-from winchcascade.rig.steps import STEP
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -142,7 +141,7 @@ def _numerical(data: Fitted, one: WindowedLog) -> Signal:
     """Change of each quantity where the step of the simulation is halved, (14,), SI units."""
     run = one.log.run
     whole, half = (
-        quantities_of(simulate(run, data.nominal.physics, step=step).run, one.rig, one.windows)
-        for step in (STEP, 0.5 * STEP)
+        quantities_of(simulate(run, data.nominal.physics, step=part * one.log.step).run, one.rig, one.windows)
+        for part in (1.0, 0.5)
     )
     return np.nan_to_num(np.abs(half - whole))

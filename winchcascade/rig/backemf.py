@@ -8,20 +8,18 @@ import numpy as np
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.run import Run, Signal
+from winchcascade.core.scales import motion_of_runs
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.bridge import back_emfs
 from winchcascade.rig.line_velocity import SMOOTHING
 from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import RPM
 
-RPM_MIN = 1000.0
-"""The regression begins at this generator speed (Sec. 4.2), [rpm]"""
+SLOW_SHARE = 0.28
+"""The regression begins at this share of the largest speed of the log: 1000 rpm of the 3570 rpm of the paper (Sec. 4.2). [1]"""
 
-SLOW_SHARE = 0.5
-"""or, of a machine that stays below it, at this share of its maximum speed. [1]"""
-
-BLOCK = 0.44
-"""Length of a block of time whose samples share their error: noise of the smoothed velocity, ringing, gusts. [s]"""
+BLOCK = 0.56
+"""Length of a block of time whose samples share their error, over the ramp: noise of the smoothed velocity, ringing, gusts. [1]"""
 
 COVERED = 1.96
 """Half-width of a 95 % interval in standard uncertainties."""
@@ -57,15 +55,14 @@ class BackEmf(msgspec.Struct, frozen=True):
 def rpm_min(rpm: Signal) -> float:
     """Generator speed from which a regression takes the samples of a log, whose speeds are given, (n,). [rpm]
 
-    >>> rpm_min(np.array([0.0, 2000.0])), rpm_min(np.array([0.0, 40.0]))
-    (1000.0, 20.0)
+    >>> rpm_min(np.array([0.0, 100.0]))
+    28.0
     """
-    fastest = float(np.max(rpm))
-    return RPM_MIN if fastest > RPM_MIN else SLOW_SHARE * fastest
+    return round(SLOW_SHARE * float(np.max(rpm)), 9)
 
 
 def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, u_gain: float = 0.0) -> BackEmf:
-    """Fit the back-EMF constant to an open-circuit log above 1000 rpm, or above half of the speed of a slow machine.
+    """Fit the back-EMF constant to an open-circuit log above a share of its largest speed.
 
     While the bridge conducts, it carries the currents of bleed and capacitor. The back-EMF that gives them, commutation and
     diodes included, is proportional to the speed. Samples in which the capacitor holds its voltage against a falling speed
@@ -83,8 +80,9 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
     """
     if "vdc" not in run.channels:
         raise LogError(f"{run.name}: no DC voltage, which a back-EMF constant is fitted to; log Vdc.")
-    vdc, speed = run.channels["vdc"], local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
-    bleed, current = dc_currents(run, model, vdc)
+    vdc, ramp = run.channels["vdc"], motion_of_runs([run]).ramp
+    speed = local_quadratic(run.t, run.channels["velocity"], SMOOTHING * ramp)
+    bleed, current = dc_currents(run, model, vdc, ramp)
     rpm = speed / model.r_motion * model.drivetrain.gear * RPM
     begin = rpm_min(rpm)
     used = (rpm > begin) & (current > 0.5 * bleed)
@@ -96,7 +94,7 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
         )
     slope, rpm, vdc = np.gradient(rpm, run.t)[used], rpm[used], vdc[used]
     v_ll, _ = back_emfs(model.generator, rpm / RPM, vdc, current[used])
-    k_e, u_fit, lag, u_lag, r2 = _through_zero(run.t[used], rpm, slope, v_ll)
+    k_e, u_fit, lag, u_lag, r2 = _through_zero(run.t[used] / (BLOCK * ramp), rpm, slope, v_ll)
     u = math.hypot(u_fit, k_e * u_gain)
     return BackEmf(
         k_e=k_e,
@@ -115,9 +113,9 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
     )
 
 
-def dc_currents(run: Run, model: Model, vdc: Signal) -> tuple[Signal, Signal]:
+def dc_currents(run: Run, model: Model, vdc: Signal, ramp: float) -> tuple[Signal, Signal]:
     """Current of the bleed, and the sum of the currents of bleed and capacitor, from the smoothed DC voltage, (n,) each [A]."""
-    smooth = local_quadratic(run.t, vdc, SMOOTHING)
+    smooth = local_quadratic(run.t, vdc, SMOOTHING * ramp)
     bleed: Signal = smooth / model.dc_link.r_bleed
     return bleed, bleed + model.dc_link.c_dc * np.gradient(smooth, run.t)
 
@@ -125,12 +123,12 @@ def dc_currents(run: Run, model: Model, vdc: Signal) -> tuple[Signal, Signal]:
 def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:
     """Least squares of v_ll = k_e (rpm - lag d rpm/dt): k_e and its standard uncertainty, lag and its own, and R2.
 
-    Errors within a block of time are correlated, so the covariance is that of clustered residuals (Liang and Zeger 1986).
+    The times are in blocks. Errors within a block are correlated, so the covariance is that of clustered residuals (Liang and Zeger 1986).
     """
     design = np.column_stack([rpm, -slope])
     fitted, *_ = np.linalg.lstsq(design, v_ll, rcond=None)
     residual = v_ll - design @ fitted
-    block = np.floor((t - t[0]) / BLOCK).astype(np.intp)
+    block = np.floor(t - t[0]).astype(np.intp)
     scores = np.zeros((int(block[-1]) + 1, 2))
     np.add.at(scores, block, design * residual[:, None])
     bread = np.linalg.inv(design.T @ design)

@@ -12,6 +12,7 @@ from winchcascade.core.errors import OptionError, RigError, check_type
 from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
 from winchcascade.core.rig_file import NUMBERS_OF, Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG, read_rig
+from winchcascade.core.scales import rated_current
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.parts import IN_RIG, PARTS, Model, in_rig_file, with_part
@@ -79,6 +80,7 @@ def model_of(rig: Rig) -> Model | NoModel:
         numbers["restoring"]["mass"] /= IN_RIG["restoring.mass"]
     if rig.drivetrain.direct:
         numbers["drivetrain"]["eta_mesh"] = 1.0
+    numbers["generator"]["i_rated"] = rated_current(rig)
     model = Model(**{section: kind(**numbers[section]) for section, kind in PARTS.items()})
     model = with_part(model, "winch", goes_slack=not (rig.restoring.has_gas or rig.winch.line_can_push))
     for effect in stated_effects(rig):
@@ -90,7 +92,8 @@ def needed(rig: Rig, section: str) -> tuple[str, ...]:
     """Numbers of a part that a model of a rig needs, by their names in a rig file."""
     if section == "restoring":
         return rig.restoring.needed
-    return tuple(name for name in in_rig_file(section).values() if not (name == "eta_mesh" and rig.drivetrain.direct))
+    given = ("i_rated", "eta_mesh") if rig.drivetrain.direct else ("i_rated",)
+    return tuple(name for name in in_rig_file(section).values() if name not in given)
 
 
 def _lacking(rig: Rig, missing: Mapping[str, Sequence[str]]) -> str:

@@ -205,7 +205,7 @@ def dc_voltages(
     for _ in range(1 if machine.rolloff == NO_ROLLOFF else ROUNDS):
         v_ll = machine.k_e * omega * RPM * share
         v_total, i_s = _inverse(v_ll, taken - drop, conductance, machine.r_phase, ohm, table, True)
-        share = rolloff_curve(machine.rolloff)(np.minimum(i_s, ROLLOFF_KNOTS[-1]))
+        share = rolloff_curve(machine.rolloff)(np.minimum(i_s / machine.i_rated, ROLLOFF_KNOTS[-1]))
     return v_total, i_s
 
 

@@ -42,7 +42,7 @@ COLUMNS = (*SHAFT, *LINE)
 """Columns of a solution."""
 
 SATURATED = 20.0
-"""Speed in multiples of `physics.turn` from which friction has its full size to the last digit. [1]"""
+"""Speed in multiples of that within which friction turns, from which it has its full size to the last digit. [1]"""
 
 MAX_RETURNED = 0.5
 """Share of the damping of the fast shaft that a negative friction, a deviation of the model within its tolerance, may return:
@@ -53,25 +53,29 @@ FADED = 1e-30
 processor takes many times as long."""
 
 MIN_REACTANCE = 1e-6
-"""Of a phase at rest, so that its angle is defined. [ohm]"""
+"""Of a phase at rest as a share of its resistance, so that its angle is defined. [1]"""
 
 MIN_VOLUME = 0.01
 """Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
 
 
 class LineMotion(NamedTuple):
-    """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive. SI units."""
+    """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive, the step, and
+    `rest`, the speed within which friction changes its sign. SI units.
+    """
 
     t: Signal
     x: Signal
     v: Signal
     a: Signal
     step: float
+    rest: float
 
 
 class ShaftNumbers(NamedTuple):
-    """Numbers that the solution of the shaft depends on, SI units: parts, capacitor, load, `r_motion` as in `Constants`, and
-    the remaining share of the back-EMF constant at `ROLLOFF_KNOTS` with its slopes there.
+    """Numbers that the solution of the shaft depends on, SI units: parts, capacitor, load, `r_motion` as in `Constants`, the
+    speed `turn` within which friction changes its sign, and the remaining share of the back-EMF constant at `ROLLOFF_KNOTS` with
+    its slopes there.
     """
 
     drivetrain: DrivetrainModel
@@ -79,6 +83,7 @@ class ShaftNumbers(NamedTuple):
     c_dc: float
     load: float
     r_motion: float
+    turn: float
     rolloff: tuple[float, ...]
     rolloff_slope: tuple[float, ...]
 
@@ -98,8 +103,13 @@ class Constants(NamedTuple):
     shaft: ShaftNumbers
 
 
-def constants(model: Model, load: float) -> Constants:
-    """Put the numbers of a model together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]"""
+def constants(model: Model, load: float, rest: float) -> Constants:
+    """Put the numbers of a model together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]
+
+    Parameters
+    ----------
+    rest : speed of the line within which friction changes its sign [m/s]
+    """
     gas, machine, r_motion = model.restoring, model.generator, model.r_motion
     shaft = ShaftNumbers(
         model.drivetrain._replace(clutch_drag=0.0),  # it acts on the line alone
@@ -107,6 +117,7 @@ def constants(model: Model, load: float) -> Constants:
         model.dc_link.c_dc,
         model.dc_link.resistance(load),
         r_motion,
+        physics.TURN * rest / r_motion * model.drivetrain.gear,
         (1.0, *machine.rolloff),
         rolloff_slopes(machine.rolloff),
     )
@@ -115,7 +126,7 @@ def constants(model: Model, load: float) -> Constants:
 
 @lru_cache(maxsize=256)
 def rolloff_slopes(rolloff: tuple[float, ...]) -> tuple[float, ...]:
-    """Slopes of `rolloff_curve` at `ROLLOFF_KNOTS`. [1/A]"""
+    """Slopes of `rolloff_curve` at `ROLLOFF_KNOTS`. [1]"""
     return tuple(rolloff_curve(rolloff)(ROLLOFF_KNOTS, 1).tolist())
 
 
@@ -123,11 +134,12 @@ def rolloff_slopes(rolloff: tuple[float, ...]) -> tuple[float, ...]:
 def rolloff_at(
     i_s: float, rolloff: tuple[float, ...] | Signal, slopes: tuple[float, ...] | Signal
 ) -> tuple[float, float]:
-    """Share of the back-EMF constant that remains at a stator current [1], and its slope [1/A].
+    """Share of the back-EMF constant that remains at a stator current, and its slope. [1]
 
     Parameters
     ----------
-    rolloff, slopes : share at `ROLLOFF_KNOTS` and its slopes there, or the change of both along a direction [1, 1/A]
+    i_s : over the rated current [1]
+    rolloff, slopes : share at `ROLLOFF_KNOTS` and its slopes there, or the change of both along a direction [1]
     """
     if i_s >= ROLLOFF_KNOTS[-1]:
         return rolloff[-1], 0.0
@@ -143,8 +155,8 @@ def rolloff_at(
     return rolloff[k] + x * (first + x * (square + x * cube)), slope
 
 
-_NEAR = 1e-3
-"""Distance of the stator current from the root before the last Newton step, after which it is about 1e-7. [A]"""
+_NEAR = 2e-4
+"""Distance of the stator current from the root before the last Newton step, over the rated one; after it about 1e-8. [1]"""
 
 NEWTON_ALONE = 4
 """Newton steps before a bracket is used: from the previous time step, one is nearly always enough."""
@@ -173,18 +185,18 @@ def weakened_bridge(
     if c.rolloff[-1] == 1.0:
         i_b, i_s, d_b, d_s = bridge_state(v_total, v_full, r_s, reactance, table)
         return i_b, i_s, d_b, d_s, (i_b - v_total * d_b) / v_full, (i_s - v_total * d_s) / v_full
-    low, high, now = 0.0, math.inf, max(guess, 0.0)
+    low, high, now, rated = 0.0, math.inf, max(guess, 0.0), c.generator.i_rated
     left = steep = loop = missed = by_b = by_s = i_b = d_b = d_s = 0.0
     for turn in range(60):
         if turn == NEWTON_ALONE:
             _, high, _, _ = bridge_state(v_total, v_full, r_s, reactance, table)
             now = min(max(now, low), high)
-        left, slope = rolloff_at(now, c.rolloff, c.rolloff_slope)
-        v_ll, steep = v_full * left, v_full * slope
+        left, slope = rolloff_at(now / rated, c.rolloff, c.rolloff_slope)
+        v_ll, steep = v_full * left, v_full * slope / rated
         i_b, i_s, d_b, d_s = bridge_state(v_total, v_ll, r_s, reactance, table)
         by_b, by_s = (i_b - v_total * d_b) / v_ll, (i_s - v_total * d_s) / v_ll
         loop, missed = 1.0 / (1.0 - by_s * steep), i_s - now
-        if abs(missed) < _NEAR:
+        if abs(missed) < _NEAR * rated:
             break
         if turn >= NEWTON_ALONE:
             if missed > 0.0:
@@ -192,7 +204,7 @@ def weakened_bridge(
             else:
                 high = now
         newton = now + missed * loop
-        now = newton if low < newton < high else 0.5 * (low + min(high, 2.0 * now + 1.0))
+        now = newton if low < newton < high else 0.5 * (low + min(high, 2.0 * now + rated))
     s_total, s_full, last = d_s * loop, by_s * left * loop, missed * loop
     b_total, b_full = d_b + by_b * steep * s_total, by_b * (left + steep * s_full)
     return i_b + by_b * steep * last, now + last, min(b_total, 0.0), s_total, b_full, s_full
@@ -200,7 +212,11 @@ def weakened_bridge(
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _turned(
-    speeds: tuple[float, float, float], twist: float, machine: tuple[float, float], dt: float, shaft: DrivetrainModel
+    speeds: tuple[float, float, float],
+    twist: float,
+    machine: tuple[float, float],
+    times: tuple[float, float],
+    shaft: DrivetrainModel,
 ) -> tuple[float, float, float]:
     """Turn the fast shaft by one step, by the trapezoidal rule: torque of the clutch [N m], then twist [rad] and speed [rad/s]
     at the end of the step.
@@ -209,14 +225,16 @@ def _turned(
     ----------
     speeds : of the fast shaft now and half-way, as predicted, and of the drum half-way [rad/s]
     machine : air-gap torque at the predicted speed [N m], and its slope over the speed [N m s/rad]
+    times : the step [s], and the speed within which friction changes its sign [rad/s]
     """
     omega, half_way, drum_half = speeds
     em, brakes = machine
+    dt, turn = times
     share = shaft.eta_mesh / shaft.gear
     stiff = 0.5 * dt * shaft.k_shaft + shaft.c_shaft
-    mass, turn = shaft.inertia_rotor / dt, physics.turn(shaft)
+    mass = shaft.inertia_rotor / dt
     sign = math.tanh(half_way / turn) if physics.has_dry_friction(shaft) and half_way < SATURATED * turn else 1.0
-    each = physics.shaft_losses(half_way, sign, shaft)
+    each = physics.shaft_losses(half_way, sign, turn, shaft)
     drag, slope = physics.total(each)
     dry, steep = each[0]
     if dry < 0.0 and dry < -MAX_RETURNED * (drag - dry):
@@ -251,7 +269,7 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
     """
     machine, r_s = c.generator, c.generator.r_s + c.generator.r_diode
     omega = omega_before = twist = v_dc = guess = before = 0.0
-    middle_before, slow = (0.0, 0.0, 0.0, 0.0), 2.0 * physics.turn(c.drivetrain)
+    middle_before, slow = (0.0, 0.0, 0.0, 0.0), 2.0 * c.turn
     for n in range(len(v)):
         # bridge at the present DC voltage and the predicted speed half-way
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
@@ -260,7 +278,7 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
         i_b = i_s = b_h = s_h = b_v = s_v = em = brakes = 0.0
         conducts = v_total < _SQRT2 * v_full  # most steps do not, and are then done in two thirds of the time
         if conducts:
-            ohm = r_s, max(physics.reactance(half_way, machine), MIN_REACTANCE)
+            ohm = r_s, max(physics.reactance(half_way, machine), MIN_REACTANCE * r_s)
             i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(v_total, v_full, ohm, guess, c, table)
             # half-way, DC voltage and air-gap torque follow the speed there by the bridge's slopes
             b_h, s_h = b_full * machine.k_e * RPM, s_full * machine.k_e * RPM
@@ -277,7 +295,7 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
         drum_half = 0.5 * (v[n] + v[min(n + 1, len(v) - 1)]) / c.r_motion
         torque = wound = after = 0.0  # of a shaft at rest
         if omega > 0.0 or twist > 0.0 or drum_half > 0.0:
-            torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c.drivetrain)
+            torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), (dt, c.turn), c.drivetrain)
         # DC link
         faster = 0.5 * (omega + after) - half_way
         change = max(2.0 * (fills + b_h * faster / holds), -v_dc)
@@ -310,10 +328,10 @@ def steady_shaft(v: Signal, a: Signal, c: ShaftNumbers, table: Signal, inertia: 
     omega = np.maximum(v * per, 0.0)
     v_total, i_s = dc_voltages(machine, omega, np.zeros(v.size), table, 1.0 / c.load)
     v_dc = np.maximum(v_total - 2.0 * machine.v_diode, 0.0)
-    idc, turn = v_dc / c.load, physics.turn(shaft)
-    turns = omega > 2.0 * turn
+    idc = v_dc / c.load
+    turns = omega > 2.0 * c.turn
     em = np.where(turns, physics.air_gap_power(v_dc, idc, i_s, machine) / np.where(turns, omega, 1.0), 0.0)
-    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, turn), shaft))
+    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, c.turn), c.turn, shaft))
     torque = shaft.gear / shaft.eta_mesh * (em + drag + inertia * np.where(omega > 0.0, a * per, 0.0))
     return np.column_stack([np.maximum(torque, 0.0), i_s, em, idc, v_dc, idc, omega, np.zeros(v.size)])
 

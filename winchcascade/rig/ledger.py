@@ -52,14 +52,14 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it. While a
     rope is slack, it is that of what turns the drum.
     """
-    c, got, shaft = constants(model, load), dict(zip(COLUMNS, out.T, strict=True)), model.drivetrain
-    omega_drum, omega, sign = motion.v / c.r_motion, got["omega_gen"], physics.direction(motion.v)
+    c, got, shaft = constants(model, load, motion.rest), dict(zip(COLUMNS, out.T, strict=True)), model.drivetrain
+    omega_drum, omega, sign = motion.v / c.r_motion, got["omega_gen"], physics.direction(motion.v, motion.rest)
     slow = physics.near_rest(motion.v, sign, model.winch)
     line = got["force"] * omega_drum * physics.rope_radius(motion.x, model.winch)
     driven, overrun = np.maximum(got["clutch"], 0.0), np.minimum(got["clutch"], 0.0)
     push = physics.piston_torque(got["pressure"], model.restoring)
     seal = physics.seal_torque(sign, slow, model.restoring)
-    fast = physics.shaft_losses(omega, physics.direction(omega, physics.turn(shaft)), shaft)
+    fast = physics.shaft_losses(omega, physics.direction(omega, c.shaft.turn), c.shaft.turn, shaft)
     electrical = physics.electrical_losses(got["i_bridge"], got["i_s"], model.generator)
     watts = {
         "line": line,

@@ -11,9 +11,9 @@ from winchcascade.core.integrate import GAUSS, median, white_noise
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.core.smooth import evenly_stamped, local_quadratic, smoothing_weights
 
-SMOOTHING = 0.44
-"""Width of the local quadratic: it removes the noise of an encoder, and braking keeps its edges (0.36 to 0.52 s do). A width in
-samples would blur the motion of a log at 5 or 10 Hz. [s]"""
+SMOOTHING = 0.56
+"""Width of the local quadratic over the ramp of the motion: it removes the noise of an encoder, and braking keeps its edges (0.46
+to 0.66 do). A width in samples would blur the motion of a coarse log. [1]"""
 
 INDEPENDENT = 0.15
 """A displacement is used if its white noise is below this share of that of the velocity times the interval. One that a logger
@@ -47,18 +47,22 @@ class LineVelocity(msgspec.Struct, frozen=True):
         return _noise_of((self.u_velocity, self.u_displacement), weights)
 
 
-def line_velocity(run: Run) -> LineVelocity:
+def line_velocity(run: Run, ramp: float) -> LineVelocity:
     """Smooth the velocity of a log over `SMOOTHING`, with its displacement where that is more precise and independent.
 
     Both enter one fit around each sample: a quadratic of the velocity and the cubic of the displacement that it integrates to,
     each weighted by its noise. Noise of the velocity does not average out of a diagnosis: an effect and the residual respond to
     the same noise, so that their product has a mean (errors in variables; Carroll, Ruppert, Stefanski and Crainiceanu 2006).
+
+    Parameters
+    ----------
+    ramp : time in which the line speeds up [s]
     """
-    velocity = run.channels["velocity"]
-    half = int(0.5 * SMOOTHING * run.fs + 1e-6)
+    velocity, width = run.channels["velocity"], SMOOTHING * ramp
+    half = int(0.5 * width * run.fs + 1e-6)
     kernel, u_velocity = smoothing_weights(half), white_noise(velocity)
     alone = LineVelocity(
-        value=local_quadratic(run.t, velocity, SMOOTHING),
+        value=local_quadratic(run.t, velocity, width),
         of_velocity=kernel,
         of_displacement=np.zeros_like(kernel),
         u_velocity=u_velocity,

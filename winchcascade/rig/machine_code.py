@@ -13,7 +13,7 @@ from winchcascade.rig.simulate import even_motion, solve
 
 def compile_model() -> None:
     """Solve a short motion, with arrays of the layouts that simulations, fits and stages use."""
-    motion = even_motion(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 0.0]), 0.01)
+    motion = even_motion(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 0.0]), 0.01, 0.005)
     solve(SIMPLIFICATIONS["quasi_static"].fields[0].apply(baseline(built_in()), 0.5), motion, 36.0)
 
 

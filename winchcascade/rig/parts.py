@@ -122,9 +122,9 @@ class DrivetrainModel(NamedTuple):
     weightless: Annotated[float, Number("1", "share of one without the inertia of the rotor as well")] = 0.0
 
 
-ROLLOFF_KNOTS = (0.0, 2.5, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
-"""Stator currents (rms) at which the roll-off of the back-EMF constant is given, closest about the rated 5.16 A, where it
-begins. Between them it is a monotone cubic, beyond the last one constant. [A]"""
+ROLLOFF_KNOTS = (0.0, 0.5, 0.8, 1.0, 1.2, 1.4, 1.8, 2.2, 2.8, 4.0)
+"""Stator currents (rms) over the rated one at which the roll-off of the back-EMF constant is given, closest about 1, where it
+begins. Between them it is a monotone cubic, beyond the last one constant. [1]"""
 
 NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
 """Roll-off of a constant back-EMF constant: the whole of it remains at every current. [1]"""
@@ -132,8 +132,9 @@ NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
 
 @lru_cache(maxsize=256)
 def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
-    """Share of the back-EMF constant over the stator current up to the last of `ROLLOFF_KNOTS`, by a monotone cubic [1]
-    (Fritsch and Butland 1984). `rolloff` is as in `GeneratorModel`.
+    """Share of the back-EMF constant up to the last of `ROLLOFF_KNOTS`, by a monotone cubic [1] (Fritsch and Butland 1984).
+
+    It is one of the stator current over the rated one. `rolloff` is as in `GeneratorModel`.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -152,6 +153,7 @@ class GeneratorModel(NamedTuple):
     l_s: Annotated[float, Number("H", "inductance of a phase")]
     v_diode: Annotated[float, Number("V", "drop of a diode")]
     r_diode: Annotated[float, Number("ohm", "slope of that drop over its current, as a resistance of the phase")] = 0.0
+    i_rated: Annotated[float, Number("A", "rated stator current, rms", least=ABOVE_ZERO)] = 1.0
     rolloff: tuple[float, ...] = NO_ROLLOFF
     averaged: Annotated[float, Number("1", "share of the textbook average in place of the switched bridge")] = 0.0
     uncommutated: Annotated[float, Number("1", "share of that average without commutation")] = 0.0

@@ -21,13 +21,10 @@ FASTMATH = {"contract", "arcp"}
 not a number stay as they are."""
 
 REST = 0.01
-"""Friction at the line changes its sign within this speed of the line. [m/s]"""
+"""Friction at the line changes its sign within this share of the top speed of the line. [1]"""
 
-TURN = 0.5
-"""Friction of the fast shaft changes its sign within this speed, [rad/s]"""
-
-TURN_DRUM = 0.05
-"""or, of a gear below 10, within this speed at the drum: a machine on the shaft of the drum turns at some rad/s. [rad/s]"""
+TURN = 0.13
+"""That of the fast shaft does within this share of its speed at the line speed of `REST`. [1]"""
 
 RPM = 30.0 / math.pi
 """Of a speed in rad/s. [rpm s/rad]"""
@@ -39,7 +36,7 @@ law = register_jitable(fastmath=FASTMATH, error_model="numpy")
 """Of a law: it is part of the compiled code that calls it, and a plain function of arrays elsewhere."""
 
 
-def direction(speed: Signal, within: float = REST) -> Signal:
+def direction(speed: Signal, within: float) -> Signal:
     """Direction of friction at some speeds, (n,): 1 or -1, in between within a speed. [1]"""
     sign: Signal = np.tanh(speed / within)
     return sign
@@ -138,26 +135,26 @@ SHAFT_LOSSES = {
 
 
 @law
-def turn(shaft: DrivetrainModel) -> float:
-    """Speed within which friction of the fast shaft changes its sign. [rad/s]"""
-    return min(TURN, TURN_DRUM * shaft.gear)
-
-
-@law
 def has_dry_friction(shaft: DrivetrainModel) -> bool:
     """Whether a law of the fast shaft depends on the direction of friction, which takes long to compute."""
     return shaft.friction != 0.0 or shaft.coast_drag != 0.0
 
 
 @law
-def shaft_losses(omega: X, sign: X, shaft: DrivetrainModel) -> tuple[tuple[X, X | float], ...]:
+def shaft_losses(
+    omega: X, sign: X, turn: float, shaft: DrivetrainModel
+) -> tuple[tuple[X, X | float], ...]:
     """Torque against the fast shaft by each of `SHAFT_LOSSES` [N m], with the slope by which it is stepped [N m s/rad].
 
     Dry friction comes first: it alone may be negative, within the tolerance of a fit.
+
+    Parameters
+    ----------
+    turn : speed within which friction changes its sign [rad/s]
     """
     speed = abs(omega)
     return (
-        (shaft.friction * sign, shaft.friction * (1.0 - sign * sign) / turn(shaft)),
+        (shaft.friction * sign, shaft.friction * (1.0 - sign * sign) / turn),
         (shaft.b_rotor * omega, shaft.b_rotor),
         (shaft.windage * speed * omega, shaft.windage * speed),
     )

@@ -21,7 +21,7 @@ class Path(NamedTuple):
 
 def path_of(motion: LineMotion) -> Path:
     """A motion with the direction of friction."""
-    return Path(motion, physics.direction(motion.v))
+    return Path(motion, physics.direction(motion.v, motion.rest))
 
 
 def readings(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors, skew: Signal | None = None) -> Signal:

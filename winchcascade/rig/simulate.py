@@ -18,6 +18,7 @@ from winchcascade.core.files import write_whole
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
+from winchcascade.core.scales import MotionScale, motion_of_runs
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.core.viewed import Viewed
 from winchcascade.rig import physics
@@ -27,10 +28,10 @@ from winchcascade.rig.ledger import energies, integral
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import ELECTRICAL, PARTS, Model, limited, number_of
 from winchcascade.rig.physics import RPM
-from winchcascade.rig.steps import STEP, resolving
+from winchcascade.rig.steps import resolving
 
 
-def motion_of(run: Run, step: float) -> LineMotion:
+def motion_of(run: Run, step: float, scale: MotionScale) -> LineMotion:
     """Take the motion of a log: its smoothed velocity, as `line_velocity` gives it, and the displacement that it integrates to.
 
     The displacement begins where that of the log does (0 without that channel), and follows its drift, so that gas and force
@@ -39,32 +40,34 @@ def motion_of(run: Run, step: float) -> LineMotion:
     Parameters
     ----------
     step : of the simulation [s]
+    scale : scales of the motion of its campaign
     """
-    motion = even_motion(run.t, line_velocity(run).value, step)
+    motion = even_motion(run.t, line_velocity(run, scale.ramp).value, step, physics.REST * scale.speed)
     measured = run.channels.get("displacement")
     if measured is None:
         return motion
-    drift = local_quadratic(run.t, measured - np.interp(run.t, motion.t, motion.x), DRIFT)
+    drift = local_quadratic(run.t, measured - np.interp(run.t, motion.t, motion.x), DRIFT * scale.ramp)
     return motion._replace(x=motion.x + np.interp(motion.t, run.t, drift))
 
 
-DRIFT = 2.0
-"""Width over which the difference of displacement and integrated velocity is drift, not noise. [s]"""
+DRIFT = 2.5
+"""Width over which the difference of displacement and integrated velocity is drift, not noise, over the ramp. [1]"""
 
 
-def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
+def even_motion(t: Signal, v: Signal, step: float, rest: float) -> LineMotion:
     """Lay a velocity onto even steps by a monotone cubic, with its slope and its integral.
 
     Parameters
     ----------
     t, v : (k,) stamps that rise [s], velocities [m/s]
+    rest : speed within which friction changes its sign [m/s]
     """
     from scipy.interpolate import PchipInterpolator
 
     even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     curve = PchipInterpolator(t, v)
     speed = curve(even)
-    return LineMotion(even, integral(speed, step), speed, curve(even, 1), step)
+    return LineMotion(even, integral(speed, step), speed, curve(even, 1), step, rest)
 
 
 READ = ("pressure", "force", "torque", "vdc", "idc")
@@ -110,7 +113,7 @@ class Simulation(Viewed, frozen=True):
         }
 
 
-def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Simulation:
+def simulate(run: Run, model: Model | None = None, *, step: float | None = None) -> Simulation:
     """Simulate the rig along the line motion of a log, at the log's load and stamps.
 
     Parameters
@@ -118,7 +121,7 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not used
     model : the baseline of the rig that the run was read with if not given, without errors of its sensors; of the paper's for a
         run that was not read
-    step : of the simulation, which a light rotor makes smaller [s]
+    step : of the simulation [s]; by default one that resolves the motion and the rotor
 
     Raises
     ------
@@ -130,13 +133,15 @@ def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Sim
     model = baseline(given_rig("simulate", run.rig)).physics if model is None else model
     check_type("simulate, model", model, Model, "baseline(rig)")
     check_arguments("simulate", ("step", step, STEP_LENGTH))
+    _check_model(model)
+    scale = motion_of_runs([run])
+    step = resolving(model, scale) if step is None else step
     if "velocity" not in run.channels or run.t[-1] - run.t[0] < 2.0 * step:
         raise LogError(
             f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of the line; expected a log with "
             "velocity or displacement."
         )
-    _check_model(model)
-    return simulate_along(run, model, motion_of(run, resolving(model, step)))
+    return simulate_along(run, model, motion_of(run, step, scale))
 
 
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
@@ -219,9 +224,9 @@ def load_of(run: Run) -> float:
 
 def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     """Step a model along a motion, (n, 12): the columns of `kernel.COLUMNS` at every step."""
-    numbers = constants(model, load)
+    numbers, direction = constants(model, load, motion.rest), physics.direction(motion.v, motion.rest)
     shaft, line = solve_shaft(motion.v, motion.step, numbers), np.empty((motion.t.size, len(LINE)))
-    run_line(motion, physics.direction(motion.v), numbers, shaft[:, SHAFT.index("clutch")].copy(), line)
+    run_line(motion, direction, numbers, shaft[:, SHAFT.index("clutch")].copy(), line)
     return np.hstack([shaft, line])
 
 

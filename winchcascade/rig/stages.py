@@ -26,8 +26,8 @@ Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
 STAGES: tuple[str, ...] = get_args(Stage)
 """Stages in their order from the line to the load."""
 
-MOVING = 0.03
-"""Below this speed friction only bounds the force, and the torque that follows from it. [m/s]"""
+MOVING = 3.0
+"""Multiple of the speed in which friction turns below which it only bounds the force, and the torque that follows. [1]"""
 
 CONDUCTING = 0.5
 """The bridge determines the DC voltage while it carries at least this share of the current of the load."""
@@ -46,16 +46,27 @@ class StageOutput(msgspec.Struct, frozen=True):
 
 
 class Along(msgspec.Struct, frozen=True):
-    """The motion of a log for its stages, SI units: `motion` on even steps, and at the stamps `x`, `v`, `a`, (n,) each.
+    """The motion of a log for its stages, SI units: `motion` on even steps, its `ramp` [s], and at the stamps `x`, `v`, `a`, (n,) each.
 
     `engaged` (n,) marks the stamps at which the clutch carries torque while the line pays out.
     """
 
     motion: LineMotion
+    ramp: float
     x: Signal
     v: Signal
     a: Signal
     engaged: Mask
+
+    @property
+    def direction(self) -> Signal:
+        """Direction of friction at the stamps, (n,). [1]"""
+        return physics.direction(self.v, self.motion.rest)
+
+    @property
+    def moves(self) -> Mask:
+        """Whether the line moves so fast that friction has its full size, (n,)."""
+        return np.abs(self.v) > MOVING * self.motion.rest
 
 
 class _Drive(msgspec.Struct, frozen=True):
@@ -69,16 +80,17 @@ class _Drive(msgspec.Struct, frozen=True):
     i_bridge: Signal
 
 
-def along(run: Run, motion: LineMotion, clutch: Signal) -> Along:
+def along(run: Run, motion: LineMotion, ramp: float, clutch: Signal) -> Along:
     """Lay a motion onto the stamps of a log.
 
     Parameters
     ----------
+    ramp : time in which the line speeds up [s]
     clutch : torque of the clutch on the steps of the motion [N m]
     """
     carries = np.interp(run.t, motion.t, (clutch > 0.0).astype(np.float64))
     x, v, a = (np.interp(run.t, motion.t, y) for y in (motion.x, motion.v, motion.a))
-    return Along(motion, x, v, a, (carries == 1.0) & (v > MOVING))
+    return Along(motion, ramp, x, v, a, (carries == 1.0) & (v > MOVING * motion.rest))
 
 
 def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] = STAGES) -> tuple[StageOutput, ...]:
@@ -130,7 +142,7 @@ def _drive(run: Run, model: Model, course: Along, seen: dict[str, Signal]) -> _D
     rpm = course.v / model.r_motion * model.drivetrain.gear * RPM
     if "vdc" not in seen:
         return _Drive(rpm, unknown, unknown, unknown)
-    bleed, with_capacitor = dc_currents(run, model, seen["vdc"])
+    bleed, with_capacitor = dc_currents(run, model, seen["vdc"], course.ramp)
     i_load = bleed if run.open_circuit else seen.get("idc", unknown)
     return _Drive(rpm, seen["vdc"], i_load, i_load + (with_capacitor - bleed))
 
@@ -139,7 +151,8 @@ def _pressure(run: Run, model: Model, motion: LineMotion) -> Signal:
     """Gauge pressure of the gas along the motion, (n,) at the stamps [Pa]."""
     line = np.empty((motion.t.size, len(LINE)))
     without_torque = np.zeros(motion.t.size)
-    run_line(motion, physics.direction(motion.v), constants(model, load_of(run)), without_torque, line)
+    numbers = constants(model, load_of(run), motion.rest)
+    run_line(motion, physics.direction(motion.v, motion.rest), numbers, without_torque, line)
     return np.interp(run.t, motion.t, line[:, LINE.index("pressure")])
 
 
@@ -148,7 +161,7 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
 
     A rope that is slack by the model has no tension that a torque follows from.
     """
-    winch, gas, sign = model.winch, model.restoring, physics.direction(course.v)
+    winch, gas, sign = model.winch, model.restoring, course.direction
     slow, omega = physics.near_rest(course.v, sign, winch), course.v / model.r_motion
     screw = physics.piston_torque(pressure, gas) + physics.seal_torque(sign, slow, gas)
     screw *= physics.both_ways(sign, 1.0 / gas.eta_forward, gas.eta_reverse)
@@ -157,7 +170,7 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
         lost += physics.pull_torque(course.x / model.r_motion, course.a / model.r_motion, winch.r_drum, gas)
         lost += physics.pull_friction(sign, winch.r_drum, gas)
     torque = force / physics.line_over_drum(sign, winch) * physics.rope_radius(course.x, winch) - screw - lost
-    known = np.abs(course.v) > MOVING
+    known = course.moves
     return np.where(known & (course.engaged | (screw + lost > 0.0)) if winch.goes_slack else known, torque, np.nan)
 
 
@@ -167,12 +180,14 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
     The torque of the machine follows from the power across the air gap: neither k_e nor its roll-off enters.
     """
     shaft, machine = model.drivetrain, model.generator
-    torque = np.where(course.v < -MOVING, physics.open_clutch(physics.direction(course.v), shaft), np.nan)
+    dragging = physics.open_clutch(course.direction, shaft)
+    torque = np.where(course.moves & (course.v < 0.0), dragging, np.nan)
     known = course.engaged & (drive.rpm > rpm_min(drive.rpm)) & np.isfinite(drive.i_bridge)
     omega, vdc, current = drive.rpm[known] / RPM, drive.vdc[known], np.maximum(drive.i_bridge[known], 0.0)
     _, i_s = back_emfs(machine, omega, vdc, current)
     torque_em = physics.air_gap_power(vdc, current, i_s, machine) / omega
-    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, physics.turn(shaft)), shaft))
+    turn = physics.TURN * course.motion.rest / model.r_motion * shaft.gear
+    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, turn), turn, shaft))
     speeding = shaft.inertia_rotor * course.a[known] / model.r_motion * shaft.gear
     torque[known] = shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding)
     return torque

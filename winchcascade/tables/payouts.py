@@ -18,6 +18,7 @@ import numpy as np
 
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.scales import motion_of_runs, scales_of
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.nuisances import nuisances
 from winchcascade.reduction.efficiency import RATIOS
@@ -160,7 +161,7 @@ def _at_unit_speed(payout: Payout) -> tuple[Run, LineMotion]:
     v = (u if payout.shape == "straight" else u * u * (3.0 - 2.0 * u)) * (1.0 - np.clip((t - flat) / BRAKE, 0.0, 1.0))
     x = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) / RATE)))
     run = Run("a payout", t, {"displacement": x, "velocity": v}, RATE, t.size)
-    return run, motion_of(run, STEP)
+    return run, motion_of(run, STEP, motion_of_runs([run]))
 
 
 def simulated(model: Model, payout: Payout, speed: float, load: float) -> Run:
@@ -333,7 +334,7 @@ def _within_tolerance(rig: Rig, run: Run) -> Iterator[Model]:
     energy.
     """
     nominal = baseline(rig)
-    for number in nuisances(rig, [run]):
+    for number in nuisances(rig, [run], scales_of(rig, motion_of_runs([run]))):
         model = number.apply(nominal, number.sd) if number.kind != "law" else nominal
         if model != nominal:
             yield model

@@ -176,7 +176,7 @@ def _significance(fit: LineFit, other: Fit, t: Signal, v: Signal, f: Signal) -> 
     """Significance with which a motion distinguishes the best set from another one, whose numbers may adapt. [sigma]"""
     best, rows = fit.found.best, fit.lines.fitted
     noise = math.sqrt(max(float(np.mean((rows.gap - fit.power(rows, fit.numbers(best))) ** 2)), 1e-18))
-    made = power_columns(t, v, f)
+    made = power_columns(t, v, f, float(np.max(np.abs(v))))
     columns = np.column_stack([made[name] for name in fit.lines.names]) / noise
     planned = msgspec.structs.replace(rows, columns=columns, t=t)
     z = fit.power(planned, fit.numbers(best)) - fit.power(planned, fit.numbers(other))

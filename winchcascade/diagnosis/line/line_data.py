@@ -17,6 +17,7 @@ from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK, Index, Mask, Run, Signal
+from winchcascade.core.scales import motion_of_runs
 from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row
 from winchcascade.rig.effects.effect import Display, Effect, Parameter
 from winchcascade.rig.physics import REST
@@ -168,8 +169,9 @@ def _rows_of(run: Run, rig: Rig, names: Sequence[str], asked: tuple[int, int] | 
     for channel in (CLOCK, "velocity", "force", POWER, "torque"):
         for a, b in run.gaps.get(channel, np.zeros((0, 2))).tolist():
             good &= ~((run.t > a - step) & (run.t < b + step))
-    made = power_columns(run.t, v, f)
-    blocks = blocks_of(run, rig, asked)
+    scale = motion_of_runs([run])
+    made = power_columns(run.t, v, f, scale.speed)
+    blocks = blocks_of(run, rig, scale.ramp, asked)
     known = blocks.mean(good.astype(np.float64))
     signals = [run.t, v * f, power - v * f, v, f, *(made[name] for name in names)]
     means = np.array([blocks.mean(np.where(good, x, 0.0)) for x in signals])[:, known > 0.5] / known[known > 0.5]
@@ -182,11 +184,16 @@ def _rows_of(run: Run, rig: Rig, names: Sequence[str], asked: tuple[int, int] | 
     )  # fmt: skip
 
 
-def power_columns(t: Signal, v: Signal, f: Signal) -> dict[str, Signal]:
-    """Power at the shaft that one unit of the coefficient of each suspect adds, (n,) each, from line speed and tension. [W]"""
+def power_columns(t: Signal, v: Signal, f: Signal, speed: float) -> dict[str, Signal]:
+    """Power at the shaft that one unit of the coefficient of each suspect adds, (n,) each, from line speed and tension. [W]
+
+    Parameters
+    ----------
+    speed : top speed of the line [m/s]
+    """
     return {
         "drum_inertia": -np.gradient(0.5 * v**2, t),
-        "line_friction": -v * np.tanh(v / REST),
+        "line_friction": -v * np.tanh(v / (REST * speed)),
         "line_drag": -(v**2),
         "load_proportional_loss": -np.abs(v * f),
         "force_gain": v * f,

@@ -113,7 +113,8 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
     figure, (ax,) = panel_figure(2.6)
     ax.fill_between(current, low, high, color=COLOURS["gen"], alpha=0.3, lw=0)
     ax.plot(current, left, color=COLOURS["gen"], lw=1.4)
-    knots = np.array([x for x in ROLLOFF_KNOTS if x <= current[-1]])
+    knots = np.array(ROLLOFF_KNOTS) * found.data.nominal.generator.i_rated
+    knots = knots[knots <= current[-1]]
     ax.plot(knots, np.interp(knots, current, left), "s", ms=3.5, color=COLOURS["gen"])
     ax.axhline(1.0, color=COLOURS["ink"], lw=0.9, ls="--")
     entries = [

@@ -14,6 +14,7 @@ import msgspec
 
 from winchcascade.core.arguments import NUMBER, check_arguments
 from winchcascade.core.errors import OptionError
+from winchcascade.core.scales import Scales
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.effects.laws import ACTS, shared_radius
 
@@ -92,8 +93,12 @@ def suspected(names: Iterable[str]) -> Mapping[str, Effect]:
     return {name: find_effect(name) for name in names} or EFFECTS
 
 
-def make_effect(name: str, values: Mapping[str, float]) -> ActiveEffect:
+def make_effect(name: str, values: Mapping[str, float], scales: Scales | None = None) -> ActiveEffect:
     """Make an active effect from its name and the fields that are not absent.
+
+    Parameters
+    ----------
+    scales : of the campaign that fields which are not given follow; without it they have their assumed values
 
     >>> make_effect("gas_polytropic", {"n": 1.3}).values
     (1.3, 6.0)
@@ -102,15 +107,15 @@ def make_effect(name: str, values: Mapping[str, float]) -> ActiveEffect:
     ------
     OptionError : no such effect or field, or a value that is not finite or has no physical meaning
     """
-    effect = find_effect(name)
+    effect = find_effect(name) if scales is None else find_effect(name).at(scales)
     fields = {field.name: field for field in effect.fields}
     for key, value in values.items():
         if key not in fields:
             raise OptionError(f"effect {name} has no field {key!r}; it has {', '.join(fields)}.")
         check_arguments(f"effect {name}", (key, value, NUMBER))
-        low, high = fields[key].possible
+        low, high = fields[key].limits
         if not (math.isfinite(value) and low <= value <= high):
             raise OptionError(
                 f"effect {name}: {key} is {value:g}, but must lie between {low:g} and {high:g} [{fields[key].unit}]."
             )
-    return ActiveEffect(effect, tuple(values.get(key, field.absent) for key, field in fields.items()))
+    return ActiveEffect(effect, tuple(values.get(key, field.unstated) for key, field in fields.items()))

@@ -1,11 +1,15 @@
 """An effect as a declaration of what the baseline leaves out, and an effect with values that acts on a model."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Literal
 
 import msgspec
 
+from winchcascade.core.scales import Scales
 from winchcascade.rig.effects.run_order import RunPlace
 from winchcascade.rig.parts import CHANGED_AGAIN, Model, Operation, changed, stated_path
 
@@ -21,6 +25,9 @@ Together = Callable[[Values, Values], Values]
 Report = Callable[[Values], float]
 """Number that is reported of some values."""
 
+ScaledReport = Callable[[Scales, Values], float]
+"""Number that is reported of some values in a campaign of some scales."""
+
 InRun = Callable[[Values, RunPlace], Values]
 """Values with which an effect acts in one run of a campaign."""
 
@@ -31,8 +38,11 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Parameters
     ----------
     low, high : plausible range, a prior of a fit
+    scale : scale of the campaign of which low, high, possible and absent are shares, as `Scales.of` reads it; empty for numbers
+        that have no dimension. Once it is applied they are in units, and `share` keeps the plausible range
     possible : outside of it, both ends included, a value has no physical meaning
     absent : value at which the effect is absent
+    assumed : value of a field with a scale, in its unit, where an effect is stated without it and no campaign gives a scale
     start : of a share that says how an effect acts and not how much, where a fit begins, as its absence is an end of the range
     path : number of the model that it changes, `generator.r_s`, for a sensor with the channel, `sensors.gain.torque`; empty
         where a law of the effect takes the value
@@ -55,8 +65,11 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     path: str = ""
     operation: Operation = "add"
     absent: float = 0.0
+    assumed: float | None = None
     start: float | None = None
     per: float = 1.0
+    scale: str = ""
+    share: tuple[float, float] | None = None
     sd: float = 0.0
     role: Literal["effect", "entry", "nuisance"] = "effect"
     load: float = math.nan
@@ -68,6 +81,34 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def apply(self, model: Model, value: float) -> Model:
         """The model with its number changed; the same model where there is none."""
         return changed(model, self.path, self.operation, value / self.per) if self.path else model
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Limits of what has a physical meaning, in units; of a share whose scale is unknown its sign alone."""
+        if not self.scale:
+            return self.possible
+        low, high = self.possible
+        return (0.0 if low >= 0.0 else -math.inf, 0.0 if high <= 0.0 else math.inf)
+
+    @property
+    def unstated(self) -> float:
+        """Value of a field that is not given."""
+        return self.assumed if self.scale and self.assumed is not None else self.absent
+
+    def at(self, scales: Scales) -> Parameter:
+        """The parameter with its range in units, on a rig and in a campaign of these scales."""
+        if not self.scale:
+            return self
+        by = scales.of(self.scale)
+        return msgspec.structs.replace(
+            self,
+            low=by * self.low,
+            high=by * self.high,
+            possible=(by * self.possible[0], by * self.possible[1]),
+            absent=by * self.absent,
+            scale="",
+            share=(self.low, self.high),
+        )
 
     def after(self, earlier: float, value: float) -> float:
         """The one value that acts as `value` does on a model with an earlier one; without a number the later one holds."""
@@ -113,6 +154,7 @@ class Effect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     parameter, unit : what a diagnosis reports, by default the first field; `relative` and `absolute` are changes of the number
         of the rig file
     reported_from : the reported parameter of the values; the first field by default
+    reported_at : the same where it depends on the scales of the campaign
     beside : further fields that are reported beside the parameter
     over_runs : of an effect that changes from run to run, the values with which it acts in one of them; without a place
         among the runs it acts as in the run that shows it most
@@ -135,6 +177,7 @@ class Effect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     parameter: str = ""
     unit: str = ""
     reported_from: Report | None = None
+    reported_at: ScaledReport | None = None
     beside: tuple[str, ...] = ()
     over_runs: InRun | None = None
     same_as: tuple[str, ...] = ()
@@ -150,6 +193,12 @@ class Effect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         msgspec.structs.force_setattr(self, "unit", self.unit or unit)
         if first.role == "entry" and self.entry is None:
             msgspec.structs.force_setattr(self, "entry", Stated())
+
+    def at(self, scales: Scales) -> Effect:
+        """The effect with its ranges in units, on a rig and in a campaign of these scales."""
+        fields = tuple(field.at(scales) for field in self.fields)
+        reported_from = self.reported_from if self.reported_at is None else partial(self.reported_at, scales)
+        return msgspec.structs.replace(self, fields=fields, reported_from=reported_from)
 
     @property
     def path(self) -> str:
@@ -181,12 +230,12 @@ class ActiveEffect(msgspec.Struct, frozen=True):
             model = field.apply(model, value)
         return model
 
-    def in_run(self, place: RunPlace) -> "ActiveEffect":
+    def in_run(self, place: RunPlace) -> ActiveEffect:
         """The effect as it acts in one run of a campaign."""
         over_runs = self.effect.over_runs
         return self if over_runs is None else ActiveEffect(self.effect, over_runs(self.values, place))
 
-    def after(self, earlier: Values) -> "ActiveEffect":
+    def after(self, earlier: Values) -> ActiveEffect:
         """One effect that acts as this one does on a model that has it with earlier values."""
         effect, both = self.effect, zip(self.effect.fields, earlier, self.values, strict=True)
         if effect.together is not None:

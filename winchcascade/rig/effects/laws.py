@@ -6,12 +6,17 @@ from itertools import accumulate
 from typing import TypedDict
 
 from winchcascade.core.run import Signal
-from winchcascade.rig.effects.effect import InRun, Law, Report, Together, Values
+from winchcascade.core.scales import Scales
+from winchcascade.rig.effects.effect import InRun, Law, Report, ScaledReport, Together, Values
 from winchcascade.rig.effects.run_order import RunPlace, passed, warming
 from winchcascade.rig.parts import Model, changed, rolloff_curve, with_part
 
-SLOW = 0.05
-"""Speed of the line at which the larger friction near standstill is reported: logs show it there, but not at rest. [m/s]"""
+SLOW = 5.0 / 3.0
+"""Speed of the line at which the larger friction near standstill is reported, over that at which a payout begins: logs show it
+there, but not at rest. [1]"""
+
+AT_10_A = 10.0 / 5.16
+"""Stator current at which the roll-off is reported, over the rated one: 10 A of the machine of the paper. [1]"""
 
 LEAK = 1e-3
 """Share of the conductance of the bleed resistor that remains where a simulation has none. [1]"""
@@ -28,7 +33,7 @@ def share_at_knots(lost: Values) -> Values:
 
 
 def share_of_k_e(lost: Values, current: Signal | float) -> Signal:
-    """Share of k_e that remains at some stator currents [A rms], by a monotone cubic between the knots. [1]"""
+    """Share of k_e that remains at some stator currents over the rated one, by a monotone cubic between the knots. [1]"""
     return rolloff_curve(share_at_knots(lost))(current)
 
 
@@ -42,7 +47,7 @@ def _lost_twice(first: Values, second: Values) -> Values:
 
 
 def _left_at_10_a(lost: Values) -> float:
-    return float(share_of_k_e(lost, 10.0))
+    return float(share_of_k_e(lost, AT_10_A))
 
 
 def _warm_in_run(values: Values, place: RunPlace) -> Values:
@@ -80,9 +85,9 @@ def _stickier(first: Values, second: Values) -> Values:
     return both, *(a + share * (b - a) for a, b in zip(first[1:], second[1:], strict=True))
 
 
-def _at_slow_speed(values: Values) -> float:
+def _at_slow_speed(scales: Scales, values: Values) -> float:
     torque, speed, _ = values
-    return torque * math.exp(-((SLOW / speed) ** 2))
+    return torque * math.exp(-((SLOW * scales.onset / speed) ** 2))
 
 
 def _heated(model: Model, values: Values) -> Model:
@@ -133,6 +138,7 @@ class Acts(TypedDict, total=False):
     law: Law
     together: Together
     reported_from: Report
+    reported_at: ScaledReport
     over_runs: InRun
 
 
@@ -140,7 +146,7 @@ ACTS: dict[str, Acts] = {
     "ke_rolloff": {"law": _rolled_off, "together": _lost_twice, "reported_from": _left_at_10_a},
     "heating": {"over_runs": _warm_in_run},
     "clutch_drag": {"law": _dragging, "together": _dragging_more},
-    "stribeck": {"law": _sticking, "together": _stickier, "reported_from": _at_slow_speed},
+    "stribeck": {"law": _sticking, "together": _stickier, "reported_at": _at_slow_speed},
     "gas_polytropic": {"law": _heated, "together": hotter},
     "gas_loss": {"over_runs": _leaked_in_run},
     "encoder_scale": {"reported_from": _ratio},
