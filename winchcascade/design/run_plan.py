@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.suspects import Suspects
-    from winchcascade.rig.effects.effect import ActiveEffect
+    from winchcascade.rig.effects.effect import ActiveEffect, Effect
     from winchcascade.rig.parts import Model
 
 MOST = 12
@@ -180,7 +180,7 @@ def separate(
     if basis.found is not None:
         make, precision = _after_pair(basis, pair)
     else:
-        make, precision = _before_pair(basis, pair, suspects)
+        make, precision = _before_pair(basis, [suspects[name].at(basis.data.scales) for name in pair])
         if any(suspects[name].over_runs is not None for name in pair):
             cold_or_warm: Sequence[Place] = ("first", "last")
             each = [msgspec.structs.replace(one, place=place) for one in basis.options for place in cold_or_warm]
@@ -219,12 +219,12 @@ def _after_pair(basis: Basis, pair: tuple[str, str]) -> tuple[Making, Signal]:
     return lambda load, _: explanations_of(basis.data, found, (best, other), load), precision
 
 
-def _before_pair(basis: Basis, pair: tuple[str, str], suspects: Suspects) -> tuple[Making, Signal]:
+def _before_pair(basis: Basis, effects: Sequence[Effect]) -> tuple[Making, Signal]:
     """The first effect at half of its plausible range, and the second, which adapts.
 
     One that changes from run to run is absent in a first run.
     """
-    first, second = (suspects[name] for name in pair)
+    first, second = effects
     free, other = freedom(first), freedom(second)
     away = np.where(free.high - free.absent >= free.absent - free.low, free.high, free.low)
     acting = with_values(first, free.absent + HALF * (away - free.absent))

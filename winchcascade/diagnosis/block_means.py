@@ -126,9 +126,7 @@ def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], min
     return GAUSS * median(second) if k.size >= minimum else math.nan
 
 
-def _cut(
-    run: Run, begin: float, end: float, phase: int, cycle: int, length: float
-) -> NDArray[np.intp]:
+def _cut(run: Run, begin: float, end: float, phase: int, cycle: int, length: float) -> NDArray[np.intp]:
     """Cut a stretch into equal blocks, (m, 5) as the fields of `Blocks`; drop those in which gaps leave less than half."""
     pieces = max(round((end - begin) / length), 1)
     if end - begin < 0.5 * length * pieces:

@@ -87,7 +87,10 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     """
     run, blocks = course.run, course.blocks
     speed = blocks.mean(run.channels["velocity"])
-    moved, fast = course.predict(model, 1.0 + GAIN_STEP) - predicted, np.abs(speed[:, None]) > CREEPING * course.coarse.rest
+    moved, fast = (
+        course.predict(model, 1.0 + GAIN_STEP) - predicted,
+        np.abs(speed[:, None]) > CREEPING * course.coarse.rest,
+    )
     slope = np.divide(moved, GAIN_STEP * speed[:, None], out=np.zeros_like(predicted), where=fast)
     white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
     minimum = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0

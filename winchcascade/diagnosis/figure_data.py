@@ -174,7 +174,9 @@ def profile_of(found: ModelDiagnosis) -> Signal | None:
     reached = ROLLOFF_KNOTS[1] * rated
     for log, model in zip(data.logs, data.models(best.nu, best.effects(found.suspects)), strict=True):
         if math.isfinite(log.load):
-            currents = log.course.block_mean(log.course.electrical(constants(model, log.load, log.course.coarse.rest), "i_s"))
+            currents = log.course.block_mean(
+                log.course.electrical(constants(model, log.load, log.course.coarse.rest), "i_s")
+            )
             reached = max(reached, float(np.max(currents)))
     current = np.linspace(0.0, reached, POINTS)
     fields = [fitted, *np.clip(drawn, best.free.minimum[place], best.free.maximum[place])]

@@ -60,9 +60,9 @@ class Log(msgspec.Struct, frozen=True):
     """One log of a fit.
 
     `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one of the fit, at the stamps
-    `offset_at_stamps` (n, 5), `step` the fine one [s], `whitener` (m, 5, 5) turns a block's residuals into independent ones of unit variance. `courses`
-    (m, 5, 3) are what a discrepancy of the model of 1 moves along each of `nuisances.COURSES`. SI units, columns of
-    `predict.CHANNELS`.
+    `offset_at_stamps` (n, 5), `step` the fine one [s], `whitener` (m, 5, 5) turns a block's residuals into independent ones
+    of unit variance. `courses` (m, 5, 3) are what a discrepancy of the model of 1 moves along each of `nuisances.COURSES`.
+    SI units, columns of `predict.CHANNELS`.
     """
 
     run: Run
@@ -472,9 +472,7 @@ def means_over(blocks: Blocks, run: Run) -> Signal:
     return np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
 
 
-def _log(
-    rig: Rig, nominal: Model, scale: MotionScale, run: Run, blocks: Blocks, repeats: float
-) -> Log:
+def _log(rig: Rig, nominal: Model, scale: MotionScale, run: Run, blocks: Blocks, repeats: float) -> Log:
     """Prepare a log.
 
     Parameters
@@ -483,9 +481,7 @@ def _log(
     repeats : how often it is repeated; the discrepancy of a block is the same in repeats, so that all of them together must
         tell no more of the model than one
     """
-    course, finely = (
-        Course(run, blocks, resolving(nominal, scale, share), scale) for share in (COARSE, STEP)
-    )
+    course, finely = (Course(run, blocks, resolving(nominal, scale, share), scale) for share in (COARSE, STEP))
     grid, fine_grid = course.on_grid(nominal), finely.on_grid(nominal)
     coarse, fine = course.block_mean(grid), finely.block_mean(fine_grid)
     at_stamps = course.at_stamps(grid)

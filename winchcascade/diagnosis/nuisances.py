@@ -42,10 +42,10 @@ ABSENT = {
     ("drivetrain", "friction"): (9.5e-4, "torque_rotor", "N.m"),
     ("drivetrain", "clutch_drag"): (5.7e-4, "torque", "N.m"),
 }
-"""Standard uncertainty of a law that is taken as absent, by part and number of the model, as a share of a scale: no rig is quite
-free of dry friction, and the model deviates by as much where the motion begins and ends. About that of the zeros of torque and
-force; assumed. The friction near standstill also stands for how the screw changes its direction: laws that do so within the same
-speed by other curves differ by as much just above the onset speed."""
+"""Standard uncertainty of a law that is taken as absent, by part and number of the model, as a share of a scale: no rig is
+quite free of dry friction, and the model deviates by as much where the motion begins and ends. About that of the zeros
+of torque and force; assumed. The friction near standstill also stands for how the screw changes its direction: laws that
+do so within the same speed by other curves differ by as much just above the onset speed."""
 
 WITHOUT_ZERO = ("vdc",)
 """Channels without a zero in the fit: that of Vdc acts as the drop of the diodes, which has twice the uncertainty."""

@@ -35,8 +35,8 @@ SPEEDS = (0.5, 1.0, 1.3)
 """Plateau speeds that are tried, as shares of the fastest of the campaign at the load."""
 
 RAMP, HOLD, REST, BACK, SHORTEST = 0.15, 0.4, 0.2, 0.6, 0.01
-"""Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke; its haul-in as a share of the
-payout speed, and the shortest plateau over that time. [1]"""
+"""Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke; its haul-in as a share
+of the payout speed, and the shortest plateau over that time. [1]"""
 
 
 class Explanations(NamedTuple):
@@ -112,7 +112,12 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     precision = fit.curve + np.diag(fit.free.sd**-2.0)
     each = all_at_once(
         [
-            partial(distinction_of, data, both[load], planned(load, v, seen.length, data.scales.motion.time, data.logs[0].run.fs))
+            partial(
+                distinction_of,
+                data,
+                both[load],
+                planned(load, v, seen.length, data.scales.motion.time, data.logs[0].run.fs),
+            )
             for load, v in options
         ]
     )

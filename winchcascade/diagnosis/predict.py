@@ -32,7 +32,8 @@ SEEN = ("clutch", "vdc")
 class Course:
     """The line motion of one log, ready to be simulated many times, and its blocks.
 
-    `scale` are the scales of the motion of its campaign. `v` is the velocity at every step [m/s], `coarse` the motion on the grid, `displacement` that of the line at the stamps [m].
+    `scale` are the scales of the motion of its campaign. `v` is the velocity at every step [m/s], `coarse` the motion on the
+    grid, `displacement` that of the line at the stamps [m].
 
     Solutions of the shaft are kept by the numbers that they depend on: an effect of the gas costs none anew.
     """

@@ -229,7 +229,7 @@ def _numbers(found: ModelDiagnosis, name: str, values: Signal, u: Signal, source
         changes = [with_values(effect, row) for row in ends]
         low, value, high = ((change if earlier is None else change.after(earlier)).values[k] for change in changes)
         low, value, high = (float(f"{x:.6g}") for x in (low, value, high))
-        minimum, maximum = field.possible
+        minimum, maximum = field.limits
         interval = {"low": max(low, minimum), "high": min(high, maximum)} if u[k] else {}
         numbers[field.name] = EffectNumber(value, field.unit, source, **interval)
     return numbers

@@ -41,7 +41,7 @@ def freedom(*effects: Effect) -> Freedom:
     """The fields of some suspects in a row."""
     fields = [field for effect in effects for field in effect.fields]
     begins = [f.absent if f.start is None else f.start for f in fields]
-    ends = [(f.low, f.high, *f.possible) for f in fields]
+    ends = [(f.low, f.high, *f.limits) for f in fields]
     table = np.column_stack([np.array(begins), np.array(ends, dtype=np.float64).reshape(-1, 4)])
     return Freedom(*np.ascontiguousarray(table.T))
 

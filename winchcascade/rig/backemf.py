@@ -19,7 +19,7 @@ SLOW_SHARE = 0.28
 """The regression begins at this share of the largest speed of the log: 1000 rpm of the 3570 rpm of the paper (Sec. 4.2). [1]"""
 
 BLOCK = 0.56
-"""Length of a block of time whose samples share their error, over the ramp: noise of the smoothed velocity, ringing, gusts. [1]"""
+"""Length of a block of time whose samples share their error, over the ramp: noise of the smoothed velocity, gusts. [1]"""
 
 COVERED = 1.96
 """Half-width of a 95 % interval in standard uncertainties."""
@@ -123,7 +123,8 @@ def dc_currents(run: Run, model: Model, vdc: Signal, ramp: float) -> tuple[Signa
 def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:
     """Least squares of v_ll = k_e (rpm - lag d rpm/dt): k_e and its standard uncertainty, lag and its own, and R2.
 
-    The times are in blocks. Errors within a block are correlated, so the covariance is that of clustered residuals (Liang and Zeger 1986).
+    The times are in blocks. Errors within a block are correlated, so the covariance is that of clustered residuals (Liang
+    and Zeger 1986).
     """
     design = np.column_stack([rpm, -slope])
     fitted, *_ = np.linalg.lstsq(design, v_ll, rcond=None)

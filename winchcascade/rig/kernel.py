@@ -73,9 +73,9 @@ class LineMotion(NamedTuple):
 
 
 class ShaftNumbers(NamedTuple):
-    """Numbers that the solution of the shaft depends on, SI units: parts, capacitor, load, `r_motion` as in `Constants`, the
-    speed `turn` within which friction changes its sign, and the remaining share of the back-EMF constant at `ROLLOFF_KNOTS` with
-    its slopes there.
+    """Numbers that the solution of the shaft depends on, SI units: parts, capacitor, load, `r_motion` as in `Constants`,
+    the speed `turn` within which friction changes its sign, and the remaining share of the back-EMF constant at
+    `ROLLOFF_KNOTS` with its slopes there.
     """
 
     drivetrain: DrivetrainModel
@@ -295,7 +295,9 @@ def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, 
         drum_half = 0.5 * (v[n] + v[min(n + 1, len(v) - 1)]) / c.r_motion
         torque = wound = after = 0.0  # of a shaft at rest
         if omega > 0.0 or twist > 0.0 or drum_half > 0.0:
-            torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), (dt, c.turn), c.drivetrain)
+            torque, wound, after = _turned(
+                (omega, half_way, drum_half), twist, (em, brakes), (dt, c.turn), c.drivetrain
+            )
         # DC link
         faster = 0.5 * (omega + after) - half_way
         change = max(2.0 * (fills + b_h * faster / holds), -v_dc)

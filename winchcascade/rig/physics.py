@@ -141,9 +141,7 @@ def has_dry_friction(shaft: DrivetrainModel) -> bool:
 
 
 @law
-def shaft_losses(
-    omega: X, sign: X, turn: float, shaft: DrivetrainModel
-) -> tuple[tuple[X, X | float], ...]:
+def shaft_losses(omega: X, sign: X, turn: float, shaft: DrivetrainModel) -> tuple[tuple[X, X | float], ...]:
     """Torque against the fast shaft by each of `SHAFT_LOSSES` [N m], with the slope by which it is stepped [N m s/rad].
 
     Dry friction comes first: it alone may be negative, within the tolerance of a fit.

@@ -46,7 +46,8 @@ class StageOutput(msgspec.Struct, frozen=True):
 
 
 class Along(msgspec.Struct, frozen=True):
-    """The motion of a log for its stages, SI units: `motion` on even steps, its `ramp` [s], and at the stamps `x`, `v`, `a`, (n,) each.
+    """The motion of a log for its stages, SI units: `motion` on even steps, its `ramp` [s], and at the stamps `x`, `v`, `a`,
+    (n,) each.
 
     `engaged` (n,) marks the stamps at which the clutch carries torque while the line pays out.
     """

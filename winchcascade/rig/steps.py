@@ -42,10 +42,11 @@ def resolving(model: Model, motion: MotionScale, share: float = STEP) -> float:
     parts = math.ceil(rate * step / RESOLVED)
     if parts > FINEST * max(1.0, share / STEP):
         shaft, machine = model.drivetrain, model.generator
+        practical = shaft.inertia_rotor * rate * STEP * motion.ramp / RESOLVED / FINEST
         raise RigError(
             f"the model's inertia of the fast shaft is {shaft.inertia_rotor:.3g} kg.m2, which a machine of "
             f"{machine.k_e:.3g} V/rpm or the shaft spring stops within {1e3 / rate:.2g} ms; expected about "
-            f"{shaft.inertia_rotor * rate * STEP * motion.ramp / RESOLVED / FINEST:.2g} kg.m2 or more, so give the inertia_rotor of all that "
+            f"{practical:.2g} kg.m2 or more, so give the inertia_rotor of all that "
             "turns with the machine, and check k_e, r_s and k_shaft."
         )
     return step / max(parts, 1)

@@ -16,6 +16,7 @@ FIELD_COLUMNS: tuple[Column[Parameter], ...] = (
     Column("field", lambda field: field.name),
     Column("unit", lambda field: field.unit),
     Column("plausible", lambda field: f"{field.low:g} to {field.high:g}"),
+    Column("as a share of", lambda field: field.scale.replace("_", " ")),
     Column("absent", lambda field: f"{field.absent:g}"),
     Column("source", lambda field: field.source),
 )

@@ -39,7 +39,8 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ----------
     low, high : plausible range, a prior of a fit
     scale : scale of the campaign of which low, high, possible and absent are shares, as `Scales.of` reads it; empty for numbers
-        that have no dimension. Once it is applied they are in units, and `share` keeps the plausible range
+        that have no dimension
+    share : plausible range as a share of that scale once this is applied, and the other numbers are in units
     possible : outside of it, both ends included, a value has no physical meaning
     absent : value at which the effect is absent
     assumed : value of a field with a scale, in its unit, where an effect is stated without it and no campaign gives a scale
@@ -85,7 +86,7 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def limits(self) -> tuple[float, float]:
         """Limits of what has a physical meaning, in units; of a share whose scale is unknown its sign alone."""
-        if not self.scale:
+        if not self.is_share:
             return self.possible
         low, high = self.possible
         return (0.0 if low >= 0.0 else -math.inf, 0.0 if high <= 0.0 else math.inf)
@@ -93,11 +94,16 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def unstated(self) -> float:
         """Value of a field that is not given."""
-        return self.assumed if self.scale and self.assumed is not None else self.absent
+        return self.assumed if self.is_share and self.assumed is not None else self.absent
+
+    @property
+    def is_share(self) -> bool:
+        """Whether its numbers are shares of a scale that is not known yet."""
+        return bool(self.scale) and self.share is None
 
     def at(self, scales: Scales) -> Parameter:
         """The parameter with its range in units, on a rig and in a campaign of these scales."""
-        if not self.scale:
+        if not self.is_share:
             return self
         by = scales.of(self.scale)
         return msgspec.structs.replace(
@@ -106,7 +112,6 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             high=by * self.high,
             possible=(by * self.possible[0], by * self.possible[1]),
             absent=by * self.absent,
-            scale="",
             share=(self.low, self.high),
         )
 

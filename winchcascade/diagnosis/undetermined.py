@@ -1,0 +1,150 @@
+"""What some logs cannot know of a rig: directions in which its stated numbers change nothing that is logged.
+
+Without the speed of the rotor, a gear ratio that is larger by a factor, with back-EMF constant and inductance smaller by
+the same and losses and inertia by its square, gives the same logs. Such directions are the singular vectors of the
+whitened derivatives whose singular values are below 1: numbers that change by a factor e along them move the logs by
+less than one standard deviation in all.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import median_and_error
+from winchcascade.diagnosis.nuisances import SECTIONS
+from winchcascade.rig.parts import changed, in_rig_file, number_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import Effect
+
+STEP = 1e-3
+"""Relative change of a number on either side by which its derivative is taken. [1]"""
+
+UNSEEN = 1.0
+"""Standard deviations of all logs together by which a direction moves them that they do not show. [1]"""
+
+TAKES_PART = 0.05
+"""Smallest power, relative to the largest, of a number that takes part in a direction. [1]"""
+
+LEADS = 0.5
+"""A number leads a direction if it moves the logs by more than this share of what the strongest does. [1]"""
+
+ENGAGED = 0.5
+"""Share of the top speed above which the clutch is engaged and shaft and line turn together. [1]"""
+
+GEAR_KNOWN = 0.005
+"""Relative standard uncertainty of a gear ratio by logged speeds, at least: slip and encoder of the line. [1]"""
+
+GEAR = "drivetrain.gear"
+
+
+class Direction(msgspec.Struct, frozen=True):
+    """A direction that the logs do not know.
+
+    `powers` are those of the numbers of the model, by their paths, whose common factor changes nothing [1]; `leading` the ones
+    that would move the logs most by themselves.
+    """
+
+    powers: dict[str, float]
+    leading: tuple[str, ...]
+
+    @property
+    def product(self) -> tuple[str, str] | None:
+        """The two numbers of which only the product is known; None where it is another combination."""
+        if len(self.leading) != 2:
+            return None
+        first, second = (self.powers[path] for path in self.leading)
+        return (self.leading[0], self.leading[1]) if abs(first + second) < TAKES_PART * abs(first) else None
+
+    def holds(self, effect: Effect) -> bool:
+        """Whether an effect changes one of the leading numbers, alike in every run."""
+        return effect.path in self.leading and effect.over_runs is None
+
+
+def undetermined(data: Fitted) -> tuple[Direction, ...]:
+    """Directions in which the stated numbers of a rig change nothing in some logs, at the rig as its file states it.
+
+    The logs of the largest and of the smallest resistance are asked: what neither of them shows, none between them does.
+    """
+    model = data.nominal
+    paths = [
+        path
+        for section in SECTIONS
+        for path in (f"{section}.{name}" for name in in_rig_file(section))
+        if path != "generator.i_rated" and number_of(model, path) != 0.0
+    ]
+    columns = np.array([_moved(data, path) for path in paths]).T
+    ratio = measured_gear(data.rig, [log.run for log in data.logs])
+    if ratio is not None and GEAR in paths:
+        columns = np.vstack([columns, np.where(np.array(paths) == GEAR, 1.0 / ratio[1], 0.0)])
+    _, size, ways = np.linalg.svd(columns, full_matrices=False)
+    strength, found = np.linalg.norm(columns, axis=0), []
+    for way in _sparse(ways[size < UNSEEN]):
+        powers = {p: float(x) for p, x in zip(paths, way, strict=True) if abs(x) > TAKES_PART}
+        if len(powers) < 2:
+            continue
+        moves = {p: abs(x) * float(strength[paths.index(p)]) for p, x in powers.items()}
+        strongest = max(moves.values())
+        leading = tuple(p for p in powers if moves[p] > LEADS * strongest)
+        found.append(Direction({p: x / powers[leading[0]] for p, x in powers.items()}, leading))
+    return tuple(found)
+
+
+def _moved(data: Fitted, path: str) -> Signal:
+    """What a number moves in two logs over their noise, for each relative change of it, (n,). [1]"""
+    taking = [log for k, log in enumerate(data.logs) if k not in data.withheld]
+    by_load = sorted(taking, key=lambda log: log.load)
+    rows = []
+    for log in (*by_load[:1], *by_load[1:][-1:]):
+        up, down = (log.course.predict(changed(data.nominal, path, "scale", by)) for by in (STEP, -STEP))
+        z = (up - down) / (2.0 * STEP) / log.noise.logged
+        rows.append(np.where(log.noise.seen & np.isfinite(z), z, 0.0).ravel())
+    return np.concatenate(rows)
+
+
+def _sparse(ways: Signal) -> Signal:
+    """A basis of the space of some directions, (k, n), of which each has few numbers: the largest one is 1 in it alone."""
+    left = ways.copy()
+    for row in range(len(left)):
+        rest = np.abs(left[row:])
+        pivot, column = np.unravel_index(int(np.argmax(rest)), rest.shape)
+        left[[row, row + int(pivot)]] = left[[row + int(pivot), row]]
+        left[row] /= left[row, column]
+        others = [k for k in range(len(left)) if k != row]
+        left[others] -= np.outer(left[others, column], left[row])
+    return np.asarray(left)
+
+
+def measured_gear(rig: Rig, runs: Sequence[Run]) -> tuple[float, float] | None:
+    """Gear ratio over the stated one by the logged speed of the generator, and its relative standard uncertainty. [1]
+
+    None where no log has it. The logged motion is that of the drum while the clutch is engaged.
+    """
+    column, radius = rig.columns.get("speed"), rig.r_drum
+    if column is None or column.side != "generator" or radius is None:
+        return None
+    ratios = []
+    for run in runs:
+        if {"speed", "velocity"} <= run.channels.keys():
+            v = run.channels["velocity"]
+            engaged = v > ENGAGED * float(np.max(v))
+            ratios.append(run.channels["speed"][engaged] * radius / v[engaged])
+    if not ratios:
+        return None
+    ratio, u = median_and_error(np.concatenate(ratios))
+    return ratio, max(u / ratio, GEAR_KNOWN)
+
+
+def alike(directions: Sequence[Direction], suspects: Suspects) -> tuple[frozenset[str], ...]:
+    """Suspects of each direction, by name: the logs know what they change only together."""
+    sets = (frozenset(n for n, e in suspects.items() if one.holds(e)) for one in directions)
+    return tuple(several for several in sets if len(several) > 1)
