@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Mask, Run, Signal
+    from winchcascade.diagnosis.block_means import Blocks
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.rig.parts import Model
 
@@ -153,11 +154,12 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
     spread : (m, 5, courses) standard deviation of the discrepancy of the model in its blocks, SI units
     """
     log, model = data.logs[number], data.nominal
-    run, course = log.run, log.course
+    course, (run, blocks) = log.course, _thinned(log)
     numbers = constants(model, course.load, course.coarse.rest)
     path = along(run, course.coarse, course.scale.ramp, course.shaft(numbers)[0])
-    simulated = zip(CHANNELS, course.at_stamps(course.on_grid(model)).T, strict=True)
-    made = msgspec.structs.replace(run, channels={**run.channels, **dict(simulated)})
+    grid = zip(CHANNELS, course.on_grid(model).T, strict=True)
+    simulated = {name: np.interp(run.t, course.coarse.t, x) for name, x in grid}
+    made = msgspec.structs.replace(run, channels={**run.channels, **simulated})
     of_the_laws, gaps = _gaps(made, model, path), _gaps(run, model, path)
     changes: dict[Nuisance, dict[str, Signal]] = {}
     for j, n in enumerate(data.nuisances):
@@ -171,8 +173,31 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
             gap = gaps[output.stage] - of_the_laws[output.stage]
             own = {n: by[output.stage] - gaps[output.stage] for n, by in changes.items()}
             of_model = spread[:, CHANNELS.index(output.channel)]
-            found += _places(data, number, output, gap, own, of_model)
+            placed = _places(run, blocks, output, gap, own, of_model)
+            found += [msgspec.structs.replace(one, log=number) for one in placed]
     return found
+
+
+SAMPLES = 20.0
+"""Samples of a ramp with which stages are compared: more of them in a block tell no more of its mean. [1]"""
+
+
+def _thinned(log: Log) -> tuple[Run, Blocks]:
+    """A log and its blocks with means over so many samples that `SAMPLES` of a ramp remain; a coarse log as it is."""
+    run, blocks = log.run, log.course.blocks
+    every = int(run.fs * log.course.scale.ramp / SAMPLES)
+    if every < 2:
+        return run, blocks
+    whole = run.t.size // every * every
+
+    def mean(x: Signal) -> Signal:
+        return np.asarray(x[:whole].reshape(-1, every).mean(axis=1))
+
+    channels = {name: mean(x) for name, x in run.channels.items()}
+    thinned = msgspec.structs.replace(run, t=mean(run.t), channels=channels, fs=run.fs / every, gaps={})
+    start = np.minimum(-(-blocks.start // every), whole // every - 1)
+    stop = np.clip(blocks.stop // every, start + 1, None)
+    return thinned, msgspec.structs.replace(blocks, start=start, stop=stop)
 
 
 def _gaps(run: Run, model: Model, path: Along) -> dict[str, Signal]:
@@ -195,7 +220,12 @@ def _misread(run: Run, n: Nuisance) -> Run:
 
 
 def _places(
-    data: Fitted, number: int, output: StageOutput, gap: Signal, changes: Mapping[Nuisance, Signal], of_model: Signal
+    run: Run,
+    blocks: Blocks,
+    output: StageOutput,
+    gap: Signal,
+    changes: Mapping[Nuisance, Signal],
+    of_model: Signal,
 ) -> Iterator[Place]:
     """Weigh a stage in every phase of a log in which it predicts anything.
 
@@ -205,7 +235,6 @@ def _places(
     changes : what one standard uncertainty of each nuisance moves, (n,)
     of_model : (m, courses) standard deviation of the discrepancy of the model
     """
-    log, blocks = data.logs[number], data.logs[number].course.blocks
     share = blocks.mean(np.isfinite(gap).astype(np.float64))
 
     def mean(x: Signal) -> Signal:
@@ -218,25 +247,23 @@ def _places(
             continue
         zeros = [float(np.mean(x[here])) for n, x in moved.items() if n.kind == "zero"]
         others = np.column_stack([of_model[here], *(x[here] for n, x in moved.items() if n.kind != "zero")])
-        noise = _noise(log, output, here, residual)
+        noise = _noise(run, blocks, output, here, residual)
         yield msgspec.structs.replace(
             weigh(residual[here], blocks.cycle[here], noise, math.hypot(*zeros), others),
             stage=output.stage,
             channel=output.channel,
             inputs=output.inputs,
             phase=name,
-            log=number,
-            load=log.run.load,
+            load=run.load,
         )
 
 
-def _noise(log: Log, output: StageOutput, here: Mask, residual: Signal) -> Signal:
+def _noise(run: Run, blocks: Blocks, output: StageOutput, here: Mask, residual: Signal) -> Signal:
     """Standard deviation of the mean of each block in one phase, (k,) for the k blocks that are `here`.
 
     The scatter from block to block, of output and inputs alike; at least the white noise of the sensor of the output, and in a
     log without noise `NOISELESS`.
     """
-    run, blocks = log.run, log.course.blocks
     white = white_noise(run.channels[output.channel]) / np.sqrt(blocks.count[here])
     minimum = NOISELESS * float(np.nanmax(np.abs(output.predicted))) if run.simulated else 0.0
     return np.maximum(np.fmax(white, scatter_about_course(blocks, residual, here)), minimum)
