@@ -59,7 +59,7 @@ def causes_of(data: Fitted, found: Found) -> tuple[NamedCause, ...]:
     best, suspects = found.best, found.problem.suspects
     without = {name: found.fit(tuple(n for n in best.names if n != name)) for name in best.names}
     swapped = {name: _look_alikes(data, found, name, without[name]) for name in best.names}
-    chance, posterior = probabilities(found.fits, found.evidence), posterior_of(found, best)
+    chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
     causes = [
         NamedCause(
             effect=name,
@@ -215,7 +215,7 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
         elif other in confused or (other in same and lost < UNCONFUSED * (without.loss - best.loss)):
             by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
-    several = [fit for fit in found.fits.values() if len(fit.names) == len(best.names) and name not in fit.names]
+    several = [fit for fit in found.sets().values() if len(fit.names) == len(best.names) and name not in fit.names]
     several = [fit for fit in several if len(set(fit.names) - set(best.names)) > 1]
     alike += [LookAlike(fit, evidence.of(best) - evidence.of(fit)) for fit in several]
     return sorted((one for one in alike if one.short <= AS_GOOD), key=lambda one: one.short)

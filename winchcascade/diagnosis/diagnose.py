@@ -37,7 +37,7 @@ from winchcascade.diagnosis.nuisances import before_calibration
 from winchcascade.diagnosis.phase_energies import energies_of
 from winchcascade.diagnosis.planning import plan_run
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import Found, expand, search, start_of
+from winchcascade.diagnosis.search import Found, gone_on, search
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
 from winchcascade.diagnosis.validation import Validated, validation_of
@@ -144,7 +144,7 @@ def diagnose(
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
-        sets=probabilities(found.fits, found.evidence),
+        sets=probabilities(found.sets(), found.evidence),
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(found),
     )
@@ -162,9 +162,8 @@ def without_imitators(data: Fitted, found: Found) -> Found:
         fewer = found.fit(tuple(n for n in best.names if n != name))
         lost = share_closed(data, suspects, best) - share_closed(data, suspects, fewer)
         if lost < DISPENSABLE and not alarms_of(data, suspects, fewer):
-            kept, expansion = expand(found.problem, found.marginal, fewer.names, start_of(fewer), found.scale)
-            fits = {names: fit for names, fit in found.fits.items() if name not in names} | {kept.names: kept}
-            return without_imitators(data, Found(kept, found.null, fits, expansion, found.marginal))
+            left = msgspec.structs.replace(found, imitators=found.imitators | {name})
+            return without_imitators(data, gone_on(left))
     return found
 
 
@@ -309,7 +308,7 @@ def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
     data, suspects, found = result.data, result.suspects, result.found
     best, evidence = found.best, found.evidence
     near = [
-        fit for names, fit in found.fits.items() if len(names) == len(best.names) + 1 and set(best.names) < set(names)
+        fit for names, fit in found.sets().items() if len(names) == len(best.names) + 1 and set(best.names) < set(names)
     ]
     gains = {fit.names: evidence.of(fit) - evidence.of(best) for fit in near}
     hints = []
