@@ -610,23 +610,41 @@ def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
 
 
 def covariance_of(found: Found, fit: Fit, columns: Signal) -> Signal:
-    """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included; 0 for those at a bound.
+    """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included.
 
-    The variance of a field is at least that by the scatter of the groups of residuals, as in `grown`.
+    A field at a bound may lie away from it on one side, as far as the normal that is cut off there reaches, and the others follow
+    it. The variance of a field within its bounds is at least that by the scatter of the groups of residuals, as in `grown`.
 
     Parameters
     ----------
     columns : (n, k) derivative of the residuals over the fields, nuisances integrated out
     """
-    inside, covariance = np.flatnonzero(inside_of(fit)), np.zeros((fit.x.size, fit.x.size))
-    if inside.size:
-        own = columns[:, inside]
-        weighted = own * weights(fit.r)[:, None]
-        information = weighted.T @ own / found.scale + np.diag(fit.free.sd[inside] ** -2.0)
-        inverse = np.linalg.inv(information).astype(np.float64)
-        by = np.sqrt([grown(found, own, fit.r, inverse, way) for way in np.eye(inside.size)])
-        covariance[np.ix_(inside, inside)] = inverse * np.outer(by, by)
+    weighted = columns * weights(fit.r)[:, None]
+    curve = weighted.T @ columns / found.scale + np.diag(fit.free.sd**-2.0)
+    pull = weighted.T @ fit.r / found.scale + (fit.x - fit.free.absent) / fit.free.sd**2
+    inside, at = np.flatnonzero(inside_of(fit)), np.flatnonzero(~inside_of(fit))
+    inverse = np.linalg.inv(curve[np.ix_(inside, inside)]).astype(np.float64)
+    by = np.sqrt([grown(found, columns[:, inside], fit.r, inverse, way) for way in np.eye(inside.size)])
+    covariance = np.zeros_like(curve)
+    covariance[np.ix_(inside, inside)] = inverse * np.outer(by, by)
+    for k in at.tolist():
+        way = np.zeros(fit.x.size)
+        way[k], way[inside] = 1.0, -inverse @ curve[inside, k]
+        spread = float(way @ curve @ way) ** -0.5
+        covariance += (spread**2 * square_beyond(abs(float(pull[k])) * spread)) * np.outer(way, way)
     return covariance
+
+
+def square_beyond(pull: float) -> float:
+    """Mean square of what a unit normal, the maximum of which lies `pull` below 0, has above 0. [1]
+
+    >>> square_beyond(0.0)
+    1.0
+    """
+    from scipy.special import log_ndtr
+
+    hazard = math.exp(-0.5 * pull**2 - float(log_ndtr(-pull))) / math.sqrt(2.0 * math.pi)
+    return max(1.0 - pull * hazard + pull**2, 0.0)
 
 
 def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Signal) -> float:
