@@ -210,7 +210,7 @@ def test_a_minimum_within_bounds_is_no_higher_than_any_place_near_it(seed: int) 
 def test_the_interval_at_a_limit_holds_95_percent_of_a_normal_that_is_cut_off(push: float) -> None:
     effect, one = EFFECTS["gear_mesh_loss"], np.array([[4e4]])
     free = freedom(effect)
-    fit = Fit(("a",), {"a": slice(0, 1)}, free.minimum, 0.0, one[0], one, free, one[0], one[0], one[0])
+    fit = Fit(("a",), {"a": slice(0, 1)}, free.minimum, 0.0, one[0], one, one[0], free, one[0], one[0], one[0])
     slope = np.array([-push * math.sqrt(one[0, 0])])
     number = parameters_of(Posterior(fit, np.zeros((1, 1)), one, slope), effect, "a")[effect.parameter]
     expected = -math.log(0.05) / 300.0 if push == 300.0 else float(truncnorm(push, math.inf).isf(0.05)) - push

@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.verdict_limits import CANCELLED, CANCELLED_SHARE, WITHIN
+from winchcascade.diagnosis.verdict_limits import CANCELLED, CANCELLED_SHARE, LIKELY, WITHIN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -33,6 +33,12 @@ def drifts(causes: Iterable[NamedCause]) -> list[Alarm]:
         if any(number.beyond_range or number.at_limit for number in cause.parameters.values()):
             found.append(Alarm("range", Spot(effects=(cause.effect,)), 1.0, 0.0))
     return found
+
+
+def improbable(causes: Iterable[NamedCause]) -> list[Alarm]:
+    """Causes in place of which others are more likely."""
+    unlikely = [cause for cause in causes if cause.probability < LIKELY]
+    return [Alarm("improbable", Spot(effects=(one.effect,)), 1.0 - one.probability, 1.0 - LIKELY) for one in unlikely]
 
 
 def moved_by(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, Signal]:

@@ -44,6 +44,11 @@ ONE_SIDED = 1.645
 """Standard deviations on the open side of a one-sided 95 % interval."""
 
 
+OPEN_SHARE = 1.0 / (1.0 + 0.25)
+"""Share of the variance of its prior above which a number is not determined: the data tell of it less than a quarter of what was
+known before. [1]"""
+
+
 class LookAlike(NamedTuple):
     """A set with other suspects in place of a cause: its fit, and by how much evidence it falls short of the best [nats]."""
 
@@ -56,10 +61,9 @@ def causes_of(data: Fitted, found: Found) -> tuple[NamedCause, ...]:
 
     The posterior of a cause is no larger than its look-alikes leave: a prior or the exact form of a law must not hide them.
     """
-    best, suspects = found.best, found.problem.suspects
-    without = {name: found.fit(tuple(n for n in best.names if n != name)) for name in best.names}
-    swapped = {name: _look_alikes(data, found, name, without[name]) for name in best.names}
-    chance, posterior = probabilities(found.fits, found.evidence), posterior_of(found, best)
+    best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(data, found)
+    without = {name: _without(found, name) for name in best.names}
+    chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
     causes = [
         NamedCause(
             effect=name,
@@ -75,6 +79,16 @@ def causes_of(data: Fitted, found: Found) -> tuple[NamedCause, ...]:
         for name in best.names
     ]
     return tuple(sorted(causes, key=lambda cause: (cause.stage != ENTRIES, -cause.weight)))
+
+
+def look_alikes_of(data: Fitted, found: Found) -> dict[str, list[LookAlike]]:
+    """Look-alikes of each cause of the best set, best first; fits that they need are kept."""
+    return {name: _look_alikes(data, found, name, _without(found, name)) for name in found.best.names}
+
+
+def _without(found: Found, name: str) -> Fit:
+    """The fit of the best set without one cause."""
+    return found.fit(tuple(n for n in found.best.names if n != name))
 
 
 def _weight(one: LookAlike) -> float:
@@ -137,9 +151,9 @@ def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, 
 
 
 def _interval(posterior: Posterior, own: slice, gradient: Signal, number: tuple[float, float], unit: str) -> Reported:
-    """A number that follows from the fields of a cause, with its 95 % interval.
+    """A number that follows from the fields of a cause, with its 95 % interval, which is infinite where the data tell little of it.
 
-    A field at a bound counts as known, unless the number follows from it alone: its interval is then one-sided.
+    One that follows from a field at a bound alone has a one-sided interval.
 
     Parameters
     ----------
@@ -148,17 +162,19 @@ def _interval(posterior: Posterior, own: slice, gradient: Signal, number: tuple[
     """
     (value, law), fit = number, posterior.fit
     free, x = fit.free.some(range(own.start, own.stop)), fit.x[own]
-    used = np.flatnonzero(gradient)
+    used, variance = np.flatnonzero(gradient), float(gradient @ posterior.covariance[own, own] @ gradient)
     margin = 1e-9 * (free.high - free.low)
     at = (x >= free.maximum - margin) * 1 - (x <= free.minimum + margin) * 1
     at = np.where(np.abs(x - free.absent) <= margin, 0, at)
+    beyond = bool(np.any(((x > free.high) | (x < free.low)) & (gradient != 0.0)))
+    if variance > OPEN_SHARE * float(np.sum((gradient * free.sd) ** 2)):
+        return Reported(value, -math.inf, math.inf, unit, beyond_range=beyond)
     if used.size == 1 and at[used[0]]:
         slope = float(gradient[used[0]])
         away = math.hypot(abs(slope) * _one_sided(posterior, own.start + int(used[0])), ONE_SIDED / COVERED * law)
         upper = bool(at[used[0]] * slope > 0.0)
         return Reported(value, value - away * upper, value + away * (not upper), unit, "high" if upper else "low")
-    u = COVERED * math.sqrt(max(float(gradient @ posterior.covariance[own, own] @ gradient), 0.0) + law**2)
-    beyond = bool(np.any(((x > free.high) | (x < free.low)) & (gradient != 0.0)))
+    u = COVERED * math.sqrt(max(variance, 0.0) + law**2)
     return Reported(value, value - u, value + u, unit, beyond_range=beyond)
 
 
@@ -215,7 +231,7 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
         elif other in confused or (other in same and lost < UNCONFUSED * (without.loss - best.loss)):
             by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
-    several = [fit for fit in found.fits.values() if len(fit.names) == len(best.names) and name not in fit.names]
+    several = [fit for fit in found.sets().values() if len(fit.names) == len(best.names) and name not in fit.names]
     several = [fit for fit in several if len(set(fit.names) - set(best.names)) > 1]
     alike += [LookAlike(fit, evidence.of(best) - evidence.of(fit)) for fit in several]
     return sorted((one for one in alike if one.short <= AS_GOOD), key=lambda one: one.short)

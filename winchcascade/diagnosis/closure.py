@@ -13,17 +13,29 @@ from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_abo
 from winchcascade.diagnosis.block_noise import MIN_BLOCKS, unsteadiness_of
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.gap_map import without_zeros
+from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, RigProblem, log_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.search import Fit, Found, fit_set, start_of
-from winchcascade.diagnosis.verdict_limits import MIN_EXCESS, PULLED, REACH, RESTLESS, ROUGH, UNSTEADY, WORSE
+from winchcascade.diagnosis.search import Fit, Found, fit_set, located, minimum_within, start_of
+from winchcascade.diagnosis.suspects import places_of
+from winchcascade.diagnosis.verdict_limits import (
+    DISPENSABLE,
+    MIN_EXCESS,
+    PULLED,
+    REACH,
+    RESTLESS,
+    ROUGH,
+    UNSTEADY,
+    WORSE,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
@@ -56,7 +68,74 @@ def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> Mod
     found : the best fit of which has the causes; where it already lacks the withheld logs it serves as it is
     withheld : numbers of logs; of those that take part in the fit the logs of each load are left out in turn
     """
-    best, suspects = found.best, found.problem.suspects
+
+    def without(rows: Signal, names: Names) -> Fit:
+        problem, marginal = RigProblem(data, found.problem.suspects, rows), found.marginal.masked(rows)
+        columns = marginal(_moved(found, names) * rows[:, None])
+        return fit_set(problem, marginal, names, start_of(found.best), columns, centred=True)
+
+    return _closed(data, found.best, found.problem.suspects, withheld, seed, without)
+
+
+def foreseen_closure(data: Fitted, found: Found, fit: Fit, seed: int) -> ModelClosure:
+    """What `close` would give for any fit of a search, where each fit without some logs is foreseen in closed form.
+
+    Only logs that take part are left out: those that are withheld must not help to choose.
+    """
+    at = located(found.problem, found.marginal, fit.names, fit.x)
+
+    def without(rows: Signal, names: Names) -> Fit:
+        own = [k for name in names for k in range(at.x.size)[at.place[name]]]
+        marginal, moved, free = found.marginal.masked(rows), _moved(found, names), at.free.some(own)
+        columns, r, x = marginal(moved * rows[:, None]), marginal(at.given * rows), at.x[own]
+        weighted = columns * weights(r)[:, None]
+        curve = weighted.T @ columns + np.diag(free.sd**-2.0)
+        step = minimum_within(curve, -weighted.T @ r, free.minimum - x, free.maximum - x)
+        nu, _ = marginal.best((at.given + moved @ step) * rows)
+        return msgspec.structs.replace(
+            at, names=names, place=places_of(found.problem.suspects, names), x=x + step, nu=nu
+        )
+
+    return _closed(data, at, found.problem.suspects, judging(data), seed, without)
+
+
+def judging(data: Fitted) -> list[int]:
+    """Numbers of the logs that are left out in turn, of those that take part in a fit: all with a load, or all without any."""
+    taking = [k for k in range(len(data.logs)) if k not in data.withheld]
+    return [k for k in taking if math.isfinite(data.logs[k].load)] or taking
+
+
+def closes_more(data: Fitted, one: ModelClosure, other: ModelClosure, seed: int) -> bool:
+    """Whether a set closes more of the gap on the same held-out logs than another, beyond what another choice of cycles changes
+    with a probability of 95 %.
+    """
+    gained = one.share - other.share
+    if gained < DISPENSABLE:
+        return False
+    draws = [np.array(_draws(data, each, seed)) for each in (one, other)]
+    return bool(np.quantile(draws[0] - draws[1], 0.025) > 0.0)
+
+
+def _moved(found: Found, names: Names) -> Signal:
+    """Derivative of the residuals over the fields of some suspects, nuisances not integrated out, (n, k)."""
+    return found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
+
+
+def _closed(
+    data: Fitted,
+    best: Fit,
+    suspects: Suspects,
+    withheld: Sequence[int],
+    seed: int,
+    without: Callable[[Signal, Names], Fit],
+) -> ModelClosure:
+    """Predict each withheld log, or a part of it, from a fit without it.
+
+    Parameters
+    ----------
+    best : the fit to all logs that take part
+    without : fit of some suspects, the numbers of which are near those of `best`, to residuals with some weights (M * 5,)
+    """
     predictions: dict[int, Fit] = {}
     after = np.full_like(data.measured, math.nan)
     for held in left_out(data, withheld):
@@ -69,11 +148,7 @@ def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> Mod
             acting = dict(zip(best.names, best.effects(suspects), strict=True))
             # a wrong entry of a log shows in this log alone
             known = [one for one in acting.values() if log_of(one) in here]
-            names = tuple(name for name, one in acting.items() if one not in known)
-            problem, marginal = RigProblem(data, suspects, rows.ravel()), found.marginal.masked(rows.ravel())
-            columns = found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
-            columns = marginal(columns * rows.reshape(-1, 1))
-            fit = fit_set(problem, marginal, names, start_of(best), columns, centred=True)
+            fit = without(rows.ravel(), tuple(name for name, one in acting.items() if one not in known))
         predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
         own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
         counted = np.isin(own, held)
@@ -81,8 +156,12 @@ def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> Mod
         predictions |= dict.fromkeys(here, fit)
     seen = np.isfinite(after)
     after = np.where(seen, without_zeros(data, np.where(seen, after, 0.0)), math.nan)
-    before = without_zeros(data, data.measured - data.predict(np.zeros(len(data.nuisances)), []))
-    return closure_between(data, before, after, predictions, seed)
+    return closure_between(data, _before(data), after, predictions, seed)
+
+
+def _before(data: Fitted) -> Signal:
+    """Measured minus predicted blocks of the model of the rig file, zeros taken off, (M, 5)."""
+    return without_zeros(data, data.measured - data.predict(np.zeros(len(data.nuisances)), []))
 
 
 def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
@@ -140,13 +219,8 @@ def closure_between(
     predictions : fits by number of the withheld log
     """
     withheld = sorted(predictions)
-    squares, by_log = _each_squared(data, before, after), _squares(data, before, after, withheld)
-    by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
-    share, rng = _share(by_log), np.random.default_rng(seed)
-    draws = [
-        _share(np.concatenate([cells[rng.integers(len(cells), size=len(cells))] for cells in by_cycle]))
-        for _ in range(DRAWS)
-    ]
+    by_log = _squares(data, before, after, withheld)
+    share, draws = _share(by_log), _resampled(data, _each_squared(data, before, after), withheld, seed)
     low, high = np.clip(np.quantile(draws, (0.025, 0.975)), -1.0, 1.0).tolist()
     total = by_log.sum(axis=0)
     return ModelClosure(
@@ -162,6 +236,26 @@ def closure_between(
         residual=after,
         predictions=predictions,
     )
+
+
+def _draws(data: Fitted, closure: ModelClosure, seed: int) -> list[float]:
+    """Share that a closure would have with other choices of the cycles of its logs, alike for all closures of these logs."""
+    return _resampled(data, _each_squared(data, _before(data), closure.residual), closure.withheld, seed)
+
+
+def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int) -> list[float]:
+    """Share that is closed with `DRAWS` choices of the cycles of some logs.
+
+    Parameters
+    ----------
+    squares : (M, 4, 5) as `_each_squared` gives them
+    """
+    rng = np.random.default_rng(seed)
+    by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
+    return [
+        _share(np.concatenate([cells[rng.integers(len(cells), size=len(cells))] for cells in by_cycle]))
+        for _ in range(DRAWS)
+    ]
 
 
 def _each_squared(data: Fitted, before: Signal, after: Signal) -> Signal:

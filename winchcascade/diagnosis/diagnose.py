@@ -10,10 +10,20 @@ import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import linear_algebra_on_one_thread
-from winchcascade.diagnosis.adequacy import cancelling, drifts, left_over, moved_by, unbalanced
+from winchcascade.diagnosis.adequacy import cancelling, drifts, improbable, left_over, moved_by, unbalanced
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.causes import causes_of, parameters_of, posterior_of, probabilities
-from winchcascade.diagnosis.closure import ModelClosure, alarms_of, by_cycles, close, made_worse, share_closed
+from winchcascade.diagnosis.causes import causes_of, look_alikes_of, parameters_of, posterior_of, probabilities
+from winchcascade.diagnosis.closure import (
+    ModelClosure,
+    alarms_of,
+    by_cycles,
+    close,
+    closes_more,
+    foreseen_closure,
+    judging,
+    made_worse,
+    share_closed,
+)
 from winchcascade.diagnosis.contributions import by_cost, contributions_of, efficiency_changes, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
@@ -27,6 +37,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     OwnSimulation,
     Place,
     Remainder,
+    SingleEffect,
     StageEnergy,
     Verdict,
 )
@@ -37,7 +48,7 @@ from winchcascade.diagnosis.nuisances import before_calibration
 from winchcascade.diagnosis.phase_energies import energies_of
 from winchcascade.diagnosis.planning import plan_run
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import Found, expand, search, start_of
+from winchcascade.diagnosis.search import Found, gone_on, search, weighing
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
 from winchcascade.diagnosis.validation import Validated, validation_of
@@ -49,8 +60,13 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
+
+
+RESUMED = 4
+"""Maximum number of times that a search goes on from what its conclusion finds."""
 
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
@@ -61,7 +77,8 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
     those of its phases, `validation` compares each metric of each run with the model, and `cancelling` are causes that cancel
     each other. `thresholds` are how large each effect would have
-    to be to be named, where none is, and `not_visible` those that these logs would not show at any plausible size.
+    to be to be named, where none is, and `not_visible` those that these logs would not show at any plausible size. `singles` are
+    the effects that alone have the most evidence.
     """
 
     data: Fitted
@@ -77,6 +94,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     validation: tuple[Validated, ...] = ()
     thresholds: tuple[Threshold, ...] = ()
     not_visible: Names = ()
+    singles: tuple[SingleEffect, ...] = ()
 
     @property
     def missing_channels(self) -> list[str]:
@@ -129,7 +147,7 @@ def diagnose(
             "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
             "[columns]."
         )
-    found = without_imitators(data, search(RigProblem(data, suspects), on_progress))
+    found = concluded(data, search(RigProblem(data, suspects), on_progress), seed, on_progress)
     nothing = np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
     as_found = ModelDiagnosis(
@@ -145,11 +163,47 @@ def diagnose(
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
-        sets=probabilities(found.fits, found.evidence),
+        sets=probabilities(found.sets(), found.evidence),
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(found),
+        singles=_singles(data, found, seed),
     )
     return _judged(_with_causes(as_found, windows, on_progress), on_progress)
+
+
+def concluded(data: Fitted, found: Found, seed: int, on_progress: Callable[[str], None] = lambda _: None) -> Found:
+    """A search at its end: without imitators, no smaller set predicts held-out logs better, and no look-alike of a cause that was
+    fitted has more evidence. Where one has, the search goes on from there.
+    """
+    for _ in range(RESUMED):
+        found = _predicting_best(data, without_imitators(data, found), seed)
+        look_alikes_of(data, found)
+        further = gone_on(found, on_progress)
+        if further.best.names == found.best.names:
+            break
+        found = further
+    return found
+
+
+def _predicting_best(data: Fitted, found: Found, seed: int) -> Found:
+    """A search without a best set of several causes of which fewer, or another effect alone, predict held-out logs better."""
+    best = found.best
+    if len(best.names) < 2:
+        return found
+    own = foreseen_closure(data, found, best, seed)
+    fewer = [found.fit(tuple(n for n in best.names if n != name)) for name in best.names]
+    tried = {fit.names: fit for fit in (*fewer, *found.singles()) if found.allowed(fit.names)}
+    closures = {names: foreseen_closure(data, found, fit, seed) for names, fit in tried.items()}
+    names = max(closures, key=lambda names: closures[names].share, default=best.names)
+    if names == best.names or not closes_more(data, closures[names], own, seed):
+        return found
+    worth = weighing(found).worth
+    larger = {
+        other for other, fit in found.fits.items() if len(other) > len(names) and worth(fit) > worth(tried[names])
+    }
+    smaller = msgspec.structs.replace(found, rejected=found.rejected | larger)
+    smaller.about(tried[names])
+    return _predicting_best(data, smaller.led_by(names), seed)
 
 
 def without_imitators(data: Fitted, found: Found) -> Found:
@@ -163,10 +217,21 @@ def without_imitators(data: Fitted, found: Found) -> Found:
         fewer = found.fit(tuple(n for n in best.names if n != name))
         lost = share_closed(data, suspects, best) - share_closed(data, suspects, fewer)
         if lost < DISPENSABLE and not alarms_of(data, suspects, fewer):
-            kept, expansion = expand(found.problem, found.marginal, fewer.names, start_of(fewer), found.scale)
-            fits = {names: fit for names, fit in found.fits.items() if name not in names} | {kept.names: kept}
-            return without_imitators(data, Found(kept, found.null, fits, expansion, found.marginal))
+            left = msgspec.structs.replace(found, imitators=found.imitators | {name})
+            return without_imitators(data, gone_on(left))
     return found
+
+
+def _singles(data: Fitted, found: Found, seed: int) -> tuple[SingleEffect, ...]:
+    """The effects that alone have the most evidence, best first."""
+    evidence = weighing(found).of
+
+    def share(fit: Fit) -> float:
+        return foreseen_closure(data, found, fit, seed).share if found.best.names else math.nan
+
+    return tuple(
+        SingleEffect(fit.names[0], evidence(fit) - evidence(found.best), share(fit)) for fit in found.singles()
+    )
 
 
 def _with_causes(
@@ -184,8 +249,7 @@ def _with_causes(
             validation=validation_of(data, found, {}, inputs, windows),
         )
     on_progress("predicting withheld runs")
-    loaded = [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
-    left_out = sorted(data.withheld) or loaded or range(len(data.logs))
+    left_out = sorted(data.withheld) or judging(data)
     closure = close(data, found, left_out, result.seed)
     on_progress("looking for alternative explanations")
     fitted = with_stability(data, found, causes_of(data, found))
@@ -220,6 +284,7 @@ def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> Model
     signs = [
         *residual,
         *drifts(result.fitted),
+        *improbable(result.causes),
         *result.cancelling,
         *(made_worse(closure) if closure is not None else []),
         *unbalanced(result.energies),
@@ -310,7 +375,7 @@ def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
     data, suspects, found = result.data, result.suspects, result.found
     best, evidence = found.best, found.evidence
     near = [
-        fit for names, fit in found.fits.items() if len(names) == len(best.names) + 1 and set(best.names) < set(names)
+        fit for names, fit in found.sets().items() if len(names) == len(best.names) + 1 and set(best.names) < set(names)
     ]
     gains = {fit.names: evidence.of(fit) - evidence.of(best) for fit in near}
     hints = []

@@ -97,7 +97,7 @@ class Reported(msgspec.Struct, frozen=True):
     """A number with its 95 % interval, which includes the tolerance of what the effect changes.
 
     One that the data push against an end of its range is `at_limit`, with a one-sided interval; one beyond what is plausible,
-    but within what is possible, is `beyond_range`.
+    but within what is possible, is `beyond_range`. The interval of one that the data do not determine is infinite.
     """
 
     value: float
@@ -106,6 +106,11 @@ class Reported(msgspec.Struct, frozen=True):
     unit: str
     at_limit: Literal["low", "high"] | None = None
     beyond_range: bool = False
+
+    @property
+    def determined(self) -> bool:
+        """Whether the data tell more of it than was known before."""
+        return math.isfinite(self.low) and math.isfinite(self.high)
 
 
 class Alternative(msgspec.Struct, frozen=True):
@@ -171,6 +176,16 @@ class NamedCause(msgspec.Struct, frozen=True):
     def rivals(self) -> tuple[Alternative, ...]:
         """The first of its look-alikes, at most `RIVALS`."""
         return self.look_alikes[:RIVALS]
+
+
+class SingleEffect(msgspec.Struct, frozen=True):
+    """An effect alone: its evidence relative to that of the best set [nats], and the share of the gap that it closes on held-out
+    logs, NaN without a gap.
+    """
+
+    effect: str
+    evidence: float
+    closure: float = math.nan
 
 
 class LargestChange(msgspec.Struct, frozen=True):
@@ -275,7 +290,7 @@ class Alarm(msgspec.Struct, frozen=True):
     """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
 
     kind: Literal[
-        "structure", "scatter", "ripple", "nuisance", "drift", "range", "cancelling", "worse", "energy", "residual"
+        "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy", "residual"
     ]  # fmt: skip
     about: Spot | Nuisance
     size: float

@@ -65,6 +65,11 @@ class Columns(NamedTuple):
         across = self.local.T @ self.dense
         return np.block([[self.dense.T @ self.dense, across.T], [across, (self.local.T @ self.local).toarray()]])
 
+    def usable(self) -> Columns:
+        """The columns without those of nuisances with which nothing can be simulated: they move nothing."""
+        fine = np.all(np.abs(self.dense) < WILD, axis=0)
+        return self if fine.all() else Columns(np.where(fine, self.dense, 0.0), self.local)
+
     def masked(self, rows: Signal) -> Columns:
         """The columns with each row times a weight, (n,)."""
         return Columns(self.dense * rows[:, None], self.local.multiply(rows[:, None]).tocsr())
@@ -109,6 +114,7 @@ class Marginal:
     """
 
     def __init__(self, place: Signal, columns: Columns) -> None:
+        columns = columns.usable()
         self.place, self.columns, self._moved = place, columns, columns @ place
         square, ways = np.linalg.eigh(columns.squared())
         keep = square > IDLE * max(float(square[-1]), 1e-300) if square.size else np.zeros(0, dtype=bool)

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.marginal import Marginal, Problem, huber, weights
+from winchcascade.diagnosis.marginal import WILD, Marginal, Problem, huber, weights
 from winchcascade.diagnosis.suspects import Freedom, freedom, places_of, varied, with_values
 from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
@@ -51,13 +53,25 @@ MUCH_LOWER = 0.7
 FEW = 10
 """Minimum number of groups of residuals for an estimate of their scatter."""
 
+SINGLES = 3
+"""Number of the single suspects with the most evidence from which the search starts too."""
+
+NEARLY = 0.1
+"""Share of the evidence that a set lacks to the best one that the closed form about it may be wrong by. [1]"""
+
+ROUNDING = 1e-12
+"""Share of the diagonal of a matrix that its rounding may take."""
+
+GUESSES = 8
+"""Maximum number of guesses of which fields lie at which bound, before these are found one by one."""
+
 
 class Fit(msgspec.Struct, frozen=True):
     """A set of suspects, fitted.
 
     `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `loss` the robust objective with the priors,
-    `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) the curvature of the objective over the fields
-    without their prior. Whitened residuals without any nuisance are `given`, (n,). The nuisances that explain most of them
+    `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) and `slope` (k,) the curvature of the objective over
+    the fields and its slope downwards, both without their prior. Whitened residuals without any nuisance are `given`, (n,). The nuisances that explain most of them
     are `nu`, in units of their tolerance, and `z` (n,) is what these leave.
     """
 
@@ -67,6 +81,7 @@ class Fit(msgspec.Struct, frozen=True):
     loss: float
     r: Signal
     curve: Signal
+    slope: Signal
     free: Freedom
     given: Signal
     nu: Signal
@@ -91,19 +106,21 @@ class Evidence(msgspec.Struct, frozen=True):
     def of(self, fit: Fit) -> float:
         """Logarithm of the evidence for a fit, up to a constant (Laplace)."""
         prior = prior_of(fit.x, fit.free)
-        return self.weighed(fit.names, fit.x, fit.free, fit.curve, (fit.loss - prior) / self.scale + prior)
+        objective = (fit.loss - prior) / self.scale + prior
+        return self.weighed(fit.names, fit.x, fit.free, fit.curve, fit.slope, objective)
 
-    def weighed(self, names: Names, x: Signal, free: Freedom, curve: Signal, objective: float) -> float:
+    def weighed(self, names: Names, x: Signal, free: Freedom, curve: Signal, slope: Signal, objective: float) -> float:
         """Logarithm of the evidence for a set whose objective is known.
 
         Parameters
         ----------
-        x, curve : (k,) fields of the set in a row, and (k, k) the curvature of the objective there without their prior
+        x, curve, slope : (k,) fields of the set in a row, and (k, k) the curvature of the objective there and (k,) its slope
+            downwards, both without their prior
         """
         suspects, information = self.problem.suspects, curve / self.scale
-        freed = 0.5 * float(np.linalg.slogdet(np.eye(x.size) + information * np.outer(free.sd, free.sd))[1])
+        open_to = volume_within(x, free, information, slope / self.scale)
         usual = usual_gain(suspects, names, x, free, information)
-        return usual - objective - freed - sum(self.problem.price(name) for name in names)
+        return usual - objective + open_to - sum(self.problem.price(name) for name in names)
 
     def worth(self, fit: Fit) -> float:
         """Evidence by which sets of any size compare."""
@@ -137,17 +154,71 @@ def usual_gain(suspects: Suspects, names: Names, x: Signal, free: Freedom, infor
     return gain
 
 
+def volume_within(x: Signal, free: Freedom, information: Signal, slope: Signal) -> float:
+    """Logarithm of the volume that the posterior of some fields leaves open over that of their prior, within what is possible.
+
+    Both are normal and end at the bounds. The spread of each field is that with those before it known, the product of which is
+    the volume where there are no bounds.
+
+    Parameters
+    ----------
+    information, slope : (k, k) and (k,) curvature of the objective and its slope downwards, without the prior
+    """
+    if not x.size:
+        return 0.0
+    with_prior = np.eye(x.size) + information * np.outer(free.sd, free.sd)
+    narrower = np.diag(root_of(with_prior[::-1, ::-1]))[::-1]
+    spread, at = free.sd / narrower, ~within(x, free)
+    pull = np.where(at, (x - free.absent) / free.sd**2 - slope, 0.0)
+    posterior = log_mass(free.minimum - x, free.maximum - x, pull, spread)
+    prior = log_mass(free.minimum - free.absent, free.maximum - free.absent, np.zeros(x.size), free.sd)
+    return float(np.sum(posterior - prior - np.log(narrower)))
+
+
+def log_mass(low: Signal, high: Signal, pull: Signal, spread: Signal) -> Signal:
+    """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) from `low` to `high` over that of the normal alone, (k,)."""
+    from scipy.special import log_ndtr
+
+    shift = pull * spread
+    a, b = low / spread + shift, high / spread + shift
+    near, far = np.where(a > 0.0, -a, b), np.where(a > 0.0, -b, a)
+    more, less = log_ndtr(near), log_ndtr(far)
+    return np.asarray(0.5 * shift**2 + more + np.log(-np.expm1(np.minimum(less - more, -ROUNDING))))
+
+
+def root_of(curve: Signal) -> Signal:
+    """Lower triangular root of a positive definite matrix, (k, k), also where rounding hides that it is one."""
+    size = np.sqrt(np.diag(curve))
+    scaled = curve / np.outer(size, size) + ROUNDING * np.eye(size.size)
+    return np.asarray(size[:, None] * np.linalg.cholesky(scaled))
+
+
 def minimum_within(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Signal:
-    """Where x' curve x / 2 - slope' x is least within bounds, (k,)."""
+    """Where x' curve x / 2 - slope' x is least within bounds, which may be infinite, (k,).
+
+    Which fields lie at a bound is guessed (Hintermueller, Ito and Kunisch 2003); in the rare case that no guess settles, the
+    bounds are taken one by one.
+    """
     from scipy.optimize import lsq_linear
 
-    root = np.linalg.cholesky(curve)
-    aim = np.linalg.solve(root, slope)
-    free = np.linalg.solve(root.T, aim)
-    if np.all((free >= low) & (free <= high)):
-        return np.asarray(free)
-    gap = 1e-12 * (1.0 + np.abs(low) + np.abs(high))
-    return np.asarray(lsq_linear(root.T, aim, bounds=(low - gap, high + gap), method="bvls").x).clip(low, high)
+    size = np.sqrt(np.diag(curve))
+    scaled, aim = curve / np.outer(size, size) + ROUNDING * np.eye(size.size), slope / size
+    below, above = low * size, high * size
+    at_low, at_high = np.zeros(size.size, dtype=bool), np.zeros(size.size, dtype=bool)
+    for _ in range(GUESSES):
+        x = np.where(at_low, below, np.where(at_high, above, 0.0))
+        free = np.flatnonzero(~(at_low | at_high))
+        x[free] = np.linalg.solve(scaled[np.ix_(free, free)], aim[free] - scaled[free] @ x)
+        force = aim - scaled @ x
+        now_low = np.where(at_low, force <= 0.0, x < below)
+        now_high = np.where(at_high, force >= 0.0, x > above)
+        if np.array_equal(now_low, at_low) and np.array_equal(now_high, at_high):
+            return np.asarray(np.clip(x / size, low, high))
+        at_low, at_high = now_low, now_high & ~now_low
+    root = np.linalg.cholesky(scaled)
+    bounds = below - ROUNDING, above + ROUNDING
+    found = lsq_linear(root.T, np.linalg.solve(root, aim), bounds=bounds, method="bvls")
+    return np.asarray(np.clip(found.x / size, low, high))
 
 
 def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[str]) -> Signal:
@@ -163,8 +234,10 @@ def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[
     columns = np.zeros((fit.given.size, len(variants)))
     for first in range(0, len(variants), AT_ONCE):
         several = slice(first, first + AT_ONCE)
-        z = marginal.centred(problem.residuals(variants[several], marginal.place))
-        columns[:, several] = marginal((z - fit.given[:, None]) / np.array(steps[several]))
+        raw = problem.residuals(variants[several], marginal.place)
+        moved = (marginal.centred(raw) - fit.given[:, None]) / np.array(steps[several])
+        # a number with which nothing can be simulated has no derivative
+        columns[:, several] = marginal(np.where(np.any(np.abs(raw) >= WILD, axis=0), 0.0, moved))
     return columns
 
 
@@ -181,7 +254,8 @@ def located(problem: Problem, marginal: Marginal, names: Names, x: Signal, free:
     effects = [with_values(suspects[name], x[own]) for name, own in place.items()]
     given = marginal.centred(problem.residuals([effects], marginal.place)[:, 0])
     r = marginal(given)
-    return Fit(names, place, x, huber(r) + prior_of(x, free), r, np.zeros((x.size, x.size)), free, given, r, r)
+    loss, unknown = huber(r) + prior_of(x, free), np.zeros(x.size)
+    return Fit(names, place, x, loss, r, np.zeros((x.size, x.size)), unknown, free, given, r, r)
 
 
 def fit_set(
@@ -214,9 +288,8 @@ def fit_set(
     columns = columns_of(problem, marginal, fit, names) if columns is None else columns
     for _ in range(STEPS):
         weighted = columns * weights(fit.r)[:, None]
-        fit = msgspec.structs.replace(fit, curve=weighted.T @ columns)
         slope = -weighted.T @ fit.r - (fit.x - free.absent) / free.sd**2
-        curve = fit.curve + np.diag(free.sd**-2.0)
+        curve = weighted.T @ columns + np.diag(free.sd**-2.0)
         step = minimum_within(curve, slope, free.minimum - fit.x, free.maximum - fit.x)
         promised = fit.loss - huber(fit.r + columns @ step) - prior_of(fit.x + step, free)
         if promised < WORTHWHILE:
@@ -231,7 +304,8 @@ def fit_set(
         if fresh:
             columns = columns_of(problem, marginal, fit, names)
     nu, left = marginal.best(fit.given)
-    return msgspec.structs.replace(fit, nu=nu, z=left)
+    weighted = columns * weights(fit.r)[:, None]
+    return msgspec.structs.replace(fit, curve=weighted.T @ columns, slope=-weighted.T @ fit.r, nu=nu, z=left)
 
 
 class Expansion(msgspec.Struct, frozen=True):
@@ -270,7 +344,8 @@ class Expansion(msgspec.Struct, frozen=True):
             step[own] = minimum_within(self.curve[inside] / scale + np.diag(sd**-2.0), slope, *bounds)
             x[own] += step[own]
         objective = (0.5 * float(step @ self.curve @ step) - float(self.slope @ step)) / scale + prior_of(x, free)
-        return self.evidence.weighed(names, x[own], free.some(own), self.curve[inside], objective)
+        left = self.slope[own] - self.curve[own] @ step
+        return self.evidence.weighed(names, x[own], free.some(own), self.curve[inside], left, objective)
 
     def refitted(self, marginal: Marginal, names: Names, best: Fit) -> Fit:
         """The fit of another set, begun from the fit that this is expanded about."""
@@ -321,14 +396,40 @@ def neighbours(expansion: Expansion, names: Names) -> list[Names]:
     return sorted(worth, key=lambda one: worth[one], reverse=True)
 
 
+class Centre(msgspec.Struct, frozen=True):
+    """A fit about which the objective is expanded, and the nuisances are integrated out."""
+
+    fit: Fit
+    expansion: Expansion
+    marginal: Marginal
+
+    def moved_to(self, fit: Fit, evidence: Evidence) -> Expansion:
+        """From where nothing acts to about a single suspect: with the derivatives from here, which is rough but at no cost."""
+        here = self.expansion
+        fit = located(evidence.problem, self.marginal, fit.names, fit.x)
+        value = here.free.absent.copy()
+        value[here.index(fit.names)] = fit.x
+        both = np.column_stack([here.columns, self.fit.r - fit.r])
+        weighted = both * weights(fit.r)[:, None]
+        curve, slope = weighted.T @ both, -weighted.T @ fit.r
+        return Expansion(evidence, here.columns, curve, slope, value, here.free, here.place, fit.names)
+
+
 class Found(msgspec.Struct, frozen=True):
-    """What a search found: the best fit, that without any cause, every refit by its set, and the expansion about the best."""
+    """What a search found: the best fit, that without any cause, the newest fit of each set, and the expansion about the best.
+
+    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none with one of the `imitators`, is
+    the best, whatever its evidence.
+    """
 
     best: Fit
     null: Fit
     fits: dict[Names, Fit]
     expansion: Expansion
     marginal: Marginal
+    centres: dict[Names, Centre] = {}
+    rejected: frozenset[Names] = frozenset()
+    imitators: frozenset[str] = frozenset()
 
     @property
     def evidence(self) -> Evidence:
@@ -354,6 +455,32 @@ class Found(msgspec.Struct, frozen=True):
             self.fits[ordered] = fit_set(self.problem, self.marginal, ordered, begin, columns)
         return self.fits[ordered]
 
+    def allowed(self, names: Names) -> bool:
+        """Whether a set may be the best."""
+        return names not in self.rejected and self.imitators.isdisjoint(names)
+
+    def sets(self) -> dict[Names, Fit]:
+        """The fits of all sets that may be the best."""
+        return {names: fit for names, fit in self.fits.items() if self.allowed(names)}
+
+    def singles(self) -> list[Fit]:
+        """Fits of the single suspects with the most evidence, best first."""
+        found = [fit for names, fit in self.fits.items() if len(names) == 1]
+        return sorted(found, key=weighing(self).of, reverse=True)[:SINGLES]
+
+    def about(self, fit: Fit) -> Centre:
+        """The expansion of the objective about a fit, which replaces older fits of its set."""
+        marginal = marginal_about(self.problem, fit.effects(self.problem.suspects), fit.nu)
+        there, expansion = expand(self.problem, marginal, fit.names, start_of(fit), weighing(self).scale)
+        self.fits[fit.names], self.centres[fit.names] = there, Centre(there, expansion, marginal)
+        return self.centres[fit.names]
+
+    def led_by(self, names: Names) -> Found:
+        """The same with another set as its best, about which the objective was expanded."""
+        centre = self.centres[names]
+        expansion = msgspec.structs.replace(centre.expansion, evidence=weighing(self))
+        return msgspec.structs.replace(self, best=centre.fit, expansion=expansion, marginal=centre.marginal)
+
 
 def start_of(fit: Fit) -> dict[str, Signal]:
     """Fields of a fit by suspect, for another fit to begin from."""
@@ -369,8 +496,7 @@ def marginal_about(problem: Problem, effects: Sequence[ActiveEffect], nu: Signal
 def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None) -> Found:
     """Find the set of suspects with the most evidence.
 
-    Round by round, sets near to the best one are screened in closed form and the most promising refitted. If one of these is
-    worth more, the nuisances are expanded anew about it, and it is the next.
+    Paths of sets lead from none, and from the single suspects with the most evidence, to the best one.
 
     Parameters
     ----------
@@ -380,32 +506,96 @@ def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None
     given = fit_set(problem, marginal, ())
     marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
-    best = null
-    fits: dict[Names, Fit] = {(): null}
-    visited: set[Names] = {()}
-    while True:
-        on_progress(f"{len(visited)} sets expanded, best so far: {', '.join(best.names) or 'none'}")
-        expansion = msgspec.structs.replace(expansion, evidence=_weighing(problem, fits))
-        least = expansion.worth(best.names) - DOUBTFUL
-        promising = [names for names in neighbours(expansion, best.names) if names not in fits][:REFITTED]
-        promising = [names for names in promising if expansion.worth(names) > least]
-        fits |= {names: expansion.refitted(marginal, names, best) for names in promising}
-        if promising and not best.names:
-            far = {one.names: one for one in _far_starts(problem, marginal)}
-            fits |= {names: one for names, one in far.items() if names not in fits or one.loss < fits[names].loss}
-        weighing = _weighing(problem, fits)
-        top = max(fits.values(), key=weighing.worth)
-        if top.names in visited or (len(best.names) > MANY and best.scale > HOPELESS):
-            return Found(best, null, fits, msgspec.structs.replace(expansion, evidence=weighing), marginal)
-        visited.add(top.names)
-        marginal = marginal_about(problem, top.effects(problem.suspects), top.nu)
-        best, expansion = expand(problem, marginal, top.names, start_of(top), weighing.scale)
-        fits = {best.names: best}
+    found = Found(null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
+    _go(found, found.centres[()], on_progress)
+    found = gone_on(found, on_progress)
+    for fit in _single_starts(found):
+        if fit.names not in found.centres:
+            _go(found, found.about(fit), on_progress)
+    return gone_on(found, on_progress)
 
 
-def _weighing(problem: Problem, fits: Mapping[Names, Fit]) -> Evidence:
+def gone_on(found: Found, on_progress: Callable[[str], None] = lambda _: None) -> Found:
+    """A search led by its best set, and gone on from each set with more evidence that was fitted and not yet expanded about."""
+    while (top := max(found.sets().values(), key=weighing(found).worth)).names not in found.centres:
+        if _is_hopeless(top):
+            break
+        _go(found, found.about(top), on_progress)
+    expanded = (fit for names, fit in found.sets().items() if names in found.centres)
+    return found.led_by(max(expanded, key=weighing(found).worth).names)
+
+
+def _go(found: Found, last: Centre, on_progress: Callable[[str], None]) -> None:
+    """Go from a set to the best one near it, and on from this, as long as it was not there.
+
+    Round by round, sets near to the last one are screened in closed form and the most promising refitted. If one of these is
+    worth more, the nuisances are expanded anew about it, and it is the next.
+    """
+    problem, fits = found.problem, found.fits
+    while not _is_hopeless(last.fit):
+        evidence = weighing(found)
+        best = max(fits.values(), key=evidence.worth)
+        on_progress(f"{len(found.centres)} sets expanded, best so far: {', '.join(best.names) or 'none'}")
+        expansion = msgspec.structs.replace(last.expansion, evidence=evidence)
+        near = {names: expansion.refitted(last.marginal, names, last.fit) for names in _promising(found, expansion)}
+        if near and not last.fit.names:
+            far = {one.names: one for one in _far_starts(problem, last.marginal)}
+            near |= {names: one for names, one in far.items() if names not in near or one.loss < near[names].loss}
+        evidence = _weighing(problem, [*fits.values(), *near.values()])
+        fits |= {names: one for names, one in near.items() if names not in fits or _is_more(evidence, one, fits[names])}
+        top = max((last.fit, *(fits[names] for names in near)), key=evidence.worth)
+        if top.names in found.centres:
+            return
+        last = found.about(top)
+
+
+def _is_more(evidence: Evidence, fit: Fit, other: Fit) -> bool:
+    """Whether a fit has more evidence than another of the same set."""
+    return evidence.of(fit) > evidence.of(other)
+
+
+def _is_hopeless(fit: Fit) -> bool:
+    """Whether a fit has many causes and leaves much: more causes do not help."""
+    return len(fit.names) > MANY and fit.scale > HOPELESS
+
+
+def _promising(found: Found, expansion: Expansion) -> list[Names]:
+    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and are not fitted as well yet."""
+    evidence, here = expansion.evidence, expansion.acting
+    worth = {names: evidence.worth(fit) for names, fit in found.sets().items()}
+    level, best = evidence.worth(found.fits[here]), max(worth.values())
+    least = best - max(NEARLY * (best - level), DOUBTFUL)
+    chosen: list[Names] = []
+    for names in neighbours(expansion, here):
+        foreseen = level + expansion.worth(names) - expansion.worth(here)
+        if len(chosen) == REFITTED or foreseen <= least:
+            break
+        unknown = foreseen > worth.get(names, -math.inf) + DOUBTFUL and names not in found.centres
+        if unknown and found.allowed(names):
+            chosen.append(names)
+    return chosen
+
+
+def _single_starts(found: Found) -> list[Fit]:
+    """Fits of the best single suspects that were not expanded about, near which the closed form foresees a better set."""
+    null, evidence = found.centres[()], weighing(found)
+    expansion = msgspec.structs.replace(null.expansion, evidence=evidence)
+    names = sorted(((name,) for name in found.problem.suspects), key=expansion.rated, reverse=True)
+    for one in names[:SINGLES]:
+        if one not in found.fits:
+            found.fits[one] = expansion.refitted(null.marginal, one, null.fit)
+    others = [fit for fit in found.singles() if fit.names not in found.centres]
+    return [fit for fit in others if _promising(found, null.moved_to(fit, evidence))]
+
+
+def weighing(found: Found) -> Evidence:
+    """What weighs the fits of a search."""
+    return _weighing(found.problem, found.fits.values())
+
+
+def _weighing(problem: Problem, fits: Iterable[Fit]) -> Evidence:
     """What weighs some fits: the best residuals among them tell by how much the noise exceeds its estimate."""
-    return Evidence(problem, min(fit.scale for fit in fits.values()))
+    return Evidence(problem, min(fit.scale for fit in fits))
 
 
 def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
@@ -420,23 +610,41 @@ def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
 
 
 def covariance_of(found: Found, fit: Fit, columns: Signal) -> Signal:
-    """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included; 0 for those at a bound.
+    """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included.
 
-    The variance of a field is at least that by the scatter of the groups of residuals, as in `grown`.
+    A field at a bound may lie away from it on one side, as far as the normal that is cut off there reaches, and the others follow
+    it. The variance of a field within its bounds is at least that by the scatter of the groups of residuals, as in `grown`.
 
     Parameters
     ----------
     columns : (n, k) derivative of the residuals over the fields, nuisances integrated out
     """
-    inside, covariance = np.flatnonzero(inside_of(fit)), np.zeros((fit.x.size, fit.x.size))
-    if inside.size:
-        own = columns[:, inside]
-        weighted = own * weights(fit.r)[:, None]
-        information = weighted.T @ own / found.scale + np.diag(fit.free.sd[inside] ** -2.0)
-        inverse = np.linalg.inv(information).astype(np.float64)
-        by = np.sqrt([grown(found, own, fit.r, inverse, way) for way in np.eye(inside.size)])
-        covariance[np.ix_(inside, inside)] = inverse * np.outer(by, by)
+    weighted = columns * weights(fit.r)[:, None]
+    curve = weighted.T @ columns / found.scale + np.diag(fit.free.sd**-2.0)
+    pull = weighted.T @ fit.r / found.scale + (fit.x - fit.free.absent) / fit.free.sd**2
+    inside, at = np.flatnonzero(inside_of(fit)), np.flatnonzero(~inside_of(fit))
+    inverse = np.linalg.inv(curve[np.ix_(inside, inside)]).astype(np.float64)
+    by = np.sqrt([grown(found, columns[:, inside], fit.r, inverse, way) for way in np.eye(inside.size)])
+    covariance = np.zeros_like(curve)
+    covariance[np.ix_(inside, inside)] = inverse * np.outer(by, by)
+    for k in at.tolist():
+        way = np.zeros(fit.x.size)
+        way[k], way[inside] = 1.0, -inverse @ curve[inside, k]
+        spread = float(way @ curve @ way) ** -0.5
+        covariance += (spread**2 * square_beyond(abs(float(pull[k])) * spread)) * np.outer(way, way)
     return covariance
+
+
+def square_beyond(pull: float) -> float:
+    """Mean square of what a unit normal, the maximum of which lies `pull` below 0, has above 0. [1]
+
+    >>> square_beyond(0.0)
+    1.0
+    """
+    from scipy.special import log_ndtr
+
+    hazard = math.exp(-0.5 * pull**2 - float(log_ndtr(-pull))) / math.sqrt(2.0 * math.pi)
+    return max(1.0 - pull * hazard + pull**2, 0.0)
 
 
 def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Signal) -> float:
@@ -459,7 +667,12 @@ def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Sig
     return max(together / float(way @ covariance @ way), 1.0)
 
 
-def inside_of(fit: Fit) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def inside_of(fit: Fit) -> NDArray[np.bool_]:
     """Whether the fields of a fit lie at none of the bounds of what is possible, (k,)."""
-    margin = 1e-9 * (fit.free.high - fit.free.low)
-    return np.asarray((fit.x > fit.free.minimum + margin) & (fit.x < fit.free.maximum - margin))
+    return within(fit.x, fit.free)
+
+
+def within(x: Signal, free: Freedom) -> NDArray[np.bool_]:
+    """Whether fields, (k,), lie at none of the bounds of what is possible, (k,)."""
+    margin = 1e-9 * (free.high - free.low)
+    return np.asarray((x > free.minimum + margin) & (x < free.maximum - margin))

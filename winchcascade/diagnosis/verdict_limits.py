@@ -75,7 +75,11 @@ OPEN = 0.9
 """Maximum posterior of a cause while something outside the catalogue acts, which a cause may imitate. Assumed. [1]"""
 
 DISPENSABLE = 0.005
-"""Share of the gap that a cause whose number differs from run to run must close, or it is none. [1]"""
+"""Share of the gap that a cause whose number differs from run to run must close, or it is none; and by which a smaller set must
+close more on held-out logs to be preferred. [1]"""
+
+LIKELY = 0.5
+"""Minimum posterior of each cause for a verdict of `explained`: below it, the cause is more likely another one. [1]"""
 
 # ------------------------------------------------------------------------------------------------- the verdict
 NAMED = 2

@@ -27,6 +27,9 @@ from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
 
+UNDETERMINED = "not determined by these logs"
+"""In place of the interval of a number of which the logs tell little."""
+
 INTERVAL_WIDTH = 2.0 * COVERED
 """Width of an interval of 95 % over its standard uncertainty. [1]"""
 
@@ -53,13 +56,18 @@ def shown_as(found: DiagnosisResult, cause: NamedCause, name: str = "") -> Displ
 def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str, str]:
     """A number and its 95 % interval with their unit, with the digits that the interval allows, else with `otherwise`.
 
+    >>> number_words(Display("slope", 1.0, "ohm"), Reported(0.07, -math.inf, math.inf, "ohm"), otherwise=2)
+    ('+0.070 ohm', 'not determined by these logs')
+
     >>> number_words(Display("stator resistance", 100.0, "%"), Reported(0.3996, 0.372, 0.427, "relative"))
     ('+40.0 %', '37.2 to 42.7 %')
     """
-    u = (found.high - found.low) / INTERVAL_WIDTH * how.factor
+    u = (found.high - found.low) / INTERVAL_WIDTH * how.factor if found.determined else 0.0
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
     value = number_text(found.value * how.factor, decimals, signed=how.signed)
+    if not found.determined:
+        return f"{value} {how.unit}".rstrip(), UNDETERMINED
     low, high = (number_text(x * how.factor, decimals) for x in (found.low, found.high))
     return f"{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
 

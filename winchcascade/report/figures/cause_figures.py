@@ -174,12 +174,13 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
         return
     table = np.array([(one.value, one.low, one.high) for one in stability.runs]) * how.factor
     at, (value, low, high) = np.arange(1, len(table) + 1), table.T
-    ax.axhspan(joint.low * how.factor, joint.high * how.factor, color=COLOURS["gen"], alpha=0.25, lw=0)
+    band = np.array([joint.low, joint.high] if joint.determined else [joint.value, joint.value]) * how.factor
+    ax.axhspan(*band, color=COLOURS["gen"], alpha=0.25, lw=0)
     ax.axhline(joint.value * how.factor, color=COLOURS["gen"], lw=1.2)
     ax.vlines(at, low, high, color=COLOURS["ink"], lw=1.1)
     ax.plot(at, value, ls="none", marker="o", ms=3.5, color=COLOURS["ink"])
     usual = high - low <= WIDE * np.nanmedian(high - low)
-    ends = np.array([*low[usual], *high[usual], joint.low * how.factor, joint.high * how.factor])
+    ends = np.array([*low[usual], *high[usual], *band])
     pad = 0.08 * float(np.ptp(ends))
     ax.set(xlim=(0.5, len(table) + 0.5), ylim=(ends.min() - pad, ends.max() + pad))
     if isinstance(found, LineDiagnosis):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, SingleEffect
 from winchcascade.diagnosis.figure_data import block_table, cost_of, largest_gap, load_costs, mean_costs
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
@@ -39,6 +39,7 @@ from winchcascade.report.diagnosis_names import (
     number_words,
     origins_of,
     phase_words,
+    share_words,
     word_of,
 )
 from winchcascade.report.figures import diagnosis_figures as figures
@@ -337,6 +338,17 @@ def _considered(found: ModelDiagnosis) -> Section:
         "considered", "What else was considered",
         Note(words.not_needed_words(found), brief=False) if found.causes else None,
         minor_table(found),
+        table(
+            "singles",
+            "Best single effects: evidence relative to the best set, and share of the gap closed on held-out logs.",
+            [
+                Column[SingleEffect]("effect", lambda one: one.effect),
+                Column("evidence", lambda one: one.evidence, "nats", 1, signed=True),
+                Column("closes alone", lambda one: share_words(one.closure) if math.isfinite(one.closure) else ""),
+            ],
+            found.singles,
+            brief=False,
+        ),
         table(
             "thresholds",
             "From which size each effect alone would have been named in nine of ten such campaigns; -: no plausible size.",

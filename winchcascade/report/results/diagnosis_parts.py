@@ -26,6 +26,7 @@ from winchcascade.report.content import (
 )
 from winchcascade.report.diagnosis_names import (
     INTERVAL_WIDTH,
+    UNDETERMINED,
     NAMES,
     alarm_place,
     display_of,
@@ -115,13 +116,15 @@ class EffectNumber(NamedTuple):
 def number_columns() -> list[Column[Any]]:
     """Number and interval of an effect in the unit in which it is shown, with the digits that the interval allows."""
 
-    def u(row: CauseRow | EffectNumber) -> float:
-        return (row.value.high - row.value.low) / INTERVAL_WIDTH * row.how.factor
+    def u(row: CauseRow | EffectNumber) -> float | None:
+        return (row.value.high - row.value.low) / INTERVAL_WIDTH * row.how.factor if row.value.determined else None
 
     def number(row: CauseRow | EffectNumber) -> Cell:
         return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)
 
     def interval(row: CauseRow | EffectNumber) -> Cell:
+        if not row.value.determined:
+            return UNDETERMINED
         return Span(row.value.low * row.how.factor, row.value.high * row.how.factor, u(row))
 
     return [

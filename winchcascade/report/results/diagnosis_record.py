@@ -209,6 +209,10 @@ def _model_record(found: ModelDiagnosis) -> dict[str, Any]:
             "missing_channels": found.missing_channels,
             "effects": list(dict.fromkeys(suspects[name].name for name in found.not_visible)),
         },
+        "singles": [
+            {"effect": suspects[one.effect].name, "evidence": one.evidence, "share_closed": one.closure}
+            for one in found.singles
+        ],
         "thresholds": [
             {"effect": suspects[one.effect].name, "parameter": suspects[one.effect].parameter}
             | {"named_from": one.value, "unit": one.unit}

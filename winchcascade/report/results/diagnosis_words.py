@@ -331,6 +331,7 @@ SIGNS = {
     "nuisance": "how far the fit moved it, in standard uncertainties: its entry is wrong, or it takes the place of an effect",
     "drift": "how improbable it is by chance that the number differs so much between runs, as a power of ten",
     "range": "the number lies at an end of its range or beyond what is plausible",
+    "improbable": "posterior probability that another cause acts in its place",
     "cancelling": "the smaller of the two over what both do together: the data need neither of them",
     "worse": "misfit that the causes add to held-out predictions, over the noise",
     "energy": "energy that the fit leaves, in standard uncertainties",
