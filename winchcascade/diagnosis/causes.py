@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,15 +13,18 @@ from winchcascade.diagnosis.closure import share_closed
 from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Names, Reported, Spot
 from winchcascade.diagnosis.entries import is_entry, same_in_logs
 from winchcascade.diagnosis.marginal import weights
+from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Evidence, Fit, Found, columns_of, covariance_of, inside_of, usual_gain
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
 from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, SAME_ORDER, UNCONFUSED
 from winchcascade.rig.effects.run_order import warming
+from winchcascade.rig.parts import IN_RIG, number_of, path_in_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.rig.effects.effect import Effect
@@ -45,8 +49,8 @@ ONE_SIDED = 1.645
 
 
 OPEN_SHARE = 1.0 / (1.0 + 0.25)
-"""Share of the variance of its prior above which a number is not determined: the data tell of it less than a quarter of what was
-known before. [1]"""
+"""Share of the variance of its prior above which a number is not determined: the data tell of it less than a quarter of
+what was known before. [1]"""
 
 
 class LookAlike(NamedTuple):
@@ -64,14 +68,15 @@ def causes_of(data: Fitted, found: Found) -> tuple[NamedCause, ...]:
     best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(data, found)
     without = {name: _without(found, name) for name in best.names}
     chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
+    product_of = partial(_product, data, posterior)
     causes = [
         NamedCause(
             effect=name,
             stage=suspects[name].stage,
             probability=min(sum(p for names, p in chance.items() if name in names), 1.0 / _odds(swapped[name])),
-            parameters=parameters_of(posterior, suspects[name], name),
+            parameters=parameters_of(posterior, suspects[name], name) | product_of(suspects[name], name),
             look_alikes=tuple(
-                _named(data, best, one.fit, name, _weight(one) / _odds(swapped[name])) for one in swapped[name]
+                _named(data, found, one.fit, name, _weight(one) / _odds(swapped[name])) for one in swapped[name]
             ),
             weight=without[name].loss - best.loss,
             ablation=share_closed(data, suspects, without[name]),
@@ -150,8 +155,31 @@ def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, 
     return reported
 
 
+def _product(data: Fitted, posterior: Posterior, effect: Effect, name: str) -> dict[str, Reported]:
+    """The product of two numbers that the logs know together alone, where a cause changes one of them by a share of it."""
+    for direction in data.undetermined:
+        pair = direction.product
+        if pair is None or effect.path not in pair or effect.fields[0].operation != "scale":
+            continue
+        stated = math.prod(number_of(data.nominal, path) * IN_RIG.get(path, 1.0) for path in pair)
+        own, (first, second) = posterior.fit.place[name], (path_in_rig(path).split(".")[1] for path in pair)
+        change = float(posterior.fit.x[own][0])
+        gradient = stated * np.eye(len(effect.fields))[0]
+        law = 0.0 if effect.entry is not None else LAW * abs(stated * change)
+        number = stated * (1.0 + change), law
+        return {f"{second}_x_{first}": _interval(posterior, own, gradient, number, _unit_of(data.rig, pair))}
+    return {}
+
+
+def _unit_of(rig: Rig, pair: tuple[str, str]) -> str:
+    """Unit of the product of two numbers of a rig file."""
+    numbers = [quantity_of(rig, *path_in_rig(path).split(".")) for path in pair]
+    units = [number.unit for number in numbers if number is not None and number.unit != "1"]
+    return ".".join(units) or "1"
+
+
 def _interval(posterior: Posterior, own: slice, gradient: Signal, number: tuple[float, float], unit: str) -> Reported:
-    """A number that follows from the fields of a cause, with its 95 % interval, which is infinite where the data tell little of it.
+    """A number that follows from the fields of a cause, with its 95 % interval, infinite where the data tell little of it.
 
     One that follows from a field at a bound alone has a one-sided interval.
 
@@ -204,6 +232,8 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
     """Sets of equal size without one cause that are about as good, best first.
 
     Where one of the two is a wrong entry only the fit counts, as a prior must not hide that the logs cannot distinguish them.
+    Suspects that change numbers which the logs know together alone always explain each other: the logs are the same with the
+    other numbers of that direction moved too.
     Two whose laws are nearly the same explain each other if the fit keeps most of what the cause explains. A change with the
     order of the runs and one with the load always do where these are the same sequence: only the exact form of both
     distinguishes them.
@@ -213,6 +243,7 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
     same = [other for other in others if same_in_logs(suspects, name, other)]
     confused = [other for other in others if are_confused(data, suspects[name], suspects[other])]
     entries = [other for other in others if is_entry(name) or is_entry(other)]
+    together = [other for other in others if any({name, other} <= group for group in found.problem.exclusive)]
 
     def foreseen(other: str) -> float:
         swapped = swap(best.names, name, other)
@@ -222,12 +253,14 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
     short = {other: foreseen(other) for other in others if other not in same}
     near = sorted((other for other in short if short[other] < 4.0 * AS_GOOD), key=lambda other: short[other])[:TRIED]
     alike = []
-    for other in dict.fromkeys((*near, *same, *confused)):
+    for other in dict.fromkeys((*near, *same, *together, *confused)):
         fit = found.fit(swap(best.names, name, other), _start(found, name, other) if other in same else None)
         lost, by_evidence = fit.loss - best.loss, evidence.of(best) - evidence.of(fit)
         if other in entries:
             usual = usual_gain(suspects, fit.names, fit.x, fit.free, fit.curve / found.scale)
+            odd = -min(usual, 0.0) if suspects[other].fields[0].usual_share == 1.0 else 0.0
             by_evidence = lost / found.scale - min(usual, 0.0)
+            by_evidence = min(by_evidence, AS_GOOD + odd) if other in together else by_evidence
         elif other in confused or (other in same and lost < UNCONFUSED * (without.loss - best.loss)):
             by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
@@ -275,13 +308,16 @@ def swap(names: Names, name: str, other: str) -> Names:
     return tuple(sorted((*(n for n in names if n != name), other)))
 
 
-def _named(data: Fitted, best: Fit, other: Fit, name: str, probability: float) -> Alternative:
+def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float) -> Alternative:
     """The alternative of a fit, and where the two differ most; nowhere if nothing that the logs measure distinguishes them.
 
     Where the fit has several other suspects, the first that takes the place of the cause.
     """
+    best = found.best
     gone, new = (sorted(set(a) - set(b)) for a, b in ((best.names, other.names), (other.names, best.names)))
     effect = new[min(gone.index(name), len(new) - 1)]
+    if any({name, effect} <= group for group in found.problem.exclusive):
+        return Alternative(effect, probability, None)
     clearest: Spot | None = None
     difference = (best.z - other.z).reshape(-1, len(CHANNELS))
     for log, k, phase, here in data.cells():

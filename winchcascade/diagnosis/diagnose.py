@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.undetermined import Direction
     from winchcascade.rig.effects.effect import ActiveEffect
 
 
@@ -76,9 +77,9 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
     those of its phases, `validation` compares each metric of each run with the model, and `cancelling` are causes that cancel
-    each other. `thresholds` are how large each effect would have
-    to be to be named, where none is, and `not_visible` those that these logs would not show at any plausible size. `singles` are
-    the effects that alone have the most evidence.
+    each other. `thresholds` are how large each effect would have to be to be named, where none is, and `not_visible` those
+    that these logs would not show at any plausible size. `singles` are the effects that alone have the most evidence,
+    `undetermined` directions of the numbers of the rig that no log shows.
     """
 
     data: Fitted
@@ -95,6 +96,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     thresholds: tuple[Threshold, ...] = ()
     not_visible: Names = ()
     singles: tuple[SingleEffect, ...] = ()
+    undetermined: tuple[Direction, ...] = ()
 
     @property
     def missing_channels(self) -> list[str]:
@@ -167,13 +169,14 @@ def diagnose(
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(found),
         singles=_singles(data, found, seed),
+        undetermined=data.undetermined,
     )
     return _judged(_with_causes(as_found, windows, on_progress), on_progress)
 
 
 def concluded(data: Fitted, found: Found, seed: int, on_progress: Callable[[str], None] = lambda _: None) -> Found:
-    """A search at its end: without imitators, no smaller set predicts held-out logs better, and no look-alike of a cause that was
-    fitted has more evidence. Where one has, the search goes on from there.
+    """A search at its end: without imitators, no smaller set predicts held-out logs better, and no look-alike of a cause
+    that was fitted has more evidence. Where one has, the search goes on from there.
     """
     for _ in range(RESUMED):
         found = _predicting_best(data, without_imitators(data, found), seed)

@@ -179,8 +179,8 @@ class NamedCause(msgspec.Struct, frozen=True):
 
 
 class SingleEffect(msgspec.Struct, frozen=True):
-    """An effect alone: its evidence relative to that of the best set [nats], and the share of the gap that it closes on held-out
-    logs, NaN without a gap.
+    """An effect alone: its evidence relative to that of the best set [nats], and the share of the gap that it closes on
+    held-out logs, NaN without a gap.
     """
 
     effect: str
@@ -290,7 +290,8 @@ class Alarm(msgspec.Struct, frozen=True):
     """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
 
     kind: Literal[
-        "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy", "residual"
+        "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy",
+        "residual",
     ]  # fmt: skip
     about: Spot | Nuisance
     size: float
@@ -308,8 +309,9 @@ class Remainder(msgspec.Struct, frozen=True):
 class Experiment(msgspec.Struct, frozen=True):
     """One run that would distinguish two suspects, and by how many standard deviations.
 
-    `speed` is the highest one [m/s]; `load` and `length` of the payout [m] belong to a `cycle`, the line tension `force` [N] to
-    the motions of a winch without a model. `repeats` is a log whose load is run again after all others.
+    `speed` is the highest one [m/s]; `load`, `length` of the payout [m], and the `time` of a stroke at the top speed of the
+    campaign [s] belong to a `cycle`, the line tension `force` [N] to the motions of a winch without a model. `repeats` is a log
+    whose load is run again after all others.
     """
 
     motion: Literal["cycle", "speed_steps", "force_steps", "out_and_back", "swing"]
@@ -318,6 +320,7 @@ class Experiment(msgspec.Struct, frozen=True):
     expected_z: float
     load: float | None = None
     length: float = math.nan
+    time: float = math.nan
     force: float = math.nan
     repeats: str = ""
 

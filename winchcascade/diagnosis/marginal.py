@@ -90,6 +90,10 @@ class Problem(Protocol):
     def begins(self) -> Mapping[str, Sequence[float]]:
         """Values of the only field of some suspects from which a fit may begin, far from where they are absent."""
 
+    @property
+    def exclusive(self) -> Sequence[frozenset[str]]:
+        """Groups of suspects of which a set holds one at most: the residuals know them together alone."""
+
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from winchcascade.diagnosis.entries import price_of
 from winchcascade.diagnosis.marginal import WILD, Columns
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, MAX_KEPT, Course
+from winchcascade.diagnosis.undetermined import Direction, alike, undetermined
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
@@ -141,6 +142,11 @@ class Fitted:
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
         self.local = self.whitener @ self._local_columns()
+
+    @cached_property
+    def undetermined(self) -> tuple[Direction, ...]:
+        """Directions in which the stated numbers of the rig change nothing in the logs that take part."""
+        return undetermined(self)
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
         """Nuisances of some kinds that move, and by how much, in their own unit."""
@@ -354,6 +360,11 @@ class RigProblem(msgspec.Struct, frozen=True):
         """Usual multiples of wrong entries, and simplifications as a whole."""
         usual = {name: effect.fields[0].usual for name, effect in self.suspects.items()}
         return usual | {name: (1.0,) for name in self.suspects if name in SIMPLIFICATIONS}
+
+    @property
+    def exclusive(self) -> tuple[frozenset[str], ...]:
+        """Suspects that change numbers which the logs know together alone."""
+        return alike(self.data.undetermined, self.suspects)
 
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""

@@ -87,17 +87,20 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     others = [name for name in suspects if name not in found.best.names and suspects[name].stage != "entry"]
     causes = [cause for cause in causes if suspects[cause.effect].name != LOAD]
     seen = usual(data)
+
+    def alike(one: str, other: str) -> bool:
+        together = any({one, other} <= group for group in found.problem.exclusive)
+        return together or same_in_logs(suspects, one, other)
+
     if not causes or not others or seen is None:
         return None
     apart = {cause.effect: [r.effect for r in cause.look_alikes if suspects[r.effect].name != LOAD] for cause in causes}
-    apart = {
-        name: [other for other in rivals if not same_in_logs(suspects, name, other)] for name, rivals in apart.items()
-    }
+    apart = {name: [other for other in rivals if not alike(name, other)] for name, rivals in apart.items()}
     drifting = [
         cause for cause in causes if cause.stability and any(t.along == "order" for t in cause.stability.trends)
     ]
     lead = next((cause for cause in causes if apart[cause.effect]), (drifting or causes)[0])
-    near = apart[lead.effect][:1] or [name for name in others if not same_in_logs(suspects, lead.effect, name)]
+    near = apart[lead.effect][:1] or [name for name in others if not alike(lead.effect, name)]
     if not near:
         return None
     other = max(near, key=lambda r: found.expansion.rated(swap(found.best.names, lead.effect, r)))
@@ -124,7 +127,9 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     scores = [one.separation(precision) for one in each]
     z, (load, v) = max(zip(scores, options, strict=True), key=lambda pair: pair[0])
     again = next(log.run.name for log in data.logs if log.load == load) if repeats else ""
-    return Experiment("cycle", v, (lead.effect, other), z, load=load, length=seen.length, repeats=again)
+    time = data.scales.motion.time
+    pair = (lead.effect, other)
+    return Experiment("cycle", v, pair, z, load=load, length=seen.length, time=time, repeats=again)
 
 
 def explanations_of(data: Fitted, found: Found, fits: tuple[Fit, Fit], load: float) -> Explanations:

@@ -70,9 +70,9 @@ class Fit(msgspec.Struct, frozen=True):
     """A set of suspects, fitted.
 
     `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `loss` the robust objective with the priors,
-    `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) and `slope` (k,) the curvature of the objective over
-    the fields and its slope downwards, both without their prior. Whitened residuals without any nuisance are `given`, (n,). The nuisances that explain most of them
-    are `nu`, in units of their tolerance, and `z` (n,) is what these leave.
+    `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) and `slope` (k,) the curvature of the objective
+    over the fields and its slope downwards, both without their prior. Whitened residuals without any nuisance are `given`,
+    (n,). The nuisances that explain most of them are `nu`, in units of their tolerance, and `z` (n,) is what these leave.
     """
 
     names: Names
@@ -176,7 +176,7 @@ def volume_within(x: Signal, free: Freedom, information: Signal, slope: Signal) 
 
 
 def log_mass(low: Signal, high: Signal, pull: Signal, spread: Signal) -> Signal:
-    """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) from `low` to `high` over that of the normal alone, (k,)."""
+    """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) from `low` to `high` over that of the normal, (k,)."""
     from scipy.special import log_ndtr
 
     shift = pull * spread
@@ -418,8 +418,8 @@ class Centre(msgspec.Struct, frozen=True):
 class Found(msgspec.Struct, frozen=True):
     """What a search found: the best fit, that without any cause, the newest fit of each set, and the expansion about the best.
 
-    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none with one of the `imitators`, is
-    the best, whatever its evidence.
+    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none with one of the
+    `imitators`, is the best, whatever its evidence.
     """
 
     best: Fit
@@ -457,7 +457,8 @@ class Found(msgspec.Struct, frozen=True):
 
     def allowed(self, names: Names) -> bool:
         """Whether a set may be the best."""
-        return names not in self.rejected and self.imitators.isdisjoint(names)
+        together = any(len(group.intersection(names)) > 1 for group in self.problem.exclusive)
+        return not together and names not in self.rejected and self.imitators.isdisjoint(names)
 
     def sets(self) -> dict[Names, Fit]:
         """The fits of all sets that may be the best."""
@@ -560,7 +561,7 @@ def _is_hopeless(fit: Fit) -> bool:
 
 
 def _promising(found: Found, expansion: Expansion) -> list[Names]:
-    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and are not fitted as well yet."""
+    """Sets near to that of an expansion that may be as good as the best, and are not fitted as well yet."""
     evidence, here = expansion.evidence, expansion.acting
     worth = {names: evidence.worth(fit) for names, fit in found.sets().items()}
     level, best = evidence.worth(found.fits[here]), max(worth.values())
@@ -612,8 +613,9 @@ def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
 def covariance_of(found: Found, fit: Fit, columns: Signal) -> Signal:
     """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included.
 
-    A field at a bound may lie away from it on one side, as far as the normal that is cut off there reaches, and the others follow
-    it. The variance of a field within its bounds is at least that by the scatter of the groups of residuals, as in `grown`.
+    A field at a bound may lie away from it on one side, as far as the normal that is cut off there reaches, and the others
+    follow it. The variance of a field within its bounds is at least that by the scatter of the groups of residuals, as in
+    `grown`.
 
     Parameters
     ----------

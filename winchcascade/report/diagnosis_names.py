@@ -39,9 +39,10 @@ NAMES = {name: term.label for name, term in CHANNELS.items()} | {POWER: "winch p
 
 # ---------------------------------------------------------------------------------------------------- numbers of effects
 def display_of(effect: str, name: str, unit: str = "") -> Display:
-    """How a number is shown; one of an effect from elsewhere by its own name and unit."""
-    if effect_name(effect) in EFFECTS:
-        return EFFECTS[effect_name(effect)].display
+    """How a number is shown; one of an effect from elsewhere, or in another unit than the effect, by its own name and unit."""
+    known = EFFECTS.get(effect_name(effect))
+    if known is not None and (name == known.parameter or unit in ("1", "relative", "", known.unit)):
+        return known.display
     return Display(name.replace("_", " "), 1.0, "" if unit == "1" else unit, signed=False)
 
 

@@ -209,6 +209,7 @@ class TableProblem:
         self.speeds = [row.speed for row in rows]
         self.groups = np.repeat(np.arange(len(rows)), len(ETAS))
         self.begins: Mapping[str, Sequence[float]] = {}
+        self.exclusive: Sequence[frozenset[str]] = ()
         self.curves: dict[str, list[PchipInterpolator | None]] = {}
 
     def active(self, names: Sequence[str], x: Signal) -> list[ActiveEffect]:

@@ -133,6 +133,11 @@ class LineProblem(msgspec.Struct, frozen=True):
         """None: the problem is nearly linear."""
         return {}
 
+    @property
+    def exclusive(self) -> tuple[frozenset[str], ...]:
+        """None."""
+        return ()
+
     def price(self, _name: str) -> float:
         """Logarithm of the number of suspects [1]."""
         return math.log(max(len(self.suspects), 2))

@@ -337,6 +337,7 @@ def _considered(found: ModelDiagnosis) -> Section:
     return section(
         "considered", "What else was considered",
         Note(words.not_needed_words(found), brief=False) if found.causes else None,
+        Note(words.undetermined_words(found), brief=False) if found.undetermined else None,
         minor_table(found),
         table(
             "singles",

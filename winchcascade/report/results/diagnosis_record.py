@@ -20,6 +20,7 @@ from winchcascade.diagnosis.validation import Validated
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of
 from winchcascade.report.results import diagnosis_sentences as sentences
+from winchcascade.rig.parts import path_in_rig
 
 SCHEMA = "winchcascade/diagnosis/1"
 
@@ -212,6 +213,14 @@ def _model_record(found: ModelDiagnosis) -> dict[str, Any]:
         "singles": [
             {"effect": suspects[one.effect].name, "evidence": one.evidence, "share_closed": one.closure}
             for one in found.singles
+        ],
+        "undetermined": [
+            {
+                "numbers": {path_in_rig(path): power for path, power in one.powers.items()},
+                "leading": [path_in_rig(path) for path in one.leading],
+                "product": one.product is not None,
+            }
+            for one in found.undetermined
         ],
         "thresholds": [
             {"effect": suspects[one.effect].name, "parameter": suspects[one.effect].parameter}

@@ -197,8 +197,8 @@ def profile_words(plan: Experiment) -> str:
     """
     v, force = plan.speed, f"{plan.force / 1e3:.1f} kN"
     return {
-        "cycle": f"one cycle: {RAMP:g} s ramp to {v:.2f} m/s, {plan.length:.1f} m of payout, {HOLD:g} s hold, haul-in at "
-        f"{BACK * v:.2f} m/s",
+        "cycle": f"one cycle: {RAMP * plan.time:.2g} s ramp to {v:.3g} m/s, {plan.length:.3g} m of payout, "
+        f"{HOLD * plan.time:.2g} s hold, haul-in at {BACK * v:.3g} m/s",
         "speed_steps": f"reel-out at a constant line tension of {force}, in steps to a quarter, half, three quarters and all "
         f"of {v:.1f} m/s, {STEP:g} s each",
         "force_steps": f"reel-out at a constant {v:.1f} m/s, the line tension in steps from {0.5 * plan.force / 1e3:.1f} kN to "

@@ -19,6 +19,7 @@ from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
+from winchcascade.diagnosis.undetermined import GEAR
 from winchcascade.diagnosis.verdict_limits import MIN_RUNS
 from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_names import (
@@ -223,6 +224,21 @@ def not_needed_words(found: DiagnosisResult) -> str:
     return f"Not needed: {', '.join(others)}." if found.causes else ""
 
 
+def undetermined_words(found: ModelDiagnosis) -> str:
+    """What the logs know of the numbers of the rig only together."""
+    sentences = []
+    for one in found.undetermined:
+        leading, others = (
+            " and ".join(path_in_rig(path).split(".")[1] for path in one.powers if (path in one.leading) == leads)
+            for leads in (True, False)
+        )
+        known = f"{'the product of ' if one.product else ''}{leading}"
+        beside = f", beside {others}," if others else ""
+        reason = " because the speed of the rotor is not logged" if GEAR in one.powers else ""
+        sentences.append(f"These logs determine {known}{beside} only together{reason}.")
+    return " ".join(sentences)
+
+
 def start_words(found: ModelDiagnosis) -> str:
     """Calibrated numbers in whose place a diagnosis starts from those before; empty without any."""
     logs: dict[str, list[str]] = {}
@@ -326,7 +342,7 @@ def experiment_words(found: DiagnosisResult) -> str:
 # -------------------------------------------------------------------------------------------------------------- the residual
 SIGNS = {
     "structure": "root mean square of block means over their noise: the shape of the model is wrong there",
-    "scatter": "scatter within blocks over what noise explains: something moves faster than a block of 0.4 s",
+    "scatter": "scatter within blocks over what noise explains: something moves faster than a block",
     "ripple": "scatter of block means about a smooth course over what noise explains: something comes and goes within seconds",
     "nuisance": "how far the fit moved it, in standard uncertainties: its entry is wrong, or it takes the place of an effect",
     "drift": "how improbable it is by chance that the number differs so much between runs, as a power of ten",
