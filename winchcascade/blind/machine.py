@@ -79,8 +79,8 @@ PAPER = Machine()
 RATED_POWER = 1.1e3
 """Of the machine of the paper: sqrt(3) times 124 V at 2000 rpm and 5.16 A (Secs. 4.3 and 5.1). [W]"""
 
-STROKE, SPEED, RAMP = 9.59, 1.015, 4.55
-"""Of the crane of the paper: length of a payout [m], its plateau [m/s], and the time in which it speeds up [s]."""
+STROKE, RAMP = 9.59, 4.55
+"""Of the crane of the paper: length of a payout [m], and the time in which it speeds up [s]."""
 
 OF_GAS = frozenset(
     ("gas_polytropic", "gas_volume", "precharge", "piston_area", "seal_friction", "screw_friction", "pressure_gain")
@@ -95,6 +95,10 @@ SPREAD, TWICE = 0.5 * math.log(2.0), 2.0
 POWER, DRUM, GEAR, STROKES = (3.0, 200e3), (0.03, 1.0), (2.0, 100.0), (0.5, 100.0)
 """Rated power [W], radius of the drum [m], gear ratio [1] and length of a payout [m] of a drawn rig."""
 
+STROKE_SPREAD, STROKE_SHARES, RAMP_MIN = 0.5, (0.25, 2.0), 0.35
+"""Turns of the drum in a stroke over those of the paper's: scatter of the logarithm, and ends; shortest ramp over that of the
+paper, which the clutch and the DC link still follow. [1]"""
+
 TIME, VOLT = (0.3, 4.0), (0.25, 6.0)
 """Time and voltage of a drawn rig over the paper's. [1]"""
 
@@ -106,6 +110,10 @@ PAIRS = range(1, 21)
 
 TURNS = (20.0, 200.0)
 """Electrical turns for each turn of the drum, 100 on the paper's: between a direct drive and a fast machine. [1]"""
+
+EVEN = 0.5
+"""Smallest inertia of the rotor over the paper's and over the time of an electrical turn: a lighter rotor of few poles does not
+turn evenly between two pulses of the bridge, which no averaged bridge follows. The capacitor grows likewise. [1]"""
 
 SILICON, SCHOTTKY, LOW_VOLTAGE = 0.7, 0.35, 0.5
 """Drop of a diode [V]: nature sets it. A machine below a share of the paper's voltage has Schottky diodes. [1]"""
@@ -145,12 +153,16 @@ def draw_machine(rng: np.random.Generator, kind: str = "gas_screw") -> Machine:
     """
     units = _draw_units(rng)
     shortest, longest = (end / (STROKE * units.length) for end in STROKES)
-    stroke = min(max(spread(rng, 0.3), shortest), longest)
-    crane = Crane(stroke, stroke * spread(rng, high=1.5), spread(rng, 0.7, 1.4), min(max(stroke, 0.6), TWICE))
+    stroke = math.exp(STROKE_SPREAD * rng.standard_normal())
+    stroke = float(np.clip(stroke, max(STROKE_SHARES[0], shortest), min(STROKE_SHARES[1], longest)))
+    ramp = max(stroke * spread(rng, high=1.5), RAMP_MIN)
+    crane = Crane(stroke, ramp, back=spread(rng, 0.7, 1.4), wait=max(stroke, 0.6))
     fixed, direct = _draw_fixed(units, rng), math.isclose(units.gear * PAPER_FIXED.gear, 1.0)
     load = spread(rng, 1.0 / 1.5, 1.5)
     gas = {"thrust": spread(rng, 0.75), "pressure": spread(rng), "volume": spread(rng)}
-    reactance, resistance, rotor = (spread(rng) for _ in range(3))
+    reactance, resistance = spread(rng), spread(rng)
+    slower = PAPER_FIXED.pole_pairs / fixed.pole_pairs  # electrical turn over that of the paper
+    rotor = max(spread(rng), EVEN * slower)
     paper, area = PAPER_NUMBERS, gas["thrust"] / gas["pressure"]
     numbers = Numbers(
         k_e=paper.k_e,
@@ -160,7 +172,7 @@ def draw_machine(rng: np.random.Generator, kind: str = "gas_screw") -> Machine:
         p_gas=(paper.p_gas - AIR) * gas["pressure"] + AIR,
         area=paper.area * area,
         v_gas=paper.v_gas * area * stroke * gas["volume"],
-        c_dc=paper.c_dc * spread(rng),
+        c_dc=paper.c_dc * spread(rng) / load * max(slower, 1.0),
         eta_mesh=1.0 if direct else 1.0 - (1.0 - paper.eta_mesh) * spread(rng),
         mu=paper.mu * spread(rng, high=1.25),
     )
@@ -171,13 +183,13 @@ def draw_machine(rng: np.random.Generator, kind: str = "gas_screw") -> Machine:
         "copper_heating": min(load / resistance, 1.1),
         "sync_inductance": min(max(load / reactance, 0.5), 1.3),
         "rotor_inertia": min(crane.ramp / rotor, 1.6),
-        "drum_inertia": crane.ramp,
+        "drum_inertia": max(crane.ramp, crane.stroke),
         "electrical_lag": crane.ramp,
         "drum_layering": 1.0 / stroke,
         "gas_polytropic": min(max(gas["volume"], 0.7), 1.15),
         "gas_volume": area * stroke * gas["volume"] ** 2,
         "seal_friction": gas["thrust"],
-        "screw_friction": min(max(numbers.mu / paper.mu, 0.7), 1.25),
+        "screw_friction": max(numbers.mu / paper.mu, 1.0),
     }
     return Machine(
         units, numbers, fixed, _draw_restoring(kind, units, stroke, rng), loads, crane, _draw_logger(units, crane, rng),
@@ -213,8 +225,8 @@ def _draw_restoring(kind: str, units: Units, stroke: float, rng: np.random.Gener
 
 
 def _draw_logger(units: Units, crane: Crane, rng: np.random.Generator) -> Logger:
-    """Draw a sampling rate that resolves the ramps."""
-    ramp = RAMP * crane.ramp * units.time
+    """Draw a sampling rate that resolves the ramps and the smoothing of the velocity, which no longer ramp makes longer."""
+    ramp = RAMP * min(crane.ramp, 1.0) * units.time
     least, most = SAMPLES
     rates = [rate for rate in RATES if least <= rate * ramp <= most] or [RATES[-1]]
     return Logger(1.0 / (rates[rng.integers(len(rates))] * units.time))
