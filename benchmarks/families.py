@@ -301,7 +301,7 @@ def undetermined(rng: np.random.Generator) -> Plans:
     for k, machine in enumerate(_machines(rng)):
         while machine.direct:
             machine = draw_machine(rng, machine.restoring.kind)
-        effect = ("gear_ratio", "k_e_convention")[k // len(MODULES) % 2]
+        effect = ("gear_ratio", "k_e_convention")[(k + k // len(MODULES)) % 2]
         entry = WrongEntry(effect, round(1.0 + _signed(rng, 0.03, 0.10), 4))
         plans.append(case(PRODUCT, entry=entry, **_on(machine)))
     return plans
