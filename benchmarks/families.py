@@ -9,9 +9,10 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade.blind.cases import Case, WrongEntry
+from winchcascade.blind.cases import PRODUCT, Case, WrongEntry
 from winchcascade.blind.history import COPPER, History
 from winchcascade.blind.injected import INJECTED, PHYSICS
+from winchcascade.blind.machine import Machine, draw_machine
 from winchcascade.blind.simulators import SIMULATORS
 from winchcascade.blind.truth import Truth, Verdict, truth_by_effects
 from winchcascade.blind.twin_numbers import LOADS, Logger
@@ -245,6 +246,67 @@ def other_physics(rng: np.random.Generator) -> Plans:
     return plans
 
 
+MODULES = ("gas_screw", "spring", "gas_screw", "counterweight", "gas_screw", "none")
+"""Restoring modules of drawn rigs, in turn."""
+
+ACTING = (0.97, 1.4)
+"""Strengths of effects on drawn rigs: with the scatter of a size 0.9 to 1.5 times a share that matters. [1]"""
+
+
+def _machines(rng: np.random.Generator) -> list[Machine]:
+    """Draw the rigs of a block."""
+    return [draw_machine(rng, MODULES[k % len(MODULES)]) for k in range(BLOCK)]
+
+
+def _strength(rng: np.random.Generator) -> float:
+    return round(rng.uniform(*ACTING), 3)
+
+
+def machines(rng: np.random.Generator) -> Plans:
+    """Plan one effect on rigs of all sizes; each rig takes the first effect left that acts on a part that it has."""
+    drawn, plans = _machines(rng), []
+    names = [*_in_turn(rng), *_in_turn(rng)]
+    for machine in drawn:
+        name = next(name for name in names if machine.has(name))
+        names.remove(name)
+        plans.append(case(machine.restoring.kind, effects={name: _strength(rng)}, **_on(machine)))
+    return plans
+
+
+def machines_nothing(rng: np.random.Generator) -> Plans:
+    """Plan rigs of all sizes with nothing injected."""
+    return [case(machine.restoring.kind, **_on(machine)) for machine in _machines(rng)]
+
+
+def machines_pairs(rng: np.random.Generator) -> Plans:
+    """Plan two effects of different stages on rigs of all sizes."""
+    plans = []
+    for machine in _machines(rng):
+        names = [name for name in INJECTED if machine.has(name)]
+        first = str(rng.choice(names))
+        others = [name for name in names if INJECTED[name].stage != INJECTED[first].stage]
+        pair = {name: _strength(rng) for name in (first, str(rng.choice(others)))}
+        plans.append(case(machine.restoring.kind, effects=pair, **_on(machine)))
+    return plans
+
+
+def _on(machine: Machine) -> dict[str, Any]:
+    """Rig and logger of a case."""
+    return {"machine": machine, "logger": machine.logger}
+
+
+def undetermined(rng: np.random.Generator) -> Plans:
+    """Plan rigs of all sizes with a gear, whose file states a gear ratio or a back-EMF constant that is wrong."""
+    plans = []
+    for k, machine in enumerate(_machines(rng)):
+        while machine.direct:
+            machine = draw_machine(rng, machine.restoring.kind)
+        effect = ("gear_ratio", "k_e_convention")[(k + k // len(MODULES)) % 2]
+        entry = WrongEntry(effect, round(1.0 + _signed(rng, 0.03, 0.10), 4))
+        plans.append(case(PRODUCT, entry=entry, **_on(machine)))
+    return plans
+
+
 def _expected(honest: str, group: Sequence[str], *, sure: Sequence[str] | None = None, alone: bool = False) -> Truth:
     """Expected answers of a kind: a group that one cause must declare, and what may be certain, by default its first."""
     certain = tuple(group[:1] if sure is None else sure)
@@ -260,6 +322,7 @@ _ORDERED = "heating, or heating and ke_rolloff as declared alternatives; never k
 _SHUFFLED = "heating alone: the order is not that of the loads"
 _RESISTANCE = "a series resistance: copper_heating or diode_drop, each with the other as alternative"
 _ROPE = "load_proportional_loss or force_gain, each with the other as alternative"
+_EITHER = "gear_ratio or ke_shift, each with the other as alternative: only their product is known"
 _HEAT, _MAGNETS = ("heating", "copper_heating", "ke_shift"), ("heating", "ke_shift")
 _OUTSIDE = Truth(honest="any verdict, but no cause with certainty: none of the catalogue acts")
 _OPEN = _drift("neither no_gap nor explained", "unexplained", "partly_explained")
@@ -284,6 +347,7 @@ EXPECTED: dict[str, Truth] = {
     "drift of force_zero": _NOT_QUIET,
     "drift of vdc_gain": _NOT_QUIET,
     "overrunning clutch": _expected("clutch_drag", ["clutch_drag"]),
+    PRODUCT: _expected(_EITHER, ["gear_ratio", "ke_shift"], sure=(), alone=True),
 }
 """Expected answers by the kind of a case."""
 
@@ -348,6 +412,13 @@ FAMILIES = {
     "leak": Family(18_017, 20, leak, ((Figure.HONEST, Bar(1.0, 20)), (Figure.NAMED, Bar(0.9, 20)))),
     "other_physics": Family(18_018, 60, other_physics, (
         (Figure.HONEST, Bar(57 / 60, 60)), (Figure.NAMED, Bar(0.8, 30)))),
+    "machines": Family(18_021, 100, machines, (
+        (Figure.NAMED, Bar(0.92, 100)), (Figure.CERTAIN, Bar(1.0, 100)), (Figure.COVERED, Bar(0.93, 60, 0.97)))),
+    "machines_nothing": Family(18_022, 20, machines_nothing, ((Figure.HONEST, Bar(1.0, 20)),)),
+    "machines_pairs": Family(18_023, 20, machines_pairs, (
+        (Figure.NAMED, Bar(0.92, 20)), (Figure.CERTAIN, Bar(1.0, 20)), (Figure.COVERED, Bar(0.93, 20, 0.97)))),
+    "undetermined": Family(18_024, 20, undetermined, (
+        (Figure.NAMED, Bar(0.92, 20)), (Figure.CERTAIN, Bar(1.0, 20)), (Figure.COVERED, Bar(0.93, 15)))),
     "thresholds": Family(18_020, 80, nothing, (
         (Figure.NAMED, Bar(0.9, 40, kinds=(ABOVE,))), (Figure.NAMED, Bar(0.0, 40, 0.5, (BELOW,))))),
 }  # fmt: skip

@@ -1,6 +1,7 @@
 """The program that scores the diagnosis on families of campaigns of the twin."""
 
 import json
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -8,9 +9,37 @@ from typing import Any
 
 import pytest
 
+from winchcascade.blind.injected import INJECTED
 from winchcascade.blind.truth import read_truth
 
 PROGRAM = Path(__file__).parent.parent.parent / "benchmarks" / "trials.py"
+
+
+FAMILIES = runpy.run_path(str(PROGRAM.parent / "families.py"))
+
+
+def plans(family: str) -> list[Any]:
+    return [FAMILIES["plan_case"](family, number) for number in range(1, FAMILIES["FAMILIES"][family].cases + 1)]
+
+
+def test_drawn_rigs_have_the_parts_that_their_effects_act_on_and_every_effect_is_tried() -> None:
+    single, pairs = plans("machines"), plans("machines_pairs")
+    assert all(plan.machine.has(name) for plan in (*single, *pairs) for name in plan.effects)
+    assert {name for plan in single for name in plan.effects} == set(INJECTED)
+    assert all(len({INJECTED[name].stage for name in plan.effects}) == 2 for plan in pairs)
+    kinds = [plan.machine.restoring.kind for plan in single]
+    assert {kind: kinds.count(kind) for kind in kinds} == {
+        "gas_screw": 50,
+        "spring": 17,
+        "counterweight": 17,
+        "none": 16,
+    }
+
+
+def test_a_wrong_product_is_one_of_gear_ratio_and_back_emf_as_often_on_rigs_with_a_gear() -> None:
+    wrong = plans("undetermined")
+    assert [plan.entry.effect for plan in wrong].count("gear_ratio") == len(wrong) / 2
+    assert all(0.03 <= abs(plan.entry.factor - 1.0) <= 0.1 and not plan.machine.direct for plan in wrong)
 
 
 def trials(*arguments: str | Path) -> str:

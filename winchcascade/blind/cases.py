@@ -12,8 +12,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from winchcascade.blind.drive import FINE
 from winchcascade.blind.history import History, twin_by_run
 from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
+from winchcascade.blind.machine import PAPER, Machine
+from winchcascade.blind.machine_file import in_si_units, machine_toml
 from winchcascade.blind.simulators import simulated_log
 from winchcascade.blind.truth import Truth, truth_by_effects
 from winchcascade.blind.twin import FIXED, Twin, draw_motion, draw_twin, read_log, solve_twin
@@ -29,6 +32,9 @@ STRENGTHS = (1.0, 0.4, 1.5)
 
 SHARES = {"none": 0.08, "outsider": 0.12, "pair": 0.12}
 """Share of each kind among the cases of a trial; in all others a single effect is injected."""
+
+PRODUCT = "product of k_e and gear ratio"
+"""Kind of the cases in which a wrong entry of the one looks like a wrong entry of the other."""
 
 NOMINAL = Numbers()
 
@@ -48,14 +54,28 @@ class WrongEntry(msgspec.Struct, frozen=True):
         """Key of the number in the rig file."""
         return {"drum_radius": "r_drum"}.get(self.effect, self.effect.removesuffix("_convention"))
 
-    def truth(self, twin: Twin) -> dict[str, float]:
+    def truth(self, twin: Twin, machine: Machine = PAPER) -> dict[str, float]:
         """True value of the number that a diagnosis reports of it."""
         if self.log is not None:
-            return {"load_ohm": twin.loads[self.log]}
-        exact = {"r_drum": FIXED.r_drum, "gear_ratio": FIXED.gear}
+            return {"load_ohm": twin.loads[self.log] * machine.units.factor("ohm")}
+        exact = {
+            "r_drum": FIXED.r_drum * machine.units.factor("length"),
+            "gear_ratio": FIXED.gear * machine.units.factor("gear"),
+        }
         if self.key in exact:
             return {self.key: exact[self.key]}
-        return {f"{self.key}_ratio": getattr(twin.numbers, self.key) / (getattr(NOMINAL, self.key) * self.factor)}
+        stated = getattr(machine.numbers, self.key) * self.factor
+        return {f"{self.key}_ratio": getattr(twin.numbers, self.key) / stated}
+
+    def product(self, twin: Twin, machine: Machine) -> dict[str, dict[str, float]]:
+        """Values that give the true k_e times gear ratio, by the suspect that makes up for the whole error of the product."""
+        product = twin.numbers.k_e / (machine.numbers.k_e * self.factor)  # true over stated
+        gear = machine.fixed.gear * machine.units.gear * (self.factor if self.key == "gear_ratio" else 1.0)
+        return {
+            "gear_ratio": {"gear_ratio": gear * product},
+            "ke_shift": {"k_e_change": product - 1.0},
+            "k_e_convention": {"k_e_ratio": product},
+        }
 
 
 class Case(msgspec.Struct, frozen=True):
@@ -77,6 +97,7 @@ class Case(msgspec.Struct, frozen=True):
     repeats : number of runs of each load
     entry : wrong entry of the rig file or of the campaign
     simulator : simulator of the owner's own simulation, a name of `SIMULATORS`
+    machine : the rig, with its crane
     """
 
     family: str
@@ -97,6 +118,7 @@ class Case(msgspec.Struct, frozen=True):
     repeats: int = 1
     entry: WrongEntry | None = None
     simulator: str | None = None
+    machine: Machine = PAPER
 
     @property
     def name(self) -> str:
@@ -107,8 +129,11 @@ class Case(msgspec.Struct, frozen=True):
     def text(self) -> str:
         """What is injected and the settings of the campaign: the fields that are not their defaults, as JSON."""
         plain, own = (msgspec.to_builtins(case) for case in (Case(self.family, self.number, self.seed), self))
-        parts = {name: value for name, value in own.items() if value != plain[name] and name not in ("kind", "truth")}
-        return ", ".join(f"{name} {msgspec.json.encode(value).decode()}" for name, value in parts.items()) or "nothing"
+        beside = ("kind", "truth", "machine")
+        parts = {name: value for name, value in own.items() if value != plain[name] and name not in beside}
+        words = [f"{name} {msgspec.json.encode(value).decode()}" for name, value in parts.items()]
+        words += [self.machine.text] if self.machine != PAPER else []
+        return ", ".join(words) or "nothing"
 
 
 def plan_cases(count: int, seed: int) -> tuple[Case, ...]:
@@ -147,9 +172,11 @@ def _pair(rng: np.random.Generator) -> dict[str, float]:
 def draw(case: Case) -> tuple[Hidden, Twin, np.random.Generator]:
     """Injected values and the twin of a case, and the generator from which the logs are drawn next."""
     rng = np.random.default_rng([case.seed, case.number])
-    hidden = draw_hidden(case.effects, case.outsider, rng, case.reported)
+    machine = case.machine
+    effects = {name: strength * machine.strengths.get(name, 1.0) for name, strength in case.effects.items()}
+    hidden = draw_hidden(effects, case.outsider, rng, case.reported, duration=machine.crane.stroke)
     hidden = msgspec.structs.replace(hidden, physics=case.physics)
-    return hidden, draw_twin(hidden, rng, case.scatter), rng
+    return hidden, draw_twin(hidden, rng, case.scatter, machine), rng
 
 
 ORIGIN = "Made by a numerical twin of the rig, with hidden numbers and effects"
@@ -158,8 +185,14 @@ ORIGIN = "Made by a numerical twin of the rig, with hidden numbers and effects"
 STATED_LOADS = {log: math.inf if log == "open_circuit" else ohm for log, ohm in LOADS.items()}
 """Load that the campaign.toml of a case states for each log, infinite for the open circuit. [ohm]"""
 
-HEADER = "Time (s),Displacement (m),Velocity (m/s),Pressure (kg/cm2),Force (N),Torque (N.m),Vdc (V),Idc (A)"
-"""Header of a log, in the format of the logger of the crane."""
+HEADERS = {
+    "time": "Time (s)", "displacement": "Displacement (m)", "velocity": "Velocity (m/s)", "pressure": "Pressure (kg/cm2)",
+    "force": "Force (N)", "torque": "Torque (N.m)", "vdc": "Vdc (V)", "idc": "Idc (A)",
+}  # fmt: skip
+"""Headers of the columns of a log, in the format of the logger of the crane."""
+
+FILES = dict(zip(LOADS, ("open_circuit", *(f"load_{letter}" for letter in "abcdef")), strict=True))
+"""Names of the logs of a rig whose loads are others than the paper's."""
 
 PLAIN = "plain.toml"
 """The campaign with the built-in rig file, of a case whose rig file is calibrated."""
@@ -173,14 +206,16 @@ def write_campaign(case: Case, folder: Path) -> None:
     same bytes every time.
     """
     _, twin, rng = draw(case)
-    stated, entry = dict(STATED_LOADS), case.entry
+    stated, entry, machine = stated_loads(case.machine), case.entry, case.machine
     if entry is not None and entry.log is not None:
         stated[entry.log] = round(stated[entry.log] * entry.factor, 3)
     loads, order = {}, (case.order or tuple(stated)) * case.repeats
     for k, (log, here) in enumerate(zip(order, twin_by_run(twin, case.history, order), strict=True)):
-        name = log if case.repeats == 1 else f"{log}_{k // len(stated) + 1:02d}"
-        x, v, resting = draw_motion(log, rng)
-        columns = read_log(here, solve_twin(here, log, x, v, resting), rng, case.logger)
+        place = log if machine == PAPER else FILES[log]
+        name = place if case.repeats == 1 else f"{place}_{k // len(stated) + 1:02d}"
+        x, v, resting = draw_motion(log, rng, machine.crane)
+        solved = solve_twin(here, log, x, v, resting, fine=steps_of(machine))
+        columns = in_si_units(machine, read_log(here, solved, rng, case.logger))
         if entry is not None and entry.shared:
             columns |= {key: np.round(columns[key] * entry.factor, 4) for key in ("displacement", "velocity")}
         write_log(folder / f"{name}.csv", columns)
@@ -197,11 +232,27 @@ def write_campaign(case: Case, folder: Path) -> None:
     (folder / "campaign.toml").write_bytes(text.encode())
 
 
+def stated_loads(machine: Machine) -> dict[str, float]:
+    """Load that a campaign states for each log, infinite for the open circuit. [ohm]"""
+    if machine == PAPER:
+        return dict(STATED_LOADS)
+    ohm = machine.units.factor("ohm")
+    return {
+        log: math.inf if log == "open_circuit" else float(f"{here * ohm:.6g}") for log, here in machine.loads.items()
+    }
+
+
+def steps_of(machine: Machine) -> int:
+    """Steps of the twin in an interval of its grid, more where the machine has more poles."""
+    return FINE * max(1, math.ceil(machine.fixed.pole_pairs / FIXED.pole_pairs - 0.01))
+
+
 def write_log(path: Path, columns: Mapping[str, Signal]) -> None:
     """Write a log in the format of the logger of the crane, with no more digits than a channel has."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    header = ",".join(HEADERS[name] for name in columns)
     path.parent.mkdir(exist_ok=True)
-    path.write_bytes(("\n".join([HEADER, *(",".join(map(repr, row)) for row in rows)]) + "\n").encode())
+    path.write_bytes(("\n".join([header, *(",".join(map(repr, row)) for row in rows)]) + "\n").encode())
 
 
 def campaign_toml(
@@ -234,6 +285,8 @@ def _rig_file(case: Case, folder: Path) -> str | None:
     factors = {"mu_screw" if name == "mu" else name: 1.0 + by * shares[name] for name, by in case.bias.items()}
     if case.entry is not None and case.entry.log is None:
         factors[case.entry.key] = case.entry.factor
+    if case.machine != PAPER:
+        return machine_toml(case.machine, f"{case.family} {case.number}", factors)
     text = files("winchcascade").joinpath("rigfiles", f"{DEFAULT_RIG}.toml").read_text(encoding="utf-8")
     for key, factor in factors.items():
         found = re.search(rf"(?m)^{key} = {{ value = ([0-9.e+-]+)", text)
@@ -270,7 +323,13 @@ def truth_of(case: Case) -> Truth:
     """What is injected in a case, with its true numbers, and what an honest answer may be."""
     hidden, twin, _ = draw(case)
     entry = case.entry
-    parameters = hidden.reported() if entry is None else {entry.effect: entry.truth(twin)}
+    machine = case.machine
+    if entry is None:
+        parameters = hidden.reported(machine.units)
+    elif case.kind == PRODUCT:
+        parameters = entry.product(twin, machine)
+    else:
+        parameters = {entry.effect: entry.truth(twin, machine)}
     if case.outsider is not None:
         found = Truth("outsider", honest="no cause with certainty")
     elif case.truth is not None:

@@ -16,18 +16,22 @@ from scipy.signal import fftconvolve, lfilter
 
 from winchcascade.blind.drive import FINE, GRID, LEDGER, Drive, run_drive
 from winchcascade.blind.injected import Hidden
+from winchcascade.blind.machine import PAPER, Machine
 from winchcascade.blind.twin_numbers import (  # fmt: skip
     AIR,
+    CRANE,
     CRANE_LOGGER,
     LOAD_SCATTER,
-    LOADS,
+    RESTORING_SHARES,
     SCATTER,
     SENSORS,
     VELOCITY_NOISE,
     VELOCITY_STEP,
+    Crane,
     Fixed,
     Logger,
     Numbers,
+    Restoring,
 )
 from winchcascade.core.compiled import njit_loop
 from winchcascade.core.run import Signal
@@ -48,7 +52,7 @@ _LEAD_IN, _SPREAD = 4.0, 0.01
 """Rest before the first cycle [s]; scatter of the plateaus from log to log, and from cycle to cycle [1]."""
 
 
-def line_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal]:
+def line_motion(log: str, rng: np.random.Generator, crane: Crane = CRANE) -> tuple[Signal, Signal]:
     """Draw the motion of one log on the grid of the twin.
 
     Returns
@@ -57,18 +61,19 @@ def line_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal]:
     """
     legs = [np.zeros(round(_LEAD_IN / GRID))]
     top = SPEED[log] * (1.0 + _SPREAD * rng.standard_normal())
-    ramp, shape = rng.normal(4.55, 0.22), rng.normal(1.0, 0.06)
-    length, back = rng.normal(9.59, 0.05), rng.normal(1.255, 0.028)
-    hold, rest = rng.uniform(4.2, 6.9), rng.uniform(4.3, 7.2)
+    ramp, shape = rng.normal(4.55, 0.22) * crane.ramp, rng.normal(1.0, 0.06)
+    length, back = rng.normal(9.59, 0.05) * crane.stroke, rng.normal(1.255, 0.028) * crane.back
+    hold, rest = rng.uniform(4.2, 6.9) * crane.wait, rng.uniform(4.3, 7.2) * crane.wait
     for _ in range(CYCLES):
-        here = length + rng.normal(0.0, 0.02)
+        here = length + rng.normal(0.0, 0.02) * crane.stroke
         payout = top * (1.0 + _SPREAD * rng.standard_normal())
         rise = ramp * (1.0 + 0.02 * rng.standard_normal())
         legs.append(payout * _leg(here / payout, rise, 0.355 * rise, shape))
-        legs.append(np.zeros(round((hold + rng.normal(0.0, 0.2)) / GRID)))
+        legs.append(np.zeros(round((hold + rng.normal(0.0, 0.2) * crane.wait) / GRID)))
         haul = back * (1.0 + 0.008 * rng.standard_normal())
-        legs.append(-haul * _leg((here + rng.normal(0.0, 0.012)) / haul, 2.0, 0.8, 1.0))
-        legs.append(np.zeros(round((rest + rng.normal(0.0, 0.3)) / GRID)))
+        travel = here + rng.normal(0.0, 0.012) * crane.stroke
+        legs.append(-haul * _leg(travel / haul, 2.0 * crane.stroke, 0.8 * crane.stroke, 1.0))
+        legs.append(np.zeros(round((rest + rng.normal(0.0, 0.3) * crane.wait) / GRID)))
     v = np.concatenate([*legs, [0.0]])
     v = v * (1.0 + GUST * smooth_noise(v.size, GUST_WIDTH, rng))
     return np.concatenate([[0.0], np.cumsum(0.5 * GRID * (v[1:] + v[:-1]))]), v
@@ -113,6 +118,8 @@ FIXED = Fixed()
 class Twin(msgspec.Struct, frozen=True):
     """Rig of one campaign, or of one run of it: its numbers, its loads, the gains of its sensors, and what is injected.
 
+    A rig of another size is a twin in units of nature in which its drum and its machine are the paper's: see `Machine`.
+
     `zeros` are zeros of sensors by channel beside those that a log draws, in the unit of the log. `fixed` are the numbers that
     no campaign draws.
     """
@@ -123,6 +130,7 @@ class Twin(msgspec.Struct, frozen=True):
     hidden: Hidden
     zeros: dict[str, float] = {}
     fixed: Fixed = FIXED
+    restoring: Restoring = Restoring()
 
 
 class Solved(msgspec.Struct, frozen=True):
@@ -141,7 +149,7 @@ def read_log(twin: Twin, solved: Solved, rng: np.random.Generator, logger: Logge
     grid = np.arange(solved.x.size, dtype=np.float64) * GRID
     x, v = (_follow(y, delay) if delay else y for y in (solved.x, solved.v))  # behind an elastic drive
     columns = {
-        "time": np.round(stamps, 4),
+        "time": np.round(stamps, logger.decimals_time),
         "displacement": np.round(np.interp(stamps, grid, x), logger.decimals(4)),
         "velocity": _stepped(
             np.interp(stamps, grid, v) + rng.normal(0.0, VELOCITY_NOISE * logger.noise, stamps.size),
@@ -177,14 +185,21 @@ def noiseless(twin: Twin, solved: Solved, stamps: Signal) -> dict[str, Signal]:
     """Readings of the sensors without zeros, noise and resolution, by channel in the units of the log."""
     found = {}
     for name, sensor in SENSORS.items():
+        if name not in solved.channels:
+            continue
         true = solved.channels[name]
         if name == "force":
-            true = true - TETHER_MASS * ring(np.diff(solved.v) / GRID)
+            true = taut(twin, true - TETHER_MASS * ring(np.diff(solved.v) / GRID))
         gain, delay, zero = map(twin.hidden.get, _SENSOR_EFFECTS[name])
         value = np.interp(stamps - delay, solved.t, _averaged(true)) / sensor.unit
         reading = value * twin.gains[name] * (1.0 + gain) + _distortion(twin.hidden, name, value)
         found[name] = reading + zero + twin.zeros.get(name, 0.0)
     return found
+
+
+def taut(twin: Twin, force: Signal) -> Signal:
+    """Tension of a line, which is slack where nothing pulls; the gas of the paper's rig always does. [N]"""
+    return force if twin.restoring.has_gas else np.maximum(force, 0.0)
 
 
 def _distortion(hidden: Hidden, name: str, value: Signal) -> Signal | float:
@@ -243,21 +258,27 @@ RESTING, RESTING_MEAN = 0.22, -0.06
 """Friction at rest lies between its values in the two directions, -1 and 1: scatter from log to log, and mean. [1]"""
 
 
-def draw_twin(hidden: Hidden, rng: np.random.Generator, scatter: float = 1.0) -> Twin:
+def draw_twin(hidden: Hidden, rng: np.random.Generator, scatter: float = 1.0, machine: Machine = PAPER) -> Twin:
     """Draw the rig of a campaign within the uncertainties of its numbers.
 
     Parameters
     ----------
     scatter : true standard deviation of its numbers and of the gains of its sensors over the stated uncertainty [1]
+    machine : the rig as its file states it
     """
-    return Twin(
-        numbers=Numbers(*(rng.normal(mean, scatter * u) for mean, u in zip(Numbers(), SCATTER, strict=True))),
-        loads={
-            log: rng.normal(1.0, LOAD_SCATTER if log != "open_circuit" else 0.0) * ohm for log, ohm in LOADS.items()
-        },
-        gains={name: rng.normal(1.0, scatter * LOAD_SCATTER) for name in SENSORS},
-        hidden=hidden,
-    )
+    stated = zip(machine.numbers, machine.relative, SCATTER, strict=True)
+    numbers = Numbers(*(rng.normal(mean, scatter * u * share) for mean, share, u in stated))
+    loads = {
+        log: rng.normal(1.0, LOAD_SCATTER if log != "open_circuit" else 0.0) * ohm for log, ohm in machine.loads.items()
+    }
+    gains = {name: rng.normal(1.0, scatter * LOAD_SCATTER) for name in SENSORS}
+    restoring = machine.restoring
+    if not restoring.has_gas:
+        factors = {name: 1.0 + u * rng.standard_normal() for name, u in RESTORING_SHARES.items()}
+        restoring = restoring._replace(**{name: by * getattr(restoring, name) for name, by in factors.items()})
+    if machine.direct:
+        numbers = numbers._replace(eta_mesh=1.0)
+    return Twin(numbers, loads, gains, hidden, fixed=machine.fixed, restoring=restoring)
 
 
 def drive_of(twin: Twin, log: str) -> Drive:
@@ -342,17 +363,36 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
     mesh = 1.0 + hidden.get("worn_gear") * np.cos(3.0 * middle / r + phase)  # three times a turn of the drum
     out, stored = run_drive(v / r, mesh, drive_of(twin, log), fine)
     torque = out[:, 0] - hidden.get("clutch_drag") * np.where(speed < 0.0, np.abs(turned), 0.0)
-    gauge, slow, seals = _gauge(twin, middle, t), _slow_friction(hidden, speed), hidden.laws.get("slow_seals", 0.0)
-    screw = _screw(twin, gauge, way, slow * way * seals * 2.0 * math.pi / fixed.lead)
+    slow, seals = _slow_friction(hidden, speed), hidden.laws.get("slow_seals", 0.0) * twin.restoring.has_gas
     inertia = (fixed.j_drum + hidden.get("drum_inertia")) * pull / r
     friction = hidden.get("line_friction") * way + hidden.get("line_drag") * speed / r + _braking(twin, t, turned)
     lost = friction + slow * way * (1.0 - seals)
+    channels = {"torque": torque, "vdc": out[:, 1], "idc": out[:, 2]}
+    if twin.restoring.has_gas:
+        gauge = _gauge(twin, middle, t)
+        held = _screw(twin, gauge, way, slow * way * seals * 2.0 * math.pi / fixed.lead)
+        channels["pressure"] = gauge
+    else:
+        held = r * held_by(twin.restoring, middle, pull, way)
     eccentric = hidden.get("eccentric_drum") * np.cos(middle / r + phase)
     radius = r * (1.0 + hidden.get("drum_layering") * middle / 10.0) * (1.0 + eccentric)
-    force = (screw + torque + inertia + lost) / radius * np.exp(-math.log1p(-hidden.get("rope_loss")) * way)
-    channels = {"pressure": gauge, "force": force, "torque": torque, "vdc": out[:, 1], "idc": out[:, 2]}
+    force = (held + torque + inertia + lost) / radius * np.exp(-math.log1p(-hidden.get("rope_loss")) * way)
+    channels["force"] = taut(twin, force)
     energy = dict(zip(LEDGER, [*out[:, 4:].sum(axis=0), *stored], strict=True))
     return Solved(t, x, v, channels | {"omega": out[:, 3]}, energy)
+
+
+def held_by(restoring: Restoring, x: Signal, pull: Signal, way: Signal) -> Signal:
+    """Force at the drum of a spring or a counterweight, (n,); without either none. [N]
+
+    Parameters
+    ----------
+    x, pull : payout and its acceleration [m, m/s2]
+    way : direction of friction [1]
+    """
+    spring = restoring.force + restoring.stiffness * x
+    weight = restoring.weight * (1.0 + pull / restoring.gravity)
+    return spring + weight + restoring.friction * way
 
 
 def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
@@ -402,7 +442,7 @@ def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
     return np.where(np.searchsorted(flips, t) % 2 == 1, torque * turned, 0.0)
 
 
-def draw_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal, float]:
+def draw_motion(log: str, rng: np.random.Generator, crane: Crane = CRANE) -> tuple[Signal, Signal, float]:
     """Draw the motion of one log, and where friction holds at rest; see `solve_twin`."""
-    x, v = line_motion(log, rng)
+    x, v = line_motion(log, rng, crane)
     return x, v, float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))

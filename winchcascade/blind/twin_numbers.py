@@ -83,6 +83,56 @@ class Fixed(NamedTuple):
     v_diode: float = 0.7
 
 
+class Restoring(NamedTuple):
+    """What keeps the line taut in the place of screw and gas, SI units; by default it is the gas.
+
+    Parameters
+    ----------
+    kind : gas_screw, spring, counterweight or none
+    force, stiffness : of a spring at zero payout, at the line [N, N/m]
+    weight : of a counterweight [N]
+    friction : of spring or counterweight against the motion [N]
+    gravity : by which a weight has its mass [m/s2]
+    """
+
+    kind: str = "gas_screw"
+    force: float = 0.0
+    stiffness: float = 0.0
+    weight: float = 0.0
+    friction: float = 0.0
+    gravity: float = 9.80665
+
+    @property
+    def has_gas(self) -> bool:
+        """Whether screw, piston and gas are there, and a pressure."""
+        return self.kind == "gas_screw"
+
+
+RESTORING_SHARES = {"force": 2e-3, "stiffness": 5e-3, "weight": 2e-3, "friction": 2e-2}
+"""One standard uncertainty of each number of a spring or a counterweight as a share of it, assumed. [1]"""
+
+
+class Crane(NamedTuple):
+    """Motion of the crane over that of the paper's, each a factor; its speed stays. [1]
+
+    Parameters
+    ----------
+    stroke : length of a payout, and with it the ramps of the haul-in
+    ramp : time in which a payout speeds up and brakes
+    back : speed of the haul-in
+    wait : rest between the motions
+    """
+
+    stroke: float = 1.0
+    ramp: float = 1.0
+    back: float = 1.0
+    wait: float = 1.0
+
+
+CRANE = Crane()
+"""The crane of the paper."""
+
+
 class Logger(msgspec.Struct, frozen=True):
     """The logger of a campaign: time between two rows [s], and a factor on the noise of all sensors and on that of the tether;
     zero errors keep their size [1]. Sensors that scatter less than usual have a finer step, which does not hide it.
@@ -90,6 +140,11 @@ class Logger(msgspec.Struct, frozen=True):
 
     interval: float = 0.04
     noise: float = 1.0
+
+    @property
+    def decimals_time(self) -> int:
+        """Number of decimals of the stamps: those of an interval in the units of another rig have no end."""
+        return 4 if round(self.interval, 4) == self.interval else 9
 
     def step(self, usual: float) -> float:
         """Step of a column."""
