@@ -20,7 +20,6 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import FindingKind
 from winchcascade.core.toml_file import struct_fields
 from winchcascade.diagnosis import closure, nuisances, verdict_limits
-from winchcascade.diagnosis.predict import COARSE
 from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors
 from winchcascade.reduction import efficiency_between_runs as between_runs
 from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
@@ -28,7 +27,7 @@ from winchcascade.reduction import uncertainty as draws
 from winchcascade.reduction.checks import at_rest, cycles, load, pairs, phased_log
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import READ, Simulation
-from winchcascade.rig.steps import STEP
+from winchcascade.rig.steps import COARSE, STEP
 
 
 def text_of(page: str, part: str = "") -> str:
@@ -113,7 +112,7 @@ def test_every_limit_of_a_verdict_is_stated_with_its_value() -> None:
 
 def test_what_a_diagnosis_allows_of_model_and_rig_is_stated() -> None:
     text = text_of("how_a_diagnosis_works", "What is compared")
-    assert all(f"{sd:g} {unit}" in text for sd, unit in nuisances.ABSENT.values())
+    assert all(f"{share:g} {scale}" in text for share, scale, _ in nuisances.ABSENT.values())
     assert all(f"{PERCENT * share:g} %" in text for share in nuisances.OF_THE_MODEL.values())
     assert f"{PERCENT * ModelAccuracy().discrepancy:g} %" in text
     assert f"{closure.DRAWS} times" in text_of("how_a_diagnosis_works", "Numbers")

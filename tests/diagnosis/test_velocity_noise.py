@@ -3,14 +3,13 @@
 import msgspec
 import numpy as np
 import pytest
+from rigs import suspects_on
 from scipy.ndimage import gaussian_filter1d
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.search import fit_set, marginal_about
-from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import simulate
 
 EVERY, FINE = 10, 1e-2
@@ -43,7 +42,7 @@ def slow_log(seed: int) -> Run:
 def found_inertia(run: Run) -> float:
     """Relative change of the rotor's inertia by the best fit. [1]"""
     rig = built_in()
-    problem = RigProblem(Fitted([run], rig), bound_to(EFFECTS, rig, [run]))
+    problem = RigProblem(Fitted([run], rig), suspects_on(rig, [run]))
     marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
     return float(fit_set(problem, marginal, ("rotor_inertia",)).x[0])
 
