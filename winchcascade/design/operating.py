@@ -12,7 +12,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.scales import MotionScale, motion_of_log, motion_of_runs
-from winchcascade.diagnosis.planning import PLATEAU, REST, cycle_of
+from winchcascade.diagnosis.planning import PLATEAU, RAMP, REST, cycle_of
 from winchcascade.rig import physics
 from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.physics import RPM
@@ -62,9 +62,15 @@ class Motion(NamedTuple):
         return Motion(self.t / share, self.v * share, speed, self.cycles)
 
 
-def planned_cycle(speed: float, length: float, time: float) -> Motion:
-    """One payout and one haul-in, as `cycle_of` has them; a motion is laid on a monotone cubic, which smooths their ramps."""
-    return Motion(*cycle_of(speed, length, time), speed)
+def planned_cycle(speed: float, length: float, ramp: float) -> Motion:
+    """One payout and one haul-in, as `cycle_of` has them; a motion is laid on a monotone cubic, which smooths their ramps.
+
+    Parameters
+    ----------
+    speed, length : of the plateau [m/s] and of the payout [m]
+    ramp : time in which the line reaches its speed [s]; rests and hold are as long beside it as in a planned run
+    """
+    return Motion(*cycle_of(speed, length, ramp / RAMP), speed)
 
 
 def motion_of_run(run: Run) -> Motion:
