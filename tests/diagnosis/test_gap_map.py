@@ -35,7 +35,7 @@ from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import Model
 from winchcascade.rig.stages import STAGES
 
-SAME_STEP = 1e-4
+SAME_STEP = 1e-3
 """Relative difference between the places of a log alone and among others, whose motion sets the step of all. [1]"""
 
 U_PRESSURE = 2942.0
