@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from pages import DOCS, ROOT, read, shown
+from rigs import scale_of
 
 from winchcascade import baseline, read_run, simulate
 from winchcascade.blind.score import count
@@ -112,7 +113,7 @@ def test_every_limit_of_a_verdict_is_stated_with_its_value() -> None:
 
 def test_what_a_diagnosis_allows_of_model_and_rig_is_stated() -> None:
     text = text_of("how_a_diagnosis_works", "What is compared")
-    assert all(f"{share:g} {scale}" in text for share, scale, _ in nuisances.ABSENT.values())
+    assert all(f"|{share:g}|" in text for share, _, _ in nuisances.ABSENT.values())
     assert all(f"{PERCENT * share:g} %" in text for share in nuisances.OF_THE_MODEL.values())
     assert f"{PERCENT * ModelAccuracy().discrepancy:g} %" in text
     assert f"{closure.DRAWS} times" in text_of("how_a_diagnosis_works", "Numbers")
@@ -148,11 +149,11 @@ def test_the_trials_have_as_many_campaigns_as_their_families(monkeypatch: pytest
 
 # ------------------------------------------------------------------------------------------------------------- the model
 @cache
-def simulated(step: float) -> tuple[Simulation, ...]:
-    """Simulations along the shipped logs, in steps of so many seconds."""
+def simulated(share: float) -> tuple[Simulation, ...]:
+    """Simulations along the shipped logs, in steps of a share of their ramps."""
     model = baseline(built_in())
     runs = [read_run(run.file, load=run.load) for run in load_campaign(ROOT / "fixtures" / "campaign").runs]
-    return tuple(simulate(run, model, step=step) for run in runs)
+    return tuple(simulate(run, model, step=share * scale_of(run).ramp) for run in runs)
 
 
 def largest_change(one: float, other: float) -> float:
@@ -170,7 +171,7 @@ def test_the_steps_of_the_model_are_as_exact_as_its_page_states() -> None:
     ((half, balance, coarse),) = (
         map(float, numbers) for numbers in re.findall(r"more than (\S+) %.* within (\S+)\. .* most (\S+) %", text)
     )
-    assert re.findall(r"(\S+) ms", text) == [f"{1e3 * STEP:g}", f"{1e3 * COARSE:g}"]
+    assert re.findall(r"1/(\d+) of the ramp", text) == [f"{1.0 / STEP:g}", f"{1.0 / COARSE:g}"]
     assert PERCENT * largest_change(STEP, 0.5 * STEP) < half
     assert PERCENT * largest_change(STEP, COARSE) < coarse
     for done in simulated(STEP):
