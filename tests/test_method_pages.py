@@ -189,6 +189,8 @@ def test_the_efficiencies_of_the_screw_are_those_of_the_paper() -> None:
 def test_the_added_effects_are_found_with_the_numbers_that_were_simulated() -> None:
     page = DOCS / "adding_an_effect.md"
     given = {name: float(value) for name, value in re.findall(r"--with (\w+)\.\w+=(\S+)", read(page))}
+    shown_by = re.findall(r"^\+\[\w+\.(\w+)\](?:\n\+.*)*factor = ([\d.e]+)", read(page), re.MULTILINE)
+    given |= {name: float(factor) * given[name] for name, factor in shown_by}
     (printed,) = shown(page).values()
     found = {row[0]: (float(row[3]), float(row[5])) for row in map(str.split, printed.splitlines()) if row[0] in given}
     assert found.keys() == given.keys()
