@@ -21,6 +21,7 @@ from winchcascade.diagnosis.calibrate import calibrate
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.planning import planned
+from winchcascade.diagnosis.undetermined import undetermined
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.effects.effect import Parameter
@@ -95,6 +96,22 @@ def test_so_does_that_of_a_spring(nature: Nature) -> None:
 @given(natures(with_weights=True))
 def test_so_does_that_of_a_counterweight_where_gravity_stays(nature: Nature) -> None:
     assert_fits_alike(nature, fit_of("counterweight"), fit_in(nature, "counterweight"))
+
+
+DIRECTIONS = 1e-3
+"""Difference of the powers of a direction that the logs do not know: those of derivatives by small steps. [1]"""
+
+
+@pytest.mark.parametrize("kind", ["gas_screw", "spring"])
+@FEW
+@example(BENCH)
+@given(natures())
+def test_the_logs_do_not_know_the_same_directions(kind: str, nature: Nature) -> None:
+    one, other = (undetermined(data) for data in (fit_of(kind), fit_in(nature, kind)))
+    assert len(one) > 0
+    assert [found.leading for found in other] == [known.leading for known in one]
+    for known, found in zip(one, other, strict=True):
+        assert found.powers == pytest.approx(known.powers, abs=DIRECTIONS)
 
 
 @FEW

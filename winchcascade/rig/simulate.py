@@ -59,7 +59,7 @@ ROUNDED = 1e-6
 
 
 def even_motion(t: Signal, v: Signal, step: float, rest: float) -> LineMotion:
-    """Lay a velocity onto even steps by a monotone cubic, with its slope and its integral; the last step reaches the last stamp.
+    """Lay a velocity onto even steps up to the last stamp by a monotone cubic, with its slope and its integral.
 
     Parameters
     ----------
