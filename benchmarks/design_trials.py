@@ -238,11 +238,12 @@ def pair_case(k: int, folder: Path) -> Result:
     pair = confused(found, name)
     if pair is not None:
         basis = after(found, loads=list(STATED_LOADS.values()))
+        time = basis.data.scales.motion.time
         plan = separate(basis, pair, found.suspects, RUNS)
         random = [basis.options[i] for i in rng.integers(len(basis.options), size=len(plan.runs))]
         for of, runs in (("planned runs", plan.runs), ("random runs", random)):
             rng.bit_generator.state = state  # the same log again
-            extra = [planned(run.load, run.speed, basis.length, 1.0 / GRID) for run in runs]
+            extra = [planned(run.load, run.speed, basis.length, time, 1.0 / GRID) for run in runs]
             again, _ = diagnosed(twin, rng, SINGLE, extra, folder)
             holds = name in [cause.effect for cause in again.causes] and confused(again, name, pair) is None
             rows.append(Row(of, holds, plan.expected[-1], (*pair, len(runs))))

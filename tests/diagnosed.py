@@ -30,7 +30,7 @@ Planted = dict[str, dict[str, float]]
 
 PLANTED: dict[str, Planted] = {
     "copper": {"copper_heating": {"r_s_change": 0.4}},
-    "rolloff": {"ke_rolloff": {"lost_to_7_a": 0.04, "lost_to_9_a": 0.08}},
+    "rolloff": {"ke_rolloff": {"lost_to_1p4": 0.04, "lost_to_1p8": 0.08}},
     "nothing": {},
     "outsider": {"gear_mesh_loss": {"efficiency_change": -0.06}},
 }

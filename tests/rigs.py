@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,18 @@ from winchcascade.core.quantity import KGF
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
+from winchcascade.core.scales import MotionScale, Scales, motion_of_runs, scales_of
+from winchcascade.diagnosis.block_means import Blocks, blocks_of
+from winchcascade.diagnosis.entries import bound_to
+from winchcascade.diagnosis.predict import Course
+from winchcascade.diagnosis.suspects import Suspects
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import COLUMNS
+from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.kernel import COLUMNS, LineMotion
 from winchcascade.rig.parts import Model, with_part
 from winchcascade.rig.simulate import motion_of, solve
 from winchcascade.rig.stages import StageOutput, along, outputs_along
-from winchcascade.rig.steps import STEP
+from winchcascade.rig.steps import COARSE, resolving
 
 LOADS = {
     "open_circuit": math.inf, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5,
@@ -45,11 +51,43 @@ def truth_of(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "truth.json").read_text())  # type: ignore[no-any-return]
 
 
+def scale_of(run: Run) -> MotionScale:
+    """Scales of the motion of one log."""
+    return motion_of_runs([run])
+
+
+def scales_on(rig: Rig, runs: Sequence[Run]) -> Scales:
+    """Scales of some logs on a rig."""
+    return scales_of(rig, motion_of_runs(runs))
+
+
+def motion_along(run: Run, step: float) -> LineMotion:
+    """The motion of one log at even steps. [s]"""
+    return motion_of(run, step, scale_of(run))
+
+
+def blocks_on(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Blocks:
+    """One log in blocks."""
+    return blocks_of(run, rig, scale_of(run).ramp, cycles)
+
+
+def course_of(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Course:
+    """The motion of one log, as a fit to it alone has it."""
+    scale = scale_of(run)
+    return Course(run, blocks_on(run, rig, cycles), resolving(baseline(rig), scale, COARSE), scale)
+
+
+def suspects_on(rig: Rig, runs: Sequence[Run]) -> Suspects:
+    """The suspects of a diagnosis of some logs."""
+    return bound_to(EFFECTS, rig, runs, scales_on(rig, runs))
+
+
 def stage_outputs(run: Run, model: Model) -> tuple[StageOutput, ...]:
     """What each stage makes of its own inputs, the clutch as the model has it along the motion."""
-    motion = motion_of(run, STEP)
+    scale = scale_of(run)
+    motion = motion_along(run, resolving(model, scale))
     clutch = solve(model, motion, math.inf if run.load is None else run.load)[:, COLUMNS.index("clutch")]
-    return outputs_along(run, model, along(run, motion, clutch))
+    return outputs_along(run, model, along(run, motion, scale.ramp, clutch))
 
 
 SENSORS = ("pressure", "force", "torque", "vdc", "idc")
@@ -61,7 +99,7 @@ ABSOLUTE = {"pressure": 0.1 * KGF * 1e4, "force": 20.0}
 
 def assert_followed(run: Run, simulated: Run, gains: Mapping[str, float]) -> None:
     """A simulation follows the sensors of a log, whose gains are known, in payout."""
-    motion = motion_of(run, 1e-3)
+    motion = motion_along(run, 1e-3)
     speed = np.interp(run.t, motion.t, motion.v)
     payout, plateau = speed > 0.03, speed > 0.95 * speed.max()
     for name in ("pressure", "force", "vdc") if run.open_circuit else SENSORS:

@@ -46,7 +46,7 @@ def numbers_in(record: object) -> list[float]:
 
 @pytest.mark.slow
 def test_a_simulation_without_numba_gives_the_same_numbers(one_cycle: Path, tmp_path: Path) -> None:
-    log, effects, tables = one_cycle, ("--with", "ke_rolloff.lost_to_9_a=0.05"), []
+    log, effects, tables = one_cycle, ("--with", "ke_rolloff.lost_to_1p8=0.05"), []
     for name, code in (("plain", HIDDEN), ("compiled", WHOLE)):
         done = ran(code, "simulate", log, "--load-ohm", 4.5, *effects, "--out", tmp_path / f"{name}.csv")
         assert done.returncode == 0, done.stderr

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from pages import DOCS, ROOT, read, shown
+from rigs import scale_of
 
 from winchcascade import baseline, read_run, simulate
 from winchcascade.blind.score import count
@@ -20,7 +21,6 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import FindingKind
 from winchcascade.core.toml_file import struct_fields
 from winchcascade.diagnosis import closure, nuisances, verdict_limits
-from winchcascade.diagnosis.predict import COARSE
 from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors
 from winchcascade.reduction import efficiency_between_runs as between_runs
 from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
@@ -28,7 +28,7 @@ from winchcascade.reduction import uncertainty as draws
 from winchcascade.reduction.checks import at_rest, cycles, load, pairs, phased_log
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import READ, Simulation
-from winchcascade.rig.steps import STEP
+from winchcascade.rig.steps import COARSE, STEP
 
 
 def text_of(page: str, part: str = "") -> str:
@@ -113,7 +113,7 @@ def test_every_limit_of_a_verdict_is_stated_with_its_value() -> None:
 
 def test_what_a_diagnosis_allows_of_model_and_rig_is_stated() -> None:
     text = text_of("how_a_diagnosis_works", "What is compared")
-    assert all(f"{sd:g} {unit}" in text for sd, unit in nuisances.ABSENT.values())
+    assert all(f"|{share:g}|" in text for share, _, _ in nuisances.ABSENT.values())
     assert all(f"{PERCENT * share:g} %" in text for share in nuisances.OF_THE_MODEL.values())
     assert f"{PERCENT * ModelAccuracy().discrepancy:g} %" in text
     assert f"{closure.DRAWS} times" in text_of("how_a_diagnosis_works", "Numbers")
@@ -149,11 +149,11 @@ def test_the_trials_have_as_many_campaigns_as_their_families(monkeypatch: pytest
 
 # ------------------------------------------------------------------------------------------------------------- the model
 @cache
-def simulated(step: float) -> tuple[Simulation, ...]:
-    """Simulations along the shipped logs, in steps of so many seconds."""
+def simulated(share: float) -> tuple[Simulation, ...]:
+    """Simulations along the shipped logs, in steps of a share of their ramps."""
     model = baseline(built_in())
     runs = [read_run(run.file, load=run.load) for run in load_campaign(ROOT / "fixtures" / "campaign").runs]
-    return tuple(simulate(run, model, step=step) for run in runs)
+    return tuple(simulate(run, model, step=share * scale_of(run).ramp) for run in runs)
 
 
 def largest_change(one: float, other: float) -> float:
@@ -171,7 +171,7 @@ def test_the_steps_of_the_model_are_as_exact_as_its_page_states() -> None:
     ((half, balance, coarse),) = (
         map(float, numbers) for numbers in re.findall(r"more than (\S+) %.* within (\S+)\. .* most (\S+) %", text)
     )
-    assert re.findall(r"(\S+) ms", text) == [f"{1e3 * STEP:g}", f"{1e3 * COARSE:g}"]
+    assert re.findall(r"1/(\d+) of the ramp", text) == [f"{1.0 / STEP:g}", f"{1.0 / COARSE:g}"]
     assert PERCENT * largest_change(STEP, 0.5 * STEP) < half
     assert PERCENT * largest_change(STEP, COARSE) < coarse
     for done in simulated(STEP):
@@ -189,6 +189,8 @@ def test_the_efficiencies_of_the_screw_are_those_of_the_paper() -> None:
 def test_the_added_effects_are_found_with_the_numbers_that_were_simulated() -> None:
     page = DOCS / "adding_an_effect.md"
     given = {name: float(value) for name, value in re.findall(r"--with (\w+)\.\w+=(\S+)", read(page))}
+    shown_by = re.findall(r"^\+\[\w+\.(\w+)\](?:\n\+.*)*factor = ([\d.e]+)", read(page), re.MULTILINE)
+    given |= {name: float(factor) * given[name] for name, factor in shown_by}
     (printed,) = shown(page).values()
     found = {row[0]: (float(row[3]), float(row[5])) for row in map(str.split, printed.splitlines()) if row[0] in given}
     assert found.keys() == given.keys()

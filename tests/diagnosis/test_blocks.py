@@ -7,18 +7,19 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import FS, NOISE, made_log
+from rigs import blocks_on, course_of, scale_of
 
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.diagnosis.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES, blocks_of
+from winchcascade.diagnosis.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES
 from winchcascade.diagnosis.block_noise import NOISELESS, noise_of, with_extra
-from winchcascade.diagnosis.predict import CHANNELS, Course
+from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.line_velocity import line_velocity
+from winchcascade.rig.line_velocity import SMOOTHING, line_velocity
 
 RIG = built_in()
 
@@ -38,7 +39,7 @@ def run(fixtures: Path) -> Run:
 def test_blocks_cover_the_log_and_each_lies_within_one_phase_of_one_cycle(run: Run, every: int) -> None:
     channels = {name: x[::every] for name, x in run.channels.items()}
     run = msgspec.structs.replace(run, t=run.t[::every], channels=channels, fs=run.fs / every)
-    blocks, taken = blocks_of(run, RIG), np.zeros(run.t.size, dtype=int)
+    blocks, taken = blocks_on(run, RIG), np.zeros(run.t.size, dtype=int)
     cycles = detect(run, smoothed_velocity(run, RIG.thresholds), RIG.thresholds)
     spans = {(k, PAYOUT): (cycle.onset, cycle.payout_end) for k, cycle in enumerate(cycles, 1)}
     spans |= {(k, HAUL_IN): cycle.haul_in for k, cycle in enumerate(cycles, 1) if cycle.haul_in}
@@ -52,16 +53,16 @@ def test_blocks_cover_the_log_and_each_lies_within_one_phase_of_one_cycle(run: R
             assert begin <= first <= last < end
     assert taken.max() == 1
     assert np.mean(taken) > MIN_COVERED
-    assert np.median(blocks.count) == (4 if every == 5 else round(BLOCK * run.fs))
+    assert np.median(blocks.count) == (4 if every == 5 else round(BLOCK * scale_of(run).ramp * run.fs))
     follows = (blocks.start[1:] == blocks.stop[:-1]) & (np.diff(blocks.phase) == 0) & (np.diff(blocks.cycle) == 0)
     assert np.array_equal(blocks.joined, [False, *follows])
 
 
 def test_only_the_cycles_that_count_are_cut(run: Run) -> None:
-    whole, second = blocks_of(run, RIG), blocks_of(run, RIG, (2, 2))
+    whole, second = blocks_on(run, RIG), blocks_on(run, RIG, (2, 2))
     assert set(whole.cycle.tolist()) == {0, 1, 2, 3}
     assert second.start.tolist() == whole.start[whole.cycle == 2].tolist()
-    assert set(blocks_of(run, RIG, (1, 2)).cycle.tolist()) == {0, 1, 2}  # rest before the first payout goes with it
+    assert set(blocks_on(run, RIG, (1, 2)).cycle.tolist()) == {0, 1, 2}  # rest before the first payout goes with it
 
 
 def test_a_block_that_a_gap_has_emptied_is_dropped_and_the_next_is_not_joined(run: Run) -> None:
@@ -69,15 +70,15 @@ def test_a_block_that_a_gap_has_emptied_is_dropped_and_the_next_is_not_joined(ru
     kept = {name: x[~lost] for name, x in run.channels.items()}
     gap = np.array([[run.t[~lost][run.t[~lost] <= 9.0][-1], run.t[run.t >= 9.9][0]]])
     holed = msgspec.structs.replace(run, t=run.t[~lost], channels=kept, gaps={"clock": gap})
-    blocks = blocks_of(holed, RIG)
+    blocks = blocks_on(holed, RIG)
     after = int(np.flatnonzero(holed.t[blocks.start] >= 9.9)[0])
     assert blocks.joined[after : after + 2].tolist() == [False, True]
-    assert np.all(blocks.count >= 0.5 * BLOCK * run.fs)
+    assert np.all(blocks.count >= 0.5 * BLOCK * scale_of(holed).ramp * run.fs)
 
 
 def test_means_and_scatter_are_those_of_the_samples() -> None:
     run = made_log(cycles=1)
-    blocks, ramp = blocks_of(run, RIG), 3.0 + 2.0 * run.t
+    blocks, ramp = blocks_on(run, RIG), 3.0 + 2.0 * run.t
     noisy = ramp + np.random.default_rng(4).normal(0.0, 0.1, run.t.size)
     assert blocks.mean(ramp) == pytest.approx(
         [ramp[a:b].mean() for a, b in zip(blocks.start, blocks.stop, strict=True)]
@@ -99,10 +100,12 @@ def test_white_noise_is_found_over_a_ramp_and_a_ringing_tether(sd: float, ringin
 
 def test_the_noise_of_sensors_and_velocity_is_that_of_the_means_of_blocks() -> None:
     quiet, noisy = made_log(), made_log(seed=11)
-    course = Course(noisy, blocks_of(noisy, RIG))
+    course = course_of(noisy, RIG)
     off = noisy.channels["velocity"] - quiet.channels["velocity"]
-    actual = float(np.std(course.blocks.mean(local_quadratic(quiet.t, off, 11.0 / FS))))
-    assert line_velocity(noisy).noise(round(float(np.median(course.blocks.count)))) == pytest.approx(actual, rel=WITHIN)
+    actual = float(np.std(course.blocks.mean(local_quadratic(quiet.t, off, SMOOTHING * course.scale.ramp))))
+    assert line_velocity(noisy, course.scale.ramp).noise(round(float(np.median(course.blocks.count)))) == pytest.approx(
+        actual, rel=WITHIN
+    )
     own = noise_of(course, baseline(RIG), course.predict(baseline(RIG))).own[:, CHANNELS.index("torque")]
     assert own == pytest.approx(NOISE["torque"] / np.sqrt(course.blocks.count), rel=WITHIN)
 
@@ -110,7 +113,7 @@ def test_the_noise_of_sensors_and_velocity_is_that_of_the_means_of_blocks() -> N
 @pytest.mark.parametrize("load", [math.inf, 18.0])
 def test_a_channel_says_nothing_where_the_model_leaves_it_open(fixtures: Path, load: float) -> None:
     model, run = baseline(RIG), read_run(fixtures / "campaign" / "r18ohm.csv", load=load)
-    course = Course(run, blocks_of(run, RIG))
+    course = course_of(run, RIG)
     seen = noise_of(course, model, course.predict(model)).seen
     force, vdc, idc = (CHANNELS.index(name) for name in ("force", "vdc", "idc"))
     assert not seen[course.blocks.phase == HOLD, force].any()  # friction points either way
@@ -123,7 +126,7 @@ def test_a_channel_says_nothing_where_the_model_leaves_it_open(fixtures: Path, l
 
 def test_what_scatters_beyond_the_sensors_is_added_and_a_smooth_gap_is_not() -> None:
     run, model = made_log(seed=3), baseline(RIG)
-    course = Course(run, blocks_of(run, RIG))
+    course = course_of(run, RIG)
     blocks, noise = course.blocks, noise_of(course, model, course.predict(model))
     smooth = np.linspace(0.0, 200.0, blocks.size)[:, None] * np.ones(len(CHANNELS))
     assert with_extra(noise, blocks, smooth).own == pytest.approx(noise.own)
@@ -137,7 +140,7 @@ def test_what_scatters_beyond_the_sensors_is_added_and_a_smooth_gap_is_not() -> 
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_simulation_without_noise_counts_as_known_to_a_share_and_a_measured_log_does_not(simulated: bool) -> None:
     run, model = msgspec.structs.replace(made_log(), simulated=simulated), baseline(RIG)
-    course = Course(run, blocks_of(run, RIG))
+    course = course_of(run, RIG)
     predicted = course.predict(model)
     own = noise_of(course, model, predicted).own[:, 0] / (NOISELESS * np.max(predicted[:, 0]))
     assert np.all(own >= 1.0) if simulated else np.all(own < 1e-2)

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import NOISE, estimated_rig, made_log, motion_run
-from rigs import truth_of
+from rigs import scales_on, truth_of
 
 from winchcascade import calibrate, read_run, simulate
 from winchcascade.core.errors import LogError, RigError
@@ -19,7 +19,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number
-from winchcascade.diagnosis.nuisances import before_calibration, nuisances, quantity_of, with_quantity
+from winchcascade.diagnosis.nuisances import Nuisance, before_calibration, nuisances, quantity_of, with_quantity
 from winchcascade.report.results.calibration import calibration_report
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import with_part
@@ -67,6 +67,10 @@ def found_in_noise() -> Calibration:
     return calibrate(noisy(), estimated_rig())
 
 
+def nuisances_of(run: Run) -> tuple[Nuisance, ...]:
+    return nuisances(RIG, [run], scales_on(RIG, [run]))
+
+
 def drawn(seed: int) -> tuple[Run, dict[str, float]]:
     """A noisy log of a rig whose numbers, gains and zeros are drawn from their tolerances, and the numbers to be found.
 
@@ -74,12 +78,12 @@ def drawn(seed: int) -> tuple[Run, dict[str, float]]:
     """
     rng = np.random.default_rng(seed)
     motion = motion_run()
-    moves = {(n.section, n.name): n.sd * rng.normal() for n in nuisances(RIG, [made_log(cycles=1)]) if n.kind == "rig"}
+    moves = {(n.section, n.name): n.sd * rng.normal() for n in nuisances_of(made_log(cycles=1)) if n.kind == "rig"}
     moves["drivetrain", "b_rotor"] = 0.1 * 7.5e-4 * rng.normal()
     moves["restoring", "mu_screw"] = 0.05 * 0.04 * rng.normal()
     run = simulate(motion, baseline(shifted(RIG, moves))).run
     channels = dict(run.channels)
-    for n in nuisances(RIG, [run]):
+    for n in nuisances_of(run):
         if n.kind == "gain":
             channels[n.name] = channels[n.name] * (1.0 + n.sd * rng.normal())
         if n.kind == "zero":

@@ -7,10 +7,11 @@ import msgspec
 import numpy as np
 import pytest
 from planted import campaign
+from rigs import suspects_on
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.entries import bound_to, price_of, same_in_logs
+from winchcascade.diagnosis.entries import price_of, same_in_logs
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.rig_text import corrections
 from winchcascade.diagnosis.search import usual_gain
@@ -129,18 +130,18 @@ def test_a_usual_multiple_has_a_higher_prior_and_a_convention_no_other() -> None
 
 def test_entries_are_suspects_without_tolerances_and_loads_where_vdc_and_idc_contradict_them() -> None:
     runs = campaign({})
-    suspects = bound_to(EFFECTS, RIG, runs)
+    suspects = suspects_on(RIG, runs)
     of_other_parts = {"spring_force", "spring_stiffness", "counterweight"}
     assert set(ENTRIES) - {effect.name for effect in suspects.values()} == {"load_entry", *of_other_parts}
     stated = [msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in runs]
-    assert [name for name in bound_to(EFFECTS, RIG, stated) if name.startswith("load_entry")] == [LOAD]
+    assert [name for name in suspects_on(RIG, stated) if name.startswith("load_entry")] == [LOAD]
     assert same_in_logs(suspects, "sync_inductance", "pole_pairs")
     assert not same_in_logs(suspects, "ke_shift", "gear_ratio")
 
 
 def test_an_entry_of_one_log_moves_no_other() -> None:
     stated = [msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in campaign({})]
-    data, suspects = Fitted(stated, RIG), bound_to(EFFECTS, RIG, stated)
+    data, suspects = Fitted(stated, RIG), suspects_on(RIG, stated)
     nothing = np.zeros(len(data.nuisances))
     column = data.predict(nothing, [with_values(suspects[LOAD], np.array([0.1]))]) - data.predict(nothing, [])
     log = [run.load for run in stated].index(6.0)

@@ -60,7 +60,7 @@ def test_means_over_speed_are_those_of_the_blocks_before_braking() -> None:
         kept += [row for row in payout.loc[:last].itertuples() if row.rpm > 0.0]
     bins: dict[int, list[float]] = {}
     for row in kept:
-        bins.setdefault(math.floor(row.rpm / SPEED_BIN), []).append(row.logged)
+        bins.setdefault(math.floor(row.rpm / (SPEED_BIN * table.rpm.max())), []).append(row.logged)
     assert found.logged.tolist() == pytest.approx([float(np.mean(bins[k])) for k in sorted(bins)])
     assert len(kept) < len(own)
     power = means_over_speed(table, 0, ["vdc", "idc"])

@@ -35,6 +35,9 @@ from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import Model
 from winchcascade.rig.stages import STAGES
 
+SAME_STEP = 1e-3
+"""Relative difference between the places of a log alone and among others, whose motion sets the step of all. [1]"""
+
 U_PRESSURE = 2942.0
 """Standard uncertainty of the zero of the pressure sensor, as the built-in rig file has it. [Pa]"""
 
@@ -151,7 +154,7 @@ PLANTED: dict[str, tuple[dict[str, float], set[str]]] = {
     "gear_mesh_loss": ({"efficiency_change": -0.03}, {"gearbox"}),
     "rotor_friction": ({"torque": 0.15}, {"gearbox"}),
     "clutch_drag": ({"torque": 3.0}, {"gearbox"}),
-    "ke_rolloff": ({"lost_to_7_a": 0.03, "lost_to_9_a": 0.05}, {"generator"}),
+    "ke_rolloff": ({"lost_to_1p4": 0.03, "lost_to_1p8": 0.05}, {"generator"}),
     "ke_shift": ({"k_e_change": -0.02}, {"generator"}),
     "copper_heating": ({"r_s_change": 0.4}, {"gearbox", "generator"}),
     "load_drift": ({"r_load_change": 0.02}, {"load"}),
@@ -233,7 +236,7 @@ def test_what_another_log_reads_wrong_moves_no_place_of_this_one() -> None:
     alone = stagewise(Fitted(runs[:1], built_in()))
     beside = [place for place in stagewise(Fitted(runs, built_in())) if place.log == 0]
     assert [(place.u_noise, place.bias) for place in beside] == [
-        pytest.approx((place.u_noise, place.bias)) for place in alone
+        pytest.approx((place.u_noise, place.bias), rel=SAME_STEP) for place in alone
     ]
 
 

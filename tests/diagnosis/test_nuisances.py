@@ -6,6 +6,7 @@ from itertools import groupby
 import msgspec
 import pytest
 from openlog import FS, made_log
+from rigs import scales_on
 
 from winchcascade.core.rig_file import Sensor
 from winchcascade.core.rig_toml import built_in
@@ -16,6 +17,8 @@ from winchcascade.rig.parts import number_of
 RIG = built_in()
 LOG = made_log(cycles=1)
 RUNS = [msgspec.structs.replace(LOG, load=load) for load in (math.inf, 18.0, 18.0, 4.5)]
+SCALES = scales_on(RIG, RUNS)
+NUISANCES = nuisances(RIG, RUNS, SCALES)
 
 STATED = {
     ("restoring", "mu_screw"): 0.0005,
@@ -35,12 +38,12 @@ ZEROS = {"pressure": 0.03 * 98066.5, "force": 2.0, "torque": 0.3, "idc": 0.005}
 
 
 def test_kinds_come_in_order() -> None:
-    kinds = [kind for kind, _ in groupby(n.kind for n in nuisances(RIG, RUNS))]
+    kinds = [kind for kind, _ in groupby(n.kind for n in NUISANCES)]
     assert kinds == ["rig", "law", "load", "gain", "timing", "zero", "discrepancy"]
 
 
 def test_numbers_of_the_rig_have_the_tolerance_of_its_file_and_of_the_model() -> None:
-    found = {(n.section, n.name): n.sd for n in nuisances(RIG, RUNS) if n.kind == "rig"}
+    found = {(n.section, n.name): n.sd for n in NUISANCES if n.kind == "rig"}
     assert set(found) == set(STATED) | set(OF_THE_MODEL)
     for (section, name), sd in found.items():
         value = getattr(getattr(RIG, section), name).value
@@ -49,28 +52,27 @@ def test_numbers_of_the_rig_have_the_tolerance_of_its_file_and_of_the_model() ->
 
 
 def test_every_load_has_one_deviation_and_an_open_circuit_none() -> None:
-    assert [(n.name, n.load, n.sd) for n in nuisances(RIG, RUNS) if n.kind == "load"] == [
+    assert [(n.name, n.load, n.sd) for n in NUISANCES if n.kind == "load"] == [
         ("18 ohm", 18.0, 0.001), ("4.5 ohm", 4.5, 0.001),
     ]  # fmt: skip
 
 
 def test_gains_are_common_to_all_logs_and_timing_leaves_the_pressure_out() -> None:
-    found = nuisances(RIG, RUNS)
-    gains = {n.name: n.sd for n in found if n.kind == "gain"}
+    gains = {n.name: n.sd for n in NUISANCES if n.kind == "gain"}
     assert gains == dict.fromkeys(("pressure", "force", "torque", "vdc", "idc"), 0.001)
-    timing = {n.name: n.sd for n in found if n.kind == "timing"}
+    timing = {n.name: n.sd for n in NUISANCES if n.kind == "timing"}
     assert timing == pytest.approx(dict.fromkeys(("force", "torque", "vdc", "idc"), SKEW / FS))
 
 
 def test_every_log_has_zeros_of_its_own() -> None:
-    zeros = [n for n in nuisances(RIG, RUNS) if n.kind == "zero"]
+    zeros = [n for n in NUISANCES if n.kind == "zero"]
     assert [(n.log, n.name) for n in zeros] == [(log, name) for log in range(4) for name in ZEROS]
     assert all(n.sd == pytest.approx(ZEROS[n.name], rel=1e-3) for n in zeros)
 
 
 def test_a_channel_that_is_not_logged_has_no_errors() -> None:
     bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in RUNS]
-    assert {n.kind for n in nuisances(RIG, bare)} == {"rig", "law", "load"}
+    assert {n.kind for n in nuisances(RIG, bare, SCALES)} == {"rig", "law", "load"}
 
 
 def test_makers_limits_serve_where_nothing_was_calibrated_in_place() -> None:
@@ -84,7 +86,7 @@ def test_makers_limits_serve_where_nothing_was_calibrated_in_place() -> None:
 
 def test_a_nuisance_moves_its_number_of_the_model_as_another_rig_file_would() -> None:
     nominal = baseline(RIG)
-    for n in nuisances(RIG, RUNS):
+    for n in NUISANCES:
         if n.kind == "rig":
             stated = getattr(getattr(RIG, n.section), n.name)
             other = with_quantity(RIG, n.section, n.name, msgspec.structs.replace(stated, value=stated.value + n.sd))
@@ -94,6 +96,6 @@ def test_a_nuisance_moves_its_number_of_the_model_as_another_rig_file_would() ->
 
 
 def test_a_nuisance_has_a_name_for_reports() -> None:
-    names = [str(n) for n in nuisances(RIG, RUNS)]
+    names = [str(n) for n in NUISANCES]
     assert {"k_e", "load of 18 ohm", "gain of force", "timing of vdc", "zero of idc in log 4"} <= set(names)
     assert len(set(names)) == len(names)

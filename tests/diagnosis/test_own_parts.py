@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from calls import call
 from own_rigs import RESTORING, SHAFT, Effects, own_campaign, own_rig, own_text
+from rigs import suspects_on
 
 from winchcascade.core.errors import RigError
 from winchcascade.core.rig_toml import parse_rig
 from winchcascade.diagnosis.calibrate import calibrate
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.entries import bound_to
 from winchcascade.rig.baseline import load_rig, stated_effects
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import write_simulated
@@ -68,7 +68,7 @@ def test_a_campaign_without_an_effect_has_no_gap_and_misses_no_pressure(kind: st
 @pytest.mark.parametrize("kind", RESTORING)
 def test_suspects_are_effects_of_parts_that_the_rig_has(kind: str, shaft: str) -> None:
     rig = own_rig(kind, shaft)
-    names = {effect.name for effect in bound_to(EFFECTS, rig, own_campaign(kind, shaft, {})).values()}
+    names = {effect.name for effect in suspects_on(rig, own_campaign(kind, shaft, {})).values()}
     assert (names & OF_THE_GAS == set()) == (kind != "gas_screw")
     assert ({"gear_mesh_loss", "gear_ratio"} <= names) == (shaft == "geared")
     assert ("counterweight" in names) == (kind == "counterweight")

@@ -6,11 +6,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from rigs import course_of
 
 from winchcascade import read_run, simulate
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.block_means import blocks_of
 from winchcascade.diagnosis.predict import CHANNELS, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import Constants, constants
@@ -18,7 +18,6 @@ from winchcascade.rig.parts import PARTS, number_of, numbers_of, with_part
 
 RIG = built_in()
 MODEL = baseline(RIG)
-NUMBERS = constants(MODEL, 18.0)
 
 OF_THE_LINE = {
     *(f"winch.{name}" for name in numbers_of("winch") if name != "r_drum"),
@@ -40,36 +39,41 @@ def run() -> Run:
 
 @pytest.fixture(scope="module")
 def course(run: Run) -> Course:
-    return Course(run, blocks_of(run, RIG))
+    return course_of(run, RIG)
 
 
-def other(path: str, share: float = 0.1) -> Constants:
+def other(course: Course, path: str, share: float = 0.1) -> Constants:
     """Numbers of a model of which one is another."""
     part, name = path.split(".")
     value = (1.0 + share) * number_of(MODEL, path) + 1e-4
-    return constants(with_part(MODEL, part, **{name: value}), 18.0)
+    return constants(with_part(MODEL, part, **{name: value}), 18.0, course.coarse.rest)
+
+
+def numbers(course: Course) -> Constants:
+    """Numbers of the model of the rig file."""
+    return constants(MODEL, 18.0, course.coarse.rest)
 
 
 @pytest.mark.parametrize("path", [f"{part}.{name}" for part in PARTS for name in numbers_of(part)])
 def test_a_change_at_the_line_keeps_the_solution_of_the_shaft_and_any_other_solves_it_anew(
     course: Course, path: str
 ) -> None:
-    assert (course.shaft(other(path)) is course.shaft(NUMBERS)) == (path in OF_THE_LINE)
+    assert (course.shaft(other(course, path)) is course.shaft(numbers(course))) == (path in OF_THE_LINE)
 
 
 def test_the_solution_that_was_used_longest_ago_goes_first(run: Run) -> None:
-    course = Course(run, blocks_of(run, RIG, (1, 1)), step=0.01)
-    first, second = course.shaft(NUMBERS), course.shaft(other("drivetrain.gear"))
+    course = course_of(run, RIG, (1, 1))
+    first, second = course.shaft(numbers(course)), course.shaft(other(course, "drivetrain.gear"))
     for k in range(MAX_KEPT - 1):
-        course.shaft(other("drivetrain.b_rotor", 0.1 * (k + 1)))
-        assert course.shaft(NUMBERS) is first
-    assert course.shaft(other("drivetrain.gear")) is not second
+        course.shaft(other(course, "drivetrain.b_rotor", 0.1 * (k + 1)))
+        assert course.shaft(numbers(course)) is first
+    assert course.shaft(other(course, "drivetrain.gear")) is not second
 
 
 @pytest.mark.parametrize("load", [math.inf, 45.0, 4.5])
 def test_blocks_of_the_prediction_are_those_of_the_simulation(run: Run, load: float) -> None:
     loaded = msgspec.structs.replace(run, load=load)
-    course = Course(loaded, blocks_of(loaded, RIG))
+    course = course_of(loaded, RIG)
     found, simulated = course.predict(MODEL), simulate(loaded, MODEL).run.channels
     for k, name in enumerate(CHANNELS):
         plateau = float(np.quantile(np.abs(simulated[name]), 0.95))

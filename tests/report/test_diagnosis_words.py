@@ -100,7 +100,7 @@ def test_what_to_do_follows_from_kind_look_alikes_next_run_and_verdict() -> None
 
 
 def test_a_law_that_the_rig_file_does_not_state_has_a_name_of_its_own() -> None:
-    laws = [Nuisance(name, unit, kind="law", sd=sd, section=part) for (part, name), (sd, unit) in ABSENT.items()]
+    laws = [Nuisance(name, unit, kind="law", sd=sd, section=part) for (part, name), (sd, _, unit) in ABSENT.items()]
     assert {str(law) for law in laws} == set(LAWS)
     assert "_" not in " ".join(nuisance_words(law, []) for law in laws)
 

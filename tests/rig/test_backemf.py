@@ -13,7 +13,7 @@ from winchcascade import read_run
 from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.rig.backemf import RPM_MIN, BackEmf, back_emf
+from winchcascade.rig.backemf import SLOW_SHARE, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import Model, with_part
 
@@ -74,12 +74,12 @@ def test_an_independent_simulation_gives_its_constant_back(shared: Path, case: s
     assert found.k_e / truth["sensor_gains"][3] == pytest.approx(truth["rig"]["ke_ll"], rel=1e-3)
 
 
-def test_samples_of_the_regression_are_those_above_1000_rpm_in_the_payouts_handed_in() -> None:
+def test_samples_of_the_regression_are_those_above_a_share_of_the_largest_speed_in_the_payouts_handed_in() -> None:
     run = made()
     whole, first = fitted(run), back_emf(run, MODEL, steady_payouts(run)[:1])
-    assert whole.rpm.min() > RPM_MIN
+    assert whole.rpm.min() > whole.rpm_min > 0.99 * SLOW_SHARE * whole.rpm.max()
     assert 2.5 < whole.rpm.size / first.rpm.size < 3.5
-    with pytest.raises(LogError, match=r"0 samples above 1000 rpm in which the bridge conducts; .* pay out faster"):
+    with pytest.raises(LogError, match=rf"0 samples above {whole.rpm_min:.4g} rpm .* pay out faster"):
         back_emf(run, MODEL, [])
     bare = {name: x for name, x in run.channels.items() if name != "vdc"}
     with pytest.raises(LogError, match="no DC voltage, which a back-EMF constant is fitted to; log Vdc"):

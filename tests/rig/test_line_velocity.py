@@ -9,6 +9,7 @@ import pytest
 from openlog import crane_velocity
 
 from winchcascade.core.run import Run, Signal
+from winchcascade.core.scales import motion_of_runs
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.line_velocity import SMOOTHING, line_velocity
 
@@ -21,6 +22,9 @@ RESOLUTION = 1e-4
 T = np.arange(0.0, 112.0, FINE)
 V = crane_velocity(T, 0.95, 3)
 X = np.concatenate(([0.0], np.cumsum(0.5 * FINE * (V[1:] + V[:-1]))))
+
+RAMP = motion_of_runs([Run("true", T, {"velocity": V}, 1.0 / FINE, T.size)]).ramp
+"""Time in which the line speeds up. [s]"""
 
 WITHIN = 0.15
 """The noise of a log of two minutes is found to this share."""
@@ -44,13 +48,13 @@ def with_displacement(run: Run, displacement: Signal | None) -> Run:
 
 def alone(run: Run) -> Signal:
     """The smoothed velocity without the displacement. [m/s]"""
-    return local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
+    return local_quadratic(run.t, run.channels["velocity"], SMOOTHING * RAMP)
 
 
 @pytest.mark.parametrize("fs", [5.0, 10.0, 25.0])
 def test_a_precise_displacement_takes_more_than_half_of_the_noise_from_a_velocity(fs: float) -> None:
     run = log_of(fs, 0.015)
-    found, exact = line_velocity(run), line_velocity(with_displacement(log_of(fs, 0.0), None)).value
+    found, exact = line_velocity(run, RAMP), line_velocity(with_displacement(log_of(fs, 0.0), None), RAMP).value
     without, with_it = (float(np.std(value - exact)) for value in (alone(run), found.value))
     assert with_it < 0.5 * without
     assert found.noise() < 0.5 * without
@@ -63,7 +67,7 @@ def test_the_noise_of_a_velocity_with_its_displacement_is_that_of_its_means(samp
     run, quiet = log_of(10.0, 0.015), log_of(10.0, 0.0)
     scatter = np.random.default_rng(4).normal(0.0, 1.5e-4, run.t.size)
     noisy = with_displacement(run, run.channels["displacement"] + scatter)
-    found, channels = line_velocity(noisy), ("velocity", "displacement")
+    found, channels = line_velocity(noisy, RAMP), ("velocity", "displacement")
     parts = [
         np.convolve(noisy.channels[name] - quiet.channels[name], kernel[::-1], "valid")
         for name, kernel in zip(channels, (found.of_velocity, found.of_displacement), strict=True)
@@ -94,8 +98,8 @@ DISPLACEMENTS: dict[str, Callable[[Run], Signal | None]] = {
 @pytest.mark.parametrize("what", DISPLACEMENTS)
 def test_a_displacement_that_is_not_more_precise_or_contradicts_the_velocity_is_not_used(what: str) -> None:
     run = log_of(10.0, 0.006)
-    assert line_velocity(run).of_displacement.any()
-    found = line_velocity(with_displacement(run, DISPLACEMENTS[what](run)))
+    assert line_velocity(run, RAMP).of_displacement.any()
+    found = line_velocity(with_displacement(run, DISPLACEMENTS[what](run)), RAMP)
     assert np.array_equal(found.value, alone(run))
     assert found.noise() == pytest.approx(0.006 * math.sqrt(17.0 / 35.0), rel=WITHIN)
 
@@ -103,13 +107,13 @@ def test_a_displacement_that_is_not_more_precise_or_contradicts_the_velocity_is_
 def test_uneven_stamps_count_as_noise_of_the_displacement() -> None:
     run = log_of(10.0, 0.006)
     jitter = np.random.default_rng(5).uniform(-1e-3, 1e-3, run.t.size)
-    assert not line_velocity(msgspec.structs.replace(run, t=run.t + jitter)).of_displacement.any()
+    assert not line_velocity(msgspec.structs.replace(run, t=run.t + jitter), RAMP).of_displacement.any()
 
 
 def test_a_bridged_displacement_is_not_used() -> None:
     run = log_of(10.0, 0.006)
     gap = msgspec.structs.replace(run, gaps={"displacement": np.array([[run.t[90], run.t[110]]])})
-    found, whole = line_velocity(gap), line_velocity(run)
+    found, whole = line_velocity(gap, RAMP), line_velocity(run, RAMP)
     assert np.array_equal(found.value[90:111], alone(run)[90:111])
     assert found.value[200:] == pytest.approx(whole.value[200:], abs=1e-12)
 
@@ -119,4 +123,4 @@ def test_a_short_log_has_the_smoothed_velocity(samples: int) -> None:
     run = log_of(10.0, 0.006)
     channels = {name: x[:samples] for name, x in run.channels.items()}
     short = msgspec.structs.replace(run, t=run.t[:samples], channels=channels, samples=samples)
-    assert np.array_equal(line_velocity(short).value, alone(short))
+    assert np.array_equal(line_velocity(short, RAMP).value, alone(short))

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from rigs import SENSORS, assert_followed, logs_of, own_model, truth_of
+from rigs import SENSORS, assert_followed, logs_of, motion_along, own_model, truth_of
 
 from winchcascade import read_run, reduce
 from winchcascade.core.errors import LogError, RigError
@@ -16,7 +16,7 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.rig.parts import with_part
-from winchcascade.rig.simulate import motion_of, simulate, solve, write_log
+from winchcascade.rig.simulate import simulate, solve, write_log
 
 MODEL = baseline(built_in())
 
@@ -40,7 +40,7 @@ def test_the_motion_of_a_coarse_log_is_not_blurred(fixtures: Path, tmp_path: Pat
     lines = (fixtures / "campaign" / "r36ohm.csv").read_text().splitlines()
     coarse = tmp_path / "5hz.csv"
     coarse.write_text("\n".join([lines[0], *lines[1::5]]) + "\n")
-    whole, thinned = (motion_of(read_run(log), 1e-2) for log in (fixtures / "campaign" / "r36ohm.csv", coarse))
+    whole, thinned = (motion_along(read_run(log), 1e-2) for log in (fixtures / "campaign" / "r36ohm.csv", coarse))
     k = min(whole.v.size, thinned.v.size)
     assert np.max(np.abs(whole.v[:k] - thinned.v[:k])) < 0.03  # at braking [m/s]
 
@@ -49,7 +49,7 @@ def test_the_smoothing_takes_noise_out_of_the_acceleration_and_leaves_braking(r1
     t = np.arange(0.0, 20.0, 0.04)
     v = np.interp(t, [0, 5, 7, 15, 16, 20], [0, 0, 1.0, 1.0, 0, 0])
     noisy = v + np.random.default_rng(3).normal(0.0, 0.004, t.size)
-    motion = motion_of(msgspec.structs.replace(r18ohm, t=t, fs=25.0, channels={"velocity": noisy}), 1e-3)
+    motion = motion_along(msgspec.structs.replace(r18ohm, t=t, fs=25.0, channels={"velocity": noisy}), 1e-3)
     rest, braking = (motion.t > 1) & (motion.t < 4), (motion.t > 15.3) & (motion.t < 15.7)
     assert np.std(motion.a[rest]) < 0.05  # 0.14 without smoothing
     assert np.mean(motion.a[braking]) == pytest.approx(-1.0, abs=0.05)
@@ -73,7 +73,7 @@ def test_half_the_step_changes_nothing_and_the_energy_of_the_line_is_stored_lost
 
 
 def test_when_the_drum_slows_the_rotor_runs_on_alone(r18ohm: Run) -> None:
-    motion = motion_of(r18ohm, 1e-3)
+    motion = motion_along(r18ohm, 1e-3)
     out = solve(MODEL, motion, 18.0)
     torque, omega = out[:, COLUMNS.index("torque")], out[:, COLUMNS.index("omega_gen")]
     assert np.all(torque >= 0.0)
@@ -85,7 +85,7 @@ def test_when_the_drum_slows_the_rotor_runs_on_alone(r18ohm: Run) -> None:
 @pytest.mark.parametrize("friction", [-0.01, 0.01])
 def test_the_rotor_comes_to_rest_also_with_a_negative_tolerance_of_its_friction(r18ohm: Run, friction: float) -> None:
     model = with_part(MODEL, "drivetrain", friction=friction)
-    omega = solve(model, motion_of(r18ohm, 1e-3), math.inf)[:, COLUMNS.index("omega_gen")]
+    omega = solve(model, motion_along(r18ohm, 1e-3), math.inf)[:, COLUMNS.index("omega_gen")]
     assert omega.max() > 100.0
     assert 0.0 <= omega[-1] < 0.02 * omega.max()
 

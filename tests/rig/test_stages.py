@@ -7,13 +7,14 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import made_log, motion_run
-from rigs import LOADS, SENSORS, own_model, stage_outputs, truth_of
+from rigs import LOADS, SENSORS, own_model, scale_of, stage_outputs, truth_of
 
 from winchcascade import read_run, reduce, simulate
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import Model, Sensors, with_part
+from winchcascade.rig.physics import REST
 from winchcascade.rig.stages import MOVING, StageOutput
 
 MODEL = baseline(built_in())
@@ -107,8 +108,9 @@ def test_a_fault_of_one_stage_shows_in_that_stage_alone() -> None:
 def test_what_a_stage_cannot_say_is_not_a_number() -> None:
     run = made_log()
     v, torque = run.channels["velocity"], run.channels["torque"]
+    fast = MOVING * REST * scale_of(run).speed
     outputs = {stage: output.predicted for stage, output in by_stage(run, MODEL).items()}
-    resting, runs_on = np.abs(v) < 0.5 * MOVING, (v > MOVING) & (torque == 0.0)
+    resting, runs_on = np.abs(v) < 0.5 * fast, (v > fast) & (torque == 0.0)
     assert np.all(np.isfinite(outputs["restoring"]))
     assert np.count_nonzero(runs_on) > 10
     for stage, where in (("transmission", resting), ("gearbox", resting | runs_on), ("generator", v < 0.0)):

@@ -12,7 +12,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.scales import MotionScale, motion_of_log, motion_of_runs
-from winchcascade.diagnosis.planning import PLATEAU, REST, cycle_of
+from winchcascade.diagnosis.planning import PLATEAU, RAMP, REST, cycle_of
 from winchcascade.rig import physics
 from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.physics import RPM
@@ -62,9 +62,15 @@ class Motion(NamedTuple):
         return Motion(self.t / share, self.v * share, speed, self.cycles)
 
 
-def planned_cycle(speed: float, length: float, time: float) -> Motion:
-    """One payout and one haul-in, as `cycle_of` has them; a motion is laid on a monotone cubic, which smooths their ramps."""
-    return Motion(*cycle_of(speed, length, time), speed)
+def planned_cycle(speed: float, length: float, ramp: float) -> Motion:
+    """One payout and one haul-in, as `cycle_of` has them; a motion is laid on a monotone cubic, which smooths their ramps.
+
+    Parameters
+    ----------
+    speed, length : of the plateau [m/s] and of the payout [m]
+    ramp : time in which the line reaches its speed [s]; rests and hold are as long beside it as in a planned run
+    """
+    return Motion(*cycle_of(speed, length, ramp / RAMP), speed)
 
 
 def motion_of_run(run: Run) -> Motion:
@@ -102,22 +108,24 @@ def path_of(motion: Motion, model: Model) -> Path:
 
     Raises
     ------
-    OptionError : the motion takes longer than `LONGEST`
+    OptionError : the motion takes more than `MOST_STEPS`
     RigError : no step resolves the model
     """
     takes = float(motion.t[-1] - motion.t[0])
-    if takes > LONGEST:
-        raise OptionError(f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {LONGEST:g} s at most.")
     t = np.linspace(motion.t[0], motion.t[-1], SCALED_BY)
     scale = motion_of_log(t, np.interp(t, motion.t, motion.v)) or MotionScale(motion.speed, takes, 1.0)
     rest = physics.REST * scale.speed
-    even = even_motion(motion.t, motion.v, resolving(model, scale, COARSE), rest)
+    step = resolving(model, scale, COARSE)
+    if takes > MOST_STEPS * step:
+        longest = f"{MOST_STEPS * step:.0f} s at most, {MOST_STEPS:g} steps"
+        raise OptionError(f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {longest}.")
+    even = even_motion(motion.t, motion.v, step, rest)
     pays_out = (even.v > MOVES * scale.speed).astype(np.float64)
     return Path(even, physics.direction(even.v, rest), pays_out, motion.cycles)
 
 
-LONGEST = 3600.0
-"""Longest motion of a point, whose steps fit into memory. [s]"""
+MOST_STEPS = 1_500_000
+"""Maximum number of steps of the motion of a point, which fit into memory. [1]"""
 
 
 def point(model: Model, path: Path, load: float) -> Signal:

@@ -19,7 +19,7 @@ from winchcascade.core.jobs import all_at_once
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, QUANTITIES, path_of, planned_cycle, points, require_positive
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.planning import SPEEDS, Explanations, distinction_of, explanations_of, planned, usual
+from winchcascade.diagnosis.planning import RAMP, SPEEDS, Explanations, distinction_of, explanations_of, planned, usual
 from winchcascade.diagnosis.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
 from winchcascade.rig.baseline import baseline
@@ -271,7 +271,7 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     distinctions = all_at_once(
         [partial(distinction_of, basis.data, Explanations(best, best, moved, ()), run) for run in runs]
     )
-    paths = {load: path_of(planned_cycle(speed, basis.length, time), best) for load, speed in fastest.items()}
+    paths = {load: path_of(planned_cycle(speed, basis.length, RAMP * time), best) for load, speed in fastest.items()}
     values = [points([best, *moved], [path], [load])[:, 0, 0, PLACE[metric]] for load, path in paths.items()]
     slopes = np.transpose([value[1:] - value[0] for value in values])
     prior = np.linalg.pinv(posterior.covariance[np.ix_(open_, open_)] / np.outer(sd[open_], sd[open_]))

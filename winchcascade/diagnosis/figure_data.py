@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 SIDES = ["logged", "before", "after"]
 """Columns of a table of blocks: as logged, and as simulated before and after the causes."""
 
-SPEED_BIN = 250.0
-"""Width of the bins of generator speed in which block means are averaged. [rpm]"""
+SPEED_BIN = 0.07
+"""Width of the bins of generator speed in which block means are averaged, over the largest speed of the campaign. [1]"""
 
 TOP_SHARE = 0.9
 """Braking begins after the last block with this share of a payout's top speed. [1]"""
 
-LEAD, TAIL = 1.0, 0.5
-"""Time before the onset of a cycle and after its haul-in that belongs to it here. [s]"""
+LEAD, TAIL = 0.1, 0.05
+"""Time before the onset of a cycle and after its haul-in that belongs to it here, over the time of a stroke. [1]"""
 
 ROLLOFF = "ke_rolloff"
 
@@ -97,7 +97,7 @@ def means_over_speed(table: pd.DataFrame, log: int, channels: Sequence[str]) -> 
     blocks = own.groupby(["cycle", "t", "rpm"])[SIDES].prod(min_count=len(channels)).reset_index()
     near_top = blocks[blocks.rpm >= TOP_SHARE * blocks.groupby("cycle").rpm.transform("max")]
     blocks = blocks[(blocks.t <= blocks.cycle.map(near_top.groupby("cycle").t.max())) & blocks.logged.notna()]
-    return blocks.groupby(np.floor(blocks.rpm / SPEED_BIN))[["rpm", *SIDES]].mean()
+    return blocks.groupby(np.floor(blocks.rpm / (SPEED_BIN * table.rpm.max())))[["rpm", *SIDES]].mean()
 
 
 # ------------------------------------------------------------------------------------------------------ one cycle in full
@@ -131,7 +131,8 @@ def largest_gap(found: ModelDiagnosis, table: pd.DataFrame) -> SimulatedCycle | 
         for phases in ((PAYOUT,), (PAYOUT, HAUL_IN))
     )
     onset, end = float(run.t[blocks.start[out[0]]]), float(run.t[blocks.stop[moving[-1]] - 1])
-    rows = slice(*np.searchsorted(run.t, (onset - LEAD, end + TAIL)).tolist())
+    time = found.data.scales.motion.time
+    rows = slice(*np.searchsorted(run.t, (onset - LEAD * time, end + TAIL * time)).tolist())
     sides = [_columns(run.channels, run.t) - found.data.zeros(nu)[log]]
     if found.own_simulation is not None:
         sides.append(_columns(found.own_simulation.runs[log].channels, run.t))

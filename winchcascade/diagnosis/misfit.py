@@ -409,6 +409,10 @@ def _levels(blocks: Blocks, predicted: Signal) -> Signal:
     return level
 
 
+VANISHING = 1e-9
+"""Share of its largest value in the log below which a signal is none in a phase: a capacitor decays to any value. [1]"""
+
+
 def _courses(course: Course, predicted: Signal, level: Signal) -> Signal:
     """What a discrepancy of the model of 1 moves, (m, 5, 3): the plateau of each channel in the log, along `COURSES`.
 
@@ -422,11 +426,12 @@ def _courses(course: Course, predicted: Signal, level: Signal) -> Signal:
     blocks, plateau = course.blocks, np.max(level, axis=0)
     speed = np.abs(blocks.mean(course.run.channels["velocity"]))
     signals = np.column_stack([np.ones(blocks.size), speed, np.abs(predicted[:, CHANNELS.index("idc")])])
+    vanishing = np.maximum(VANISHING * np.max(signals, axis=0, initial=0.0), np.finfo(np.float64).tiny)
     found = np.zeros((blocks.size, len(CHANNELS), len(COURSES)))
     for phase in range(len(PHASES)):
         here = np.flatnonzero(blocks.phase == phase)
         if here.size:
-            shape = signals[here] / np.maximum(np.quantile(signals[here], TOP, axis=0), 1e-12)
+            shape = signals[here] / np.maximum(np.quantile(signals[here], TOP, axis=0), vanishing)
             found[here] = plateau[:, None] * np.minimum(shape, 1.0)[:, None, :]
     # the clutch is open while the line is hauled in: a torque of zero is no share of a plateau
     found[blocks.phase == HAUL_IN, CHANNELS.index("torque")] = 0.0

@@ -14,6 +14,7 @@ from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.quantity import KGCM2
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Mask, Run, Signal
+from winchcascade.core.scales import motion_of_runs
 from winchcascade.reduction.bins import bin_width, engaged, stored_powers
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -24,11 +25,11 @@ from winchcascade.rig.simulate import Simulation, simulate
 if TYPE_CHECKING:
     import pandas as pd
 
-LONGEST = 200.0
-"""Longest part of a log that is simulated: as many of its first complete cycles as it holds. [s]"""
+LONGEST = 20.0
+"""Longest part of a log that is simulated, over the time of a stroke: as many of its first complete cycles as it holds. [1]"""
 
-LEAD = 2.0
-"""A part of a log begins before its first onset and ends after its last cycle by this. [s]"""
+LEAD = 0.2
+"""A part of a log begins before its first onset and ends after its last cycle by this, over the time of a stroke. [1]"""
 
 BINS = 40
 """Maximum number of bins of a curve, which its markers show one by one."""
@@ -155,10 +156,12 @@ def simulated_log(reduction: Reduction) -> SimulatedLog | str:
         return model.why
     if run.load is None:
         return "the load of the log is not known; give it by --load-ohm or in a campaign.toml."
-    cycles = tuple(c for c in complete if _end(c) - complete[0].phases.onset <= LONGEST)
+    time = motion_of_runs([run]).time
+    longest, lead = LONGEST * time, LEAD * time
+    cycles = tuple(c for c in complete if _end(c) - complete[0].phases.onset <= longest)
     if not cycles:
-        return f"no complete cycle ends within {LONGEST:g} s of its onset, the longest that is simulated."
-    first, last = np.searchsorted(run.t, (cycles[0].phases.onset - LEAD, _end(cycles[-1]) + LEAD)).tolist()
+        return f"no complete cycle ends within {longest:.3g} s of its onset, the longest that is simulated."
+    first, last = np.searchsorted(run.t, (cycles[0].phases.onset - lead, _end(cycles[-1]) + lead)).tolist()
     channels = {name: x[first:last] for name, x in run.channels.items()}
     run = msgspec.structs.replace(run, t=run.t[first:last], channels=channels, samples=last - first)
     try:

@@ -19,6 +19,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.rig_text import corrected_rig
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, number_of, numbers_of, path_in_rig, rolloff_curve
+from winchcascade.rig.physics import RPM
 
 MODEL_SCHEMA = "winchcascade/model/1"
 
@@ -27,9 +28,7 @@ FORMATS = (".json", ".mat")
 CURRENT_STEP = 0.05
 """Distance of the stator currents at which the roll-off is tabulated, over the rated one. [1]"""
 
-RPM_PER_RAD_S = 30.0 / math.pi
-
-EXPORTED = {"generator.k_e": ("V.s/rad", RPM_PER_RAD_S)}
+EXPORTED = {"generator.k_e": ("V.s/rad", RPM)}
 """Units in which numbers are written that are not those of the model, and the factors to them."""
 
 DERIVED = {"restoring": {"eta_forward": "1", "eta_reverse": "1"}}
@@ -122,7 +121,7 @@ def _source(rig: Rig, path: str) -> str:
 def _back_emf(model: Model) -> dict[str, Any]:
     """Back-EMF constant over the stator current, line to line, rms, per mechanical speed; and flux linkage without current."""
     machine = model.generator
-    k_e = machine.k_e * RPM_PER_RAD_S
+    k_e = machine.k_e * RPM
     over_rated = np.arange(0.0, ROLLOFF_KNOTS[-1] + 0.5 * CURRENT_STEP, CURRENT_STEP)
     current, share = over_rated * machine.i_rated, rolloff_curve(machine.rolloff)(over_rated)
     return {

@@ -49,8 +49,9 @@ AT_ONCE = 0.1
 BEYOND = 1.5
 """Number of intervals before the beginning and after the end of a simulation beyond which its line is at rest. [1]"""
 
-NEAR = 0.5
-"""The shift is refined within this, as the correlation of logs that begin or end within a motion deviates. [s]"""
+NEAR, SHIFTED = 0.64, 1e-5
+"""The shift is refined within the first of these, as the correlation of logs that begin or end within a motion deviates, and to
+the second, both over the ramp of the motion. [1]"""
 
 FINER = 1.5
 """Minimum number of samples of a simulation for each of the log from which it is averaged over the intervals of the log. [1]"""
@@ -126,7 +127,8 @@ def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
     from scipy.optimize import minimize_scalar
     from scipy.signal import correlate
 
-    width = SMOOTHING * motion_of_runs([log]).ramp
+    ramp = motion_of_runs([log]).ramp
+    width, within = SMOOTHING * ramp, NEAR * ramp
     velocity, other = (local_quadratic(run.t, run.channels["velocity"], width) for run in (log, simulation))
     step, scale = 1.0 / log.fs, max(float(np.sqrt(np.mean(velocity[counted] ** 2))), 1e-6)
 
@@ -140,7 +142,9 @@ def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
     together = correlate(np.interp(at_other, simulation.t, other), np.interp(at_log, log.t, velocity), method="fft")
     begins = float(simulation.t[0] - log.t[0])
     near = min((0.0, begins, begins + (int(np.argmax(together)) - at_log.size + 1) * step), key=difference)
-    found = minimize_scalar(difference, bounds=(near - NEAR, near + NEAR), method="bounded", options={"xatol": 1e-5})
+    found = minimize_scalar(
+        difference, bounds=(near - within, near + within), method="bounded", options={"xatol": SHIFTED * ramp}
+    )
     shift = 0.0 if abs(found.x) < AT_ONCE * step else float(found.x)
     return shift, difference(shift)
 

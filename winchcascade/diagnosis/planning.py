@@ -36,7 +36,7 @@ SPEEDS = (0.5, 1.0, 1.3)
 
 RAMP, HOLD, REST, BACK, SHORTEST = 0.15, 0.4, 0.2, 0.6, 0.01
 """Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke; its haul-in as a share
-of the payout speed, and the shortest plateau over that time. [1]"""
+of the payout speed, and the shortest plateau or ramp over that time. [1]"""
 
 
 class Explanations(NamedTuple):
@@ -187,7 +187,8 @@ def usual(data: Fitted) -> Usual | None:
             ramps.append(float(t[reached] - t[begins]) / (WITHIN_RAMP[1] - WITHIN_RAMP[0]))
     if not fastest:
         return None
-    return Usual(fastest, float(np.median(lengths)), max(float(np.median(ramps)), 0.1))
+    shortest = SHORTEST * data.scales.motion.time
+    return Usual(fastest, float(np.median(lengths)), max(float(np.median(ramps)), shortest))
 
 
 def cycle_of(speed: float, length: float, time: float) -> tuple[Signal, Signal]:

@@ -106,22 +106,27 @@ def _moved(data: Fitted, path: str) -> Signal:
     rows = []
     for log in (*by_load[:1], *by_load[1:][-1:]):
         up, down = (log.course.predict(changed(data.nominal, path, "scale", by)) for by in (STEP, -STEP))
-        z = (up - down) / (2.0 * STEP) / log.noise.logged
-        rows.append(np.where(log.noise.seen & np.isfinite(z), z, 0.0).ravel())
+        seen = log.noise.seen & (log.noise.logged > 0.0) & np.isfinite(up - down)
+        z = np.divide(up - down, 2.0 * STEP * log.noise.logged, out=np.zeros_like(up), where=seen)
+        rows.append(z.ravel())
     return np.concatenate(rows)
 
 
+TIES = 1e-6
+"""Share by which each number is preferred to the next as one that a direction is named by, of two that do as well. [1]"""
+
+
 def _sparse(ways: Signal) -> Signal:
-    """A basis of the space of some directions, (k, n), of which each has few numbers: the largest one is 1 in it alone."""
-    left = ways.copy()
-    for row in range(len(left)):
-        rest = np.abs(left[row:])
-        pivot, column = np.unravel_index(int(np.argmax(rest)), rest.shape)
-        left[[row, row + int(pivot)]] = left[[row + int(pivot), row]]
-        left[row] /= left[row, column]
-        others = [k for k in range(len(left)) if k != row]
-        left[others] -= np.outer(left[others, column], left[row])
-    return np.asarray(left)
+    """The basis of the space of some directions, (k, n), in which each of k numbers is 1 in one direction and 0 in all others.
+
+    These are the numbers that a QR decomposition with pivoting takes first. The directions of equal singular values are any
+    basis of their space; this one depends on the space alone.
+    """
+    from scipy.linalg import qr
+
+    *_, order = qr(ways * (1.0 - TIES * np.arange(ways.shape[1])), pivoting=True)
+    own = np.sort(order[: len(ways)])
+    return np.asarray(np.linalg.solve(ways[:, own], ways))
 
 
 def measured_gear(rig: Rig, runs: Sequence[Run]) -> tuple[float, float] | None:

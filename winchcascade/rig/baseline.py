@@ -55,6 +55,10 @@ def baseline(rig: Rig) -> Model:
     return found
 
 
+NEAR_STANDSTILL = 10.0 / 3.0
+"""Speed of the line at which 1/e of a larger friction near standstill is left, over that at which a payout begins. [1]"""
+
+
 def model_of(rig: Rig) -> Model | NoModel:
     """Make the model of a rig file, as `baseline` does, or report why that is not possible."""
     numbers: dict[str, dict[str, float]] = {}
@@ -81,6 +85,7 @@ def model_of(rig: Rig) -> Model | NoModel:
     if rig.drivetrain.direct:
         numbers["drivetrain"]["eta_mesh"] = 1.0
     numbers["generator"]["i_rated"] = rated_current(rig)
+    numbers["winch"]["stribeck_speed"] = NEAR_STANDSTILL * rig.thresholds.v_onset
     model = Model(**{section: kind(**numbers[section]) for section, kind in PARTS.items()})
     model = with_part(model, "winch", goes_slack=not (rig.restoring.has_gas or rig.winch.line_can_push))
     for effect in stated_effects(rig):

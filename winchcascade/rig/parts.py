@@ -250,7 +250,8 @@ class Model(msgspec.Struct, frozen=True):
 
 
 IN_RIG = {"restoring.lead": 2.0 * math.pi, "restoring.mass": KGF}
-"""Numbers of the rig file over those of the model, where their units differ: a lead for each turn, a mass as its weight."""
+"""Numbers of the rig file over those of the model, where their units differ: a lead for each turn, a mass as its weight.
+[rad/rev, N/kg]"""
 
 Operation = Literal["add", "scale", "compound"]
 """Change of a number: by an amount, by a share of it or, if it is itself a relative deviation, by a further share."""

@@ -54,8 +54,12 @@ DRIFT = 2.5
 """Width over which the difference of displacement and integrated velocity is drift, not noise, over the ramp. [1]"""
 
 
+ROUNDED = 1e-6
+"""Part of a step that rounding makes of a whole number of them. [1]"""
+
+
 def even_motion(t: Signal, v: Signal, step: float, rest: float) -> LineMotion:
-    """Lay a velocity onto even steps by a monotone cubic, with its slope and its integral.
+    """Lay a velocity onto even steps up to the last stamp by a monotone cubic, with its slope and its integral.
 
     Parameters
     ----------
@@ -64,10 +68,10 @@ def even_motion(t: Signal, v: Signal, step: float, rest: float) -> LineMotion:
     """
     from scipy.interpolate import PchipInterpolator
 
-    even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
-    curve = PchipInterpolator(t, v)
-    speed = curve(even)
-    return LineMotion(even, integral(speed, step), speed, curve(even, 1), step, rest)
+    even = t[0] + step * np.arange(math.ceil((t[-1] - t[0]) / step - ROUNDED) + 1)
+    curve, known = PchipInterpolator(t, v), np.minimum(even, t[-1])
+    speed = curve(known)
+    return LineMotion(even, integral(speed, step), speed, curve(known, 1), step, rest)
 
 
 READ = ("pressure", "force", "torque", "vdc", "idc")
