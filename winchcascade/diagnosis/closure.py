@@ -112,8 +112,7 @@ def closes_more(data: Fitted, one: ModelClosure, other: ModelClosure, seed: int)
     gained = one.share - other.share
     if gained < DISPENSABLE:
         return False
-    draws = [np.array(_draws(data, each, seed)) for each in (one, other)]
-    return bool(np.quantile(draws[0] - draws[1], 0.025) > 0.0)
+    return bool(np.quantile(_draws(data, one, seed) - _draws(data, other, seed), 0.025) > 0.0)
 
 
 def _moved(found: Found, names: Names) -> Signal:
@@ -238,13 +237,13 @@ def closure_between(
     )
 
 
-def _draws(data: Fitted, closure: ModelClosure, seed: int) -> list[float]:
+def _draws(data: Fitted, closure: ModelClosure, seed: int) -> Signal:
     """Share that a closure would have with other choices of the cycles of its logs, alike for all closures of these logs."""
     return _resampled(data, _each_squared(data, _before(data), closure.residual), closure.withheld, seed)
 
 
-def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int) -> list[float]:
-    """Share that is closed with `DRAWS` choices of the cycles of some logs.
+def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int) -> Signal:
+    """Share that is closed with `DRAWS` choices of the cycles of some logs, (draws,).
 
     Parameters
     ----------
@@ -252,10 +251,13 @@ def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int
     """
     rng = np.random.default_rng(seed)
     by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
-    return [
-        _share(np.concatenate([cells[rng.integers(len(cells), size=len(cells))] for cells in by_cycle]))
+    first = np.cumsum([0, *(len(cells) for cells in by_cycle)])[:-1]
+    draws = [
+        [at + rng.integers(len(cells), size=len(cells)) for at, cells in zip(first, by_cycle, strict=True)]
         for _ in range(DRAWS)
     ]
+    chosen = np.array([np.concatenate(one) for one in draws])
+    return np.asarray(_share_of(*_excess(np.concatenate(by_cycle))[:, chosen].sum(axis=2)))
 
 
 def _each_squared(data: Fitted, before: Signal, after: Signal) -> Signal:
@@ -282,9 +284,27 @@ def _share(sums: Signal) -> float:
     ----------
     sums : (cells, 4, 5) sums of squares of the gap before, after, of noise, and the number of blocks, by channel
     """
-    before, after, noise, count = (sums[:, k, :][sums[:, 3, :] >= 3.0] for k in range(4))
-    old, new = float(np.sum((before - noise) / noise)), float(np.sum((after - noise) / noise))
-    return 1.0 - new / old if old > MIN_EXCESS * max(count.size, 1) else 0.0
+    return float(_share_of(*_excess(sums).sum(axis=1)))
+
+
+def _excess(sums: Signal) -> Signal:
+    """What exceeds noise before and after over all channels, in mean squares of it, and how many channels count, (3, cells).
+
+    Parameters
+    ----------
+    sums : (cells, 4, 5) as `_share` takes them
+    """
+    before, after, noise, count = np.moveaxis(sums, 1, 0)
+    counted = count >= 3.0
+    noise = np.where(counted, noise, 1.0)
+    each = [(before - noise) / noise, (after - noise) / noise, np.ones_like(noise)]
+    return np.array([np.where(counted, one, 0.0).sum(axis=1) for one in each])
+
+
+def _share_of(old: Signal, new: Signal, count: Signal) -> Signal:
+    """Share that is closed of an excess over noise; 0 where it is too small to be closed."""
+    gap = old > MIN_EXCESS * np.maximum(count, 1.0)
+    return np.where(gap, 1.0 - new / np.where(gap, old, 1.0), 0.0)
 
 
 def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:

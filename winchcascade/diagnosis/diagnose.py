@@ -167,7 +167,7 @@ def diagnose(
         not_visible=not_visible(found),
         singles=_singles(data, found, seed),
     )
-    return _judged(_with_causes(as_found, windows, on_progress), on_progress)
+    return judged(_with_causes(as_found, windows, on_progress), on_progress)
 
 
 def concluded(data: Fitted, found: Found, seed: int, on_progress: Callable[[str], None] = lambda _: None) -> Found:
@@ -175,7 +175,7 @@ def concluded(data: Fitted, found: Found, seed: int, on_progress: Callable[[str]
     fitted has more evidence. Where one has, the search goes on from there.
     """
     for _ in range(RESUMED):
-        found = _predicting_best(data, without_imitators(data, found), seed)
+        found = predicting_best(data, without_imitators(data, found), seed)
         look_alikes_of(data, found)
         further = gone_on(found, on_progress)
         if further.best.names == found.best.names:
@@ -184,7 +184,7 @@ def concluded(data: Fitted, found: Found, seed: int, on_progress: Callable[[str]
     return found
 
 
-def _predicting_best(data: Fitted, found: Found, seed: int) -> Found:
+def predicting_best(data: Fitted, found: Found, seed: int) -> Found:
     """A search without a best set of several causes of which fewer, or another effect alone, predict held-out logs better."""
     best = found.best
     if len(best.names) < 2:
@@ -202,7 +202,7 @@ def _predicting_best(data: Fitted, found: Found, seed: int) -> Found:
     }
     smaller = msgspec.structs.replace(found, rejected=found.rejected | larger)
     smaller.about(tried[names])
-    return _predicting_best(data, smaller.led_by(names), seed)
+    return predicting_best(data, smaller.led_by(names), seed)
 
 
 def without_imitators(data: Fitted, found: Found) -> Found:
@@ -271,7 +271,7 @@ def _with_causes(
     )
 
 
-def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
+def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
     """The result with its verdict, what remains, where the gap lies, and what to test next.
 
     Explained needs more than a residual without structure: numbers that agree between runs and are plausible, no causes that
