@@ -45,8 +45,8 @@ ONE_SIDED = 1.645
 
 
 OPEN_SHARE = 1.0 / (1.0 + 0.25)
-"""Share of the variance of its prior above which a number is not determined: the data tell of it less than a quarter of what was
-known before. [1]"""
+"""Share of the variance of its prior above which a number is not determined: the data tell of it less than a quarter of what
+was known before. [1]"""
 
 
 class LookAlike(NamedTuple):
@@ -151,9 +151,9 @@ def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, 
 
 
 def _interval(posterior: Posterior, own: slice, gradient: Signal, number: tuple[float, float], unit: str) -> Reported:
-    """A number that follows from the fields of a cause, with its 95 % interval, which is infinite where the data tell little of it.
+    """A number that follows from the fields of a cause, with its 95 % interval.
 
-    One that follows from a field at a bound alone has a one-sided interval.
+    The interval is infinite where the data tell little of the number, and one-sided where one field at a bound gives it.
 
     Parameters
     ----------

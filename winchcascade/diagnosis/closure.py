@@ -13,10 +13,10 @@ from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_abo
 from winchcascade.diagnosis.block_noise import MIN_BLOCKS, unsteadiness_of
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.marginal import weights
-from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, RigProblem, log_of
+from winchcascade.diagnosis.marginal import Marginal, weights
+from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, log_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.search import Fit, Found, fit_set, located, minimum_within, start_of
+from winchcascade.diagnosis.search import Fit, Found, located, minimum_within
 from winchcascade.diagnosis.suspects import places_of
 from winchcascade.diagnosis.verdict_limits import (
     DISPENSABLE,
@@ -30,7 +30,7 @@ from winchcascade.diagnosis.verdict_limits import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -58,45 +58,77 @@ class ModelClosure(GapClosure, frozen=True):
     predictions: dict[int, Fit]
 
 
-def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> ModelClosure:
+def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
     """Predict each withheld log from a fit without the logs of its load, or its cycles in turn where `left_out` says so.
 
-    What the other logs do not determine, as a roll-off at currents that they do not reach, stays as it was found.
+    Each such fit is one step of Gauss and Newton away from the fit to all logs. What the other logs do not determine, as a
+    roll-off at currents that they do not reach, stays as it was found.
 
     Parameters
     ----------
-    found : the best fit of which has the causes; where it already lacks the withheld logs it serves as it is
+    fit : has the causes; where it already lacks the withheld logs it serves as it is
     withheld : numbers of logs; of those that take part in the fit the logs of each load are left out in turn
     """
+    suspects, predictions = found.problem.suspects, dict[int, Fit]()
+    best = fit if fit is found.best else located(found.problem, found.marginal, fit.names, fit.x)
+    after = np.full_like(data.measured, math.nan)
+    for held in left_out(data, withheld):
+        here = sorted({int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")})
+        fit = best
+        known: list[ActiveEffect] = []
+        if not data.withheld.issuperset(here):
+            rows = np.ones_like(data.measured)
+            rows[held] = 0.0
+            acting = dict(zip(best.names, best.effects(suspects), strict=True))
+            # a wrong entry of a log shows in this log alone
+            known = [one for one in acting.values() if log_of(one) in here]
+            names = tuple(name for name, one in acting.items() if one not in known)
+            fit = _without(found, best, names, rows.ravel())
+        predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
+        own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
+        counted = np.isin(own, held)
+        after[held] = data.measured[held] - predicted[counted]
+        predictions |= dict.fromkeys(here, fit)
+    seen = np.isfinite(after)
+    after = np.where(seen, without_zeros(data, np.where(seen, after, 0.0)), math.nan)
+    return closure_between(data, _before(data), after, predictions, seed)
 
-    def without(rows: Signal, names: Names) -> Fit:
-        problem, marginal = RigProblem(data, found.problem.suspects, rows), found.marginal.masked(rows)
-        columns = marginal(_moved(found, names) * rows[:, None])
-        return fit_set(problem, marginal, names, start_of(found.best), columns, centred=True)
 
-    return _closed(data, found.best, found.problem.suspects, withheld, seed, without)
+def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
+    """Numbers of some suspects of a fit and nuisances, by the residuals with some weights, (n,), and near the fit.
 
-
-def foreseen_closure(data: Fitted, found: Found, fit: Fit, seed: int) -> ModelClosure:
-    """What `close` would give for any fit of a search, where each fit without some logs is foreseen in closed form.
-
-    Only logs that take part are left out: those that are withheld must not help to choose.
+    The prior is about the fit, and not about the absence of the suspects.
     """
-    at = located(found.problem, found.marginal, fit.names, fit.x)
+    own = [k for name in names for k in range(fit.x.size)[fit.place[name]]]
+    moved = found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
+    marginal, free, x = found.marginal.masked(rows), fit.free.some(own), fit.x[own]
+    columns, r = marginal(moved * rows[:, None]), marginal(fit.given * rows)
+    weighted = columns * weights(r)[:, None]
+    curve = weighted.T @ columns + np.diag(free.sd**-2.0)
+    step = minimum_within(curve, -weighted.T @ r, free.minimum - x, free.maximum - x)
+    nu, _ = marginal.best((fit.given + moved @ step) * rows)
+    place = places_of(found.problem.suspects, names)
+    return msgspec.structs.replace(fit, names=names, place=place, x=x + step, free=free, nu=nu)
 
-    def without(rows: Signal, names: Names) -> Fit:
-        own = [k for name in names for k in range(at.x.size)[at.place[name]]]
-        marginal, moved, free = found.marginal.masked(rows), _moved(found, names), at.free.some(own)
-        columns, r, x = marginal(moved * rows[:, None]), marginal(at.given * rows), at.x[own]
-        weighted = columns * weights(r)[:, None]
-        curve = weighted.T @ columns + np.diag(free.sd**-2.0)
-        step = minimum_within(curve, -weighted.T @ r, free.minimum - x, free.maximum - x)
-        nu, _ = marginal.best((at.given + moved @ step) * rows)
-        return msgspec.structs.replace(
-            at, names=names, place=places_of(found.problem.suspects, names), x=x + step, nu=nu
-        )
 
-    return _closed(data, at, found.problem.suspects, judging(data), seed, without)
+class HeldOut:
+    """Closures of sets on the logs that take part in a diagnosis, left out in turn; each is found once.
+
+    Parameters
+    ----------
+    seed : of the resampling of cycles
+    """
+
+    def __init__(self, data: Fitted, seed: int) -> None:
+        self.data, self.seed = data, seed
+        self._closures: dict[tuple[Marginal, Names], ModelClosure] = {}
+
+    def of(self, found: Found, fit: Fit) -> ModelClosure:
+        """The closure of a set, by the derivatives about the best set of a search."""
+        which = found.marginal, fit.names
+        if which not in self._closures:
+            self._closures[which] = close(self.data, found, fit, judging(self.data), self.seed)
+        return self._closures[which]
 
 
 def judging(data: Fitted) -> list[int]:
@@ -113,49 +145,6 @@ def closes_more(data: Fitted, one: ModelClosure, other: ModelClosure, seed: int)
     if gained < DISPENSABLE:
         return False
     return bool(np.quantile(_draws(data, one, seed) - _draws(data, other, seed), 0.025) > 0.0)
-
-
-def _moved(found: Found, names: Names) -> Signal:
-    """Derivative of the residuals over the fields of some suspects, nuisances not integrated out, (n, k)."""
-    return found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
-
-
-def _closed(
-    data: Fitted,
-    best: Fit,
-    suspects: Suspects,
-    withheld: Sequence[int],
-    seed: int,
-    without: Callable[[Signal, Names], Fit],
-) -> ModelClosure:
-    """Predict each withheld log, or a part of it, from a fit without it.
-
-    Parameters
-    ----------
-    best : the fit to all logs that take part
-    without : fit of some suspects, the numbers of which are near those of `best`, to residuals with some weights (M * 5,)
-    """
-    predictions: dict[int, Fit] = {}
-    after = np.full_like(data.measured, math.nan)
-    for held in left_out(data, withheld):
-        here = sorted({int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")})
-        fit: Fit = best
-        known: list[ActiveEffect] = []
-        if not data.withheld.issuperset(here):
-            rows = np.ones_like(data.measured)
-            rows[held] = 0.0
-            acting = dict(zip(best.names, best.effects(suspects), strict=True))
-            # a wrong entry of a log shows in this log alone
-            known = [one for one in acting.values() if log_of(one) in here]
-            fit = without(rows.ravel(), tuple(name for name, one in acting.items() if one not in known))
-        predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
-        own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
-        counted = np.isin(own, held)
-        after[held] = data.measured[held] - predicted[counted]
-        predictions |= dict.fromkeys(here, fit)
-    seen = np.isfinite(after)
-    after = np.where(seen, without_zeros(data, np.where(seen, after, 0.0)), math.nan)
-    return closure_between(data, _before(data), after, predictions, seed)
 
 
 def _before(data: Fitted) -> Signal:

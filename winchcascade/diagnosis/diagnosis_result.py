@@ -179,8 +179,9 @@ class NamedCause(msgspec.Struct, frozen=True):
 
 
 class SingleEffect(msgspec.Struct, frozen=True):
-    """An effect alone: its evidence relative to that of the best set [nats], and the share of the gap that it closes on held-out
-    logs, NaN without a gap.
+    """An effect alone: its evidence relative to that of the best set [nats], and the share of the gap that it closes.
+
+    The share is that on held-out logs, NaN without a gap.
     """
 
     effect: str
@@ -290,7 +291,8 @@ class Alarm(msgspec.Struct, frozen=True):
     """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
 
     kind: Literal[
-        "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy", "residual"
+        "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy",
+        "residual",
     ]  # fmt: skip
     about: Spot | Nuisance
     size: float

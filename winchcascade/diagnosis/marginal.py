@@ -166,7 +166,7 @@ class Marginal:
         return nu, left
 
     def masked(self, rows: Signal) -> Marginal:
-        """The same with each row times a weight, (n,); 0 for what takes no part. It is kept, as many sets are held out alike."""
+        """The same with each row times a weight, (n,); 0 for what takes no part. It is kept: many sets are held out alike."""
         which = blake2b(rows.tobytes()).digest()
         if which not in self._masked:
             self._masked[which] = Marginal(self.place, self.columns.masked(rows))

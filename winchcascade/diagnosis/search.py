@@ -70,9 +70,9 @@ class Fit(msgspec.Struct, frozen=True):
     """A set of suspects, fitted.
 
     `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `loss` the robust objective with the priors,
-    `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) and `slope` (k,) the curvature of the objective over
-    the fields and its slope downwards, both without their prior. Whitened residuals without any nuisance are `given`, (n,). The nuisances that explain most of them
-    are `nu`, in units of their tolerance, and `z` (n,) is what these leave.
+    `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) and `slope` (k,) the curvature of the objective
+    over the fields and its slope downwards, both without their prior. Whitened residuals without any nuisance are `given`,
+    (n,). The nuisances that explain most of them are `nu`, in units of their tolerance, and `z` (n,) is what these leave.
     """
 
     names: Names
@@ -176,7 +176,7 @@ def volume_within(x: Signal, free: Freedom, information: Signal, slope: Signal) 
 
 
 def log_mass(low: Signal, high: Signal, pull: Signal, spread: Signal) -> Signal:
-    """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) from `low` to `high` over that of the normal alone, (k,)."""
+    """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) between two bounds over that of the normal alone, (k,)."""
     from scipy.special import log_ndtr
 
     shift = pull * spread
@@ -247,10 +247,10 @@ def begun(suspects: Suspects, names: Names, start: Mapping[str, Signal]) -> Sign
     return np.concatenate([np.zeros(0), *own])
 
 
-def located(problem: Problem, marginal: Marginal, names: Names, x: Signal, free: Freedom | None = None) -> Fit:
+def located(problem: Problem, marginal: Marginal, names: Names, x: Signal) -> Fit:
     """A set of suspects with given fields, (k,), not fitted."""
     suspects = problem.suspects
-    place, free = places_of(suspects, names), free or freedom(*(suspects[name] for name in names))
+    place, free = places_of(suspects, names), freedom(*(suspects[name] for name in names))
     effects = [with_values(suspects[name], x[own]) for name, own in place.items()]
     given = marginal.centred(problem.residuals([effects], marginal.place)[:, 0])
     r = marginal(given)
@@ -264,8 +264,6 @@ def fit_set(
     names: Names,
     start: Mapping[str, Signal] | None = None,
     columns: Signal | None = None,
-    *,
-    centred: bool = False,
 ) -> Fit:
     """Fit a set of suspects by Gauss and Newton, each step bounded.
 
@@ -273,16 +271,12 @@ def fit_set(
     ----------
     start : fields to begin from by suspect; suspects without any begin absent
     columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees what a step brings
-    centred : the prior is about where the fit begins and not about the absence of the suspects
     """
     names = tuple(sorted(names))
     free, x = freedom(*(problem.suspects[name] for name in names)), begun(problem.suspects, names, start or {})
 
-    if centred:
-        free = msgspec.structs.replace(free, absent=x.copy())
-
     def at(x: Signal) -> Fit:
-        return located(problem, marginal, names, x, free)
+        return located(problem, marginal, names, x)
 
     fit, fresh = at(np.clip(x, free.minimum, free.maximum)), columns is None
     columns = columns_of(problem, marginal, fit, names) if columns is None else columns
@@ -418,8 +412,8 @@ class Centre(msgspec.Struct, frozen=True):
 class Found(msgspec.Struct, frozen=True):
     """What a search found: the best fit, that without any cause, the newest fit of each set, and the expansion about the best.
 
-    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none with one of the `imitators`, is
-    the best, whatever its evidence.
+    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none with one of the `imitators`,
+    is the best, whatever its evidence.
     """
 
     best: Fit
@@ -560,7 +554,7 @@ def _is_hopeless(fit: Fit) -> bool:
 
 
 def _promising(found: Found, expansion: Expansion) -> list[Names]:
-    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and are not fitted as well yet."""
+    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and no fit shows it yet."""
     evidence, here = expansion.evidence, expansion.acting
     worth = {names: evidence.worth(fit) for names, fit in found.sets().items()}
     level, best = evidence.worth(found.fits[here]), max(worth.values())
@@ -612,8 +606,8 @@ def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
 def covariance_of(found: Found, fit: Fit, columns: Signal) -> Signal:
     """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included.
 
-    A field at a bound may lie away from it on one side, as far as the normal that is cut off there reaches, and the others follow
-    it. The variance of a field within its bounds is at least that by the scatter of the groups of residuals, as in `grown`.
+    A field at a bound may lie away from it on one side, as far as the normal that is cut off there reaches, and the others
+    follow it. The variance of a field within its bounds is at least that by the scatter of groups of residuals (`grown`).
 
     Parameters
     ----------

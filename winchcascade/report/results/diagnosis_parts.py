@@ -26,8 +26,8 @@ from winchcascade.report.content import (
 )
 from winchcascade.report.diagnosis_names import (
     INTERVAL_WIDTH,
-    UNDETERMINED,
     NAMES,
+    UNDETERMINED,
     alarm_place,
     display_of,
     files_of,
