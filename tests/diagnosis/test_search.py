@@ -306,3 +306,13 @@ def test_a_field_at_a_bound_of_which_the_data_tell_nothing_is_not_known() -> Non
     fit = fit_set(problem, found.marginal, ("line_drag",))
     u = math.sqrt(float(posterior_of(found, fit).covariance[0, 0]))
     assert u == pytest.approx(float(problem.sd[at]))
+
+
+def test_a_number_at_its_absence_beyond_which_nothing_is_possible_is_bounded_on_the_other_side_alone() -> None:
+    problem = OneSided(-0.05)
+    found = search(problem)
+    fit = fit_set(problem, found.marginal, ("line_drag",))
+    effect = EFFECTS["line_drag"]
+    number = parameters_of(posterior_of(found, fit), effect, "line_drag")[effect.parameter]
+    assert (number.value, number.low, number.at_limit) == (0.0, 0.0, None)
+    assert 0.0 < number.high < float(fit.free.sd[0])
