@@ -6,6 +6,7 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES
@@ -178,22 +179,21 @@ def _unit_of(rig: Rig, pair: tuple[str, str]) -> str:
     return ".".join(units) or "1"
 
 
-def _interval(posterior: Posterior, own: slice, gradient: Signal, number: tuple[float, float], unit: str) -> Reported:
-    """A number that follows from the fields of a cause, with its 95 % interval, infinite where the data tell little of it.
+def _interval(posterior: Posterior, own: slice, gradient: Signal, of: tuple[float, float], unit: str) -> Reported:
+    """A number that follows from the fields of a cause, with its 95 % interval.
 
-    One that follows from a field at a bound alone has a one-sided interval.
+    The interval is infinite where the data tell little of the number, and one-sided where one field at a bound gives it.
 
     Parameters
     ----------
     gradient : (k,) derivative of the number over the fields
-    number : the number, and the standard uncertainty of its law
+    of : the number, and the standard uncertainty of its law
     """
-    (value, law), fit = number, posterior.fit
+    (value, law), fit = of, posterior.fit
     free, x = fit.free.some(range(own.start, own.stop)), fit.x[own]
     used, variance = np.flatnonzero(gradient), float(gradient @ posterior.covariance[own, own] @ gradient)
     margin = 1e-9 * (free.high - free.low)
     at = (x >= free.maximum - margin) * 1 - (x <= free.minimum + margin) * 1
-    at = np.where(np.abs(x - free.absent) <= margin, 0, at)
     beyond = bool(np.any(((x > free.high) | (x < free.low)) & (gradient != 0.0)))
     if variance > OPEN_SHARE * float(np.sum((gradient * free.sd) ** 2)):
         return Reported(value, -math.inf, math.inf, unit, beyond_range=beyond)
@@ -201,7 +201,10 @@ def _interval(posterior: Posterior, own: slice, gradient: Signal, number: tuple[
         slope = float(gradient[used[0]])
         away = math.hypot(abs(slope) * _one_sided(posterior, own.start + int(used[0])), ONE_SIDED / COVERED * law)
         upper = bool(at[used[0]] * slope > 0.0)
-        return Reported(value, value - away * upper, value + away * (not upper), unit, "high" if upper else "low")
+        number = Reported(value, value - away * upper, value + away * (not upper), unit)
+        if abs(x - free.absent)[used[0]] <= margin[used[0]]:
+            return number
+        return msgspec.structs.replace(number, at_limit="high" if upper else "low")
     u = COVERED * math.sqrt(max(variance, 0.0) + law**2)
     return Reported(value, value - u, value + u, unit, beyond_range=beyond)
 

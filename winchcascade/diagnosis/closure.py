@@ -13,10 +13,10 @@ from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_abo
 from winchcascade.diagnosis.block_noise import MIN_BLOCKS, unsteadiness_of
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.marginal import weights
-from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, RigProblem, log_of
+from winchcascade.diagnosis.marginal import Marginal, weights
+from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, log_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.search import Fit, Found, fit_set, located, minimum_within, start_of
+from winchcascade.diagnosis.search import Fit, Found, located, minimum_within
 from winchcascade.diagnosis.suspects import places_of
 from winchcascade.diagnosis.verdict_limits import (
     DISPENSABLE,
@@ -30,7 +30,7 @@ from winchcascade.diagnosis.verdict_limits import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -58,45 +58,77 @@ class ModelClosure(GapClosure, frozen=True):
     predictions: dict[int, Fit]
 
 
-def close(data: Fitted, found: Found, withheld: Sequence[int], seed: int) -> ModelClosure:
+def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
     """Predict each withheld log from a fit without the logs of its load, or its cycles in turn where `left_out` says so.
 
-    What the other logs do not determine, as a roll-off at currents that they do not reach, stays as it was found.
+    Each such fit is one step of Gauss and Newton away from the fit to all logs. What the other logs do not determine, as a
+    roll-off at currents that they do not reach, stays as it was found.
 
     Parameters
     ----------
-    found : the best fit of which has the causes; where it already lacks the withheld logs it serves as it is
+    fit : has the causes; where it already lacks the withheld logs it serves as it is
     withheld : numbers of logs; of those that take part in the fit the logs of each load are left out in turn
     """
+    suspects, predictions = found.problem.suspects, dict[int, Fit]()
+    best = fit if fit is found.best else located(found.problem, found.marginal, fit.names, fit.x)
+    after = np.full_like(data.measured, math.nan)
+    for held in left_out(data, withheld):
+        here = sorted({int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")})
+        fit = best
+        known: list[ActiveEffect] = []
+        if not data.withheld.issuperset(here):
+            rows = np.ones_like(data.measured)
+            rows[held] = 0.0
+            acting = dict(zip(best.names, best.effects(suspects), strict=True))
+            # a wrong entry of a log shows in this log alone
+            known = [one for one in acting.values() if log_of(one) in here]
+            names = tuple(name for name, one in acting.items() if one not in known)
+            fit = _without(found, best, names, rows.ravel())
+        predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
+        own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
+        counted = np.isin(own, held)
+        after[held] = data.measured[held] - predicted[counted]
+        predictions |= dict.fromkeys(here, fit)
+    seen = np.isfinite(after)
+    after = np.where(seen, without_zeros(data, np.where(seen, after, 0.0)), math.nan)
+    return closure_between(data, _before(data), after, predictions, seed)
 
-    def without(rows: Signal, names: Names) -> Fit:
-        problem, marginal = RigProblem(data, found.problem.suspects, rows), found.marginal.masked(rows)
-        columns = marginal(_moved(found, names) * rows[:, None])
-        return fit_set(problem, marginal, names, start_of(found.best), columns, centred=True)
 
-    return _closed(data, found.best, found.problem.suspects, withheld, seed, without)
+def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
+    """Numbers of some suspects of a fit and nuisances, by the residuals with some weights, (n,), and near the fit.
 
-
-def foreseen_closure(data: Fitted, found: Found, fit: Fit, seed: int) -> ModelClosure:
-    """What `close` would give for any fit of a search, where each fit without some logs is foreseen in closed form.
-
-    Only logs that take part are left out: those that are withheld must not help to choose.
+    The prior is about the fit, and not about the absence of the suspects.
     """
-    at = located(found.problem, found.marginal, fit.names, fit.x)
+    own = [k for name in names for k in range(fit.x.size)[fit.place[name]]]
+    moved = found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
+    marginal, free, x = found.marginal.masked(rows), fit.free.some(own), fit.x[own]
+    columns, r = marginal(moved * rows[:, None]), marginal(fit.given * rows)
+    weighted = columns * weights(r)[:, None]
+    curve = weighted.T @ columns + np.diag(free.sd**-2.0)
+    step = minimum_within(curve, -weighted.T @ r, free.minimum - x, free.maximum - x)
+    nu, _ = marginal.best((fit.given + moved @ step) * rows)
+    place = places_of(found.problem.suspects, names)
+    return msgspec.structs.replace(fit, names=names, place=place, x=x + step, free=free, nu=nu)
 
-    def without(rows: Signal, names: Names) -> Fit:
-        own = [k for name in names for k in range(at.x.size)[at.place[name]]]
-        marginal, moved, free = found.marginal.masked(rows), _moved(found, names), at.free.some(own)
-        columns, r, x = marginal(moved * rows[:, None]), marginal(at.given * rows), at.x[own]
-        weighted = columns * weights(r)[:, None]
-        curve = weighted.T @ columns + np.diag(free.sd**-2.0)
-        step = minimum_within(curve, -weighted.T @ r, free.minimum - x, free.maximum - x)
-        nu, _ = marginal.best((at.given + moved @ step) * rows)
-        return msgspec.structs.replace(
-            at, names=names, place=places_of(found.problem.suspects, names), x=x + step, nu=nu
-        )
 
-    return _closed(data, at, found.problem.suspects, judging(data), seed, without)
+class HeldOut:
+    """Closures of sets on the logs that take part in a diagnosis, left out in turn; each is found once.
+
+    Parameters
+    ----------
+    seed : of the resampling of cycles
+    """
+
+    def __init__(self, data: Fitted, seed: int) -> None:
+        self.data, self.seed = data, seed
+        self._closures: dict[tuple[Marginal, Names], ModelClosure] = {}
+
+    def of(self, found: Found, fit: Fit) -> ModelClosure:
+        """The closure of a set, by the derivatives about the best set of a search."""
+        which = found.marginal, fit.names
+        if which not in self._closures:
+            self._closures[which] = close(self.data, found, fit, judging(self.data), self.seed)
+        return self._closures[which]
 
 
 def judging(data: Fitted) -> list[int]:
@@ -112,51 +144,7 @@ def closes_more(data: Fitted, one: ModelClosure, other: ModelClosure, seed: int)
     gained = one.share - other.share
     if gained < DISPENSABLE:
         return False
-    draws = [np.array(_draws(data, each, seed)) for each in (one, other)]
-    return bool(np.quantile(draws[0] - draws[1], 0.025) > 0.0)
-
-
-def _moved(found: Found, names: Names) -> Signal:
-    """Derivative of the residuals over the fields of some suspects, nuisances not integrated out, (n, k)."""
-    return found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
-
-
-def _closed(
-    data: Fitted,
-    best: Fit,
-    suspects: Suspects,
-    withheld: Sequence[int],
-    seed: int,
-    without: Callable[[Signal, Names], Fit],
-) -> ModelClosure:
-    """Predict each withheld log, or a part of it, from a fit without it.
-
-    Parameters
-    ----------
-    best : the fit to all logs that take part
-    without : fit of some suspects, the numbers of which are near those of `best`, to residuals with some weights (M * 5,)
-    """
-    predictions: dict[int, Fit] = {}
-    after = np.full_like(data.measured, math.nan)
-    for held in left_out(data, withheld):
-        here = sorted({int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")})
-        fit: Fit = best
-        known: list[ActiveEffect] = []
-        if not data.withheld.issuperset(here):
-            rows = np.ones_like(data.measured)
-            rows[held] = 0.0
-            acting = dict(zip(best.names, best.effects(suspects), strict=True))
-            # a wrong entry of a log shows in this log alone
-            known = [one for one in acting.values() if log_of(one) in here]
-            fit = without(rows.ravel(), tuple(name for name, one in acting.items() if one not in known))
-        predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
-        own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
-        counted = np.isin(own, held)
-        after[held] = data.measured[held] - predicted[counted]
-        predictions |= dict.fromkeys(here, fit)
-    seen = np.isfinite(after)
-    after = np.where(seen, without_zeros(data, np.where(seen, after, 0.0)), math.nan)
-    return closure_between(data, _before(data), after, predictions, seed)
+    return bool(np.quantile(_draws(data, one, seed) - _draws(data, other, seed), 0.025) > 0.0)
 
 
 def _before(data: Fitted) -> Signal:
@@ -238,13 +226,13 @@ def closure_between(
     )
 
 
-def _draws(data: Fitted, closure: ModelClosure, seed: int) -> list[float]:
+def _draws(data: Fitted, closure: ModelClosure, seed: int) -> Signal:
     """Share that a closure would have with other choices of the cycles of its logs, alike for all closures of these logs."""
     return _resampled(data, _each_squared(data, _before(data), closure.residual), closure.withheld, seed)
 
 
-def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int) -> list[float]:
-    """Share that is closed with `DRAWS` choices of the cycles of some logs.
+def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int) -> Signal:
+    """Share that is closed with `DRAWS` choices of the cycles of some logs, (draws,).
 
     Parameters
     ----------
@@ -252,10 +240,13 @@ def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int
     """
     rng = np.random.default_rng(seed)
     by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
-    return [
-        _share(np.concatenate([cells[rng.integers(len(cells), size=len(cells))] for cells in by_cycle]))
+    first = np.cumsum([0, *(len(cells) for cells in by_cycle)])[:-1]
+    draws = [
+        [at + rng.integers(len(cells), size=len(cells)) for at, cells in zip(first, by_cycle, strict=True)]
         for _ in range(DRAWS)
     ]
+    chosen = np.array([np.concatenate(one) for one in draws])
+    return np.asarray(_share_of(*_excess(np.concatenate(by_cycle))[:, chosen].sum(axis=2)))
 
 
 def _each_squared(data: Fitted, before: Signal, after: Signal) -> Signal:
@@ -282,9 +273,27 @@ def _share(sums: Signal) -> float:
     ----------
     sums : (cells, 4, 5) sums of squares of the gap before, after, of noise, and the number of blocks, by channel
     """
-    before, after, noise, count = (sums[:, k, :][sums[:, 3, :] >= 3.0] for k in range(4))
-    old, new = float(np.sum((before - noise) / noise)), float(np.sum((after - noise) / noise))
-    return 1.0 - new / old if old > MIN_EXCESS * max(count.size, 1) else 0.0
+    return float(_share_of(*_excess(sums).sum(axis=1)))
+
+
+def _excess(sums: Signal) -> Signal:
+    """What exceeds noise before and after over all channels, in mean squares of it, and how many channels count, (3, cells).
+
+    Parameters
+    ----------
+    sums : (cells, 4, 5) as `_share` takes them
+    """
+    before, after, noise, count = np.moveaxis(sums, 1, 0)
+    counted = count >= 3.0
+    noise = np.where(counted, noise, 1.0)
+    each = [(before - noise) / noise, (after - noise) / noise, np.ones_like(noise)]
+    return np.array([np.where(counted, one, 0.0).sum(axis=1) for one in each])
+
+
+def _share_of(old: Signal, new: Signal, count: Signal) -> Signal:
+    """Share that is closed of an excess over noise; 0 where it is too small to be closed."""
+    gap = old > MIN_EXCESS * np.maximum(count, 1.0)
+    return np.where(gap, 1.0 - new / np.where(gap, old, 1.0), 0.0)
 
 
 def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:

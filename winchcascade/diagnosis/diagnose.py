@@ -14,12 +14,12 @@ from winchcascade.diagnosis.adequacy import cancelling, drifts, improbable, left
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.causes import causes_of, look_alikes_of, parameters_of, posterior_of, probabilities
 from winchcascade.diagnosis.closure import (
+    HeldOut,
     ModelClosure,
     alarms_of,
     by_cycles,
     close,
     closes_more,
-    foreseen_closure,
     judging,
     made_worse,
     share_closed,
@@ -60,7 +60,6 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.diagnosis.undetermined import Direction
     from winchcascade.rig.effects.effect import ActiveEffect
@@ -149,7 +148,8 @@ def diagnose(
             "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
             "[columns]."
         )
-    found = concluded(data, search(RigProblem(data, suspects), on_progress), seed, on_progress)
+    held_out = HeldOut(data, seed)
+    found = concluded(data, search(RigProblem(data, suspects), on_progress), held_out, on_progress)
     nothing = np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
     as_found = ModelDiagnosis(
@@ -168,18 +168,19 @@ def diagnose(
         sets=probabilities(found.sets(), found.evidence),
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(found),
-        singles=_singles(data, found, seed),
+        singles=_singles(found, held_out),
         undetermined=data.undetermined,
     )
-    return _judged(_with_causes(as_found, windows, on_progress), on_progress)
+    return judged(_with_causes(as_found, held_out, windows, on_progress), on_progress)
 
 
-def concluded(data: Fitted, found: Found, seed: int, on_progress: Callable[[str], None] = lambda _: None) -> Found:
-    """A search at its end: without imitators, no smaller set predicts held-out logs better, and no look-alike of a cause
-    that was fitted has more evidence. Where one has, the search goes on from there.
+def concluded(data: Fitted, found: Found, held_out: HeldOut, on_progress: Callable[[str], None]) -> Found:
+    """A search at its end: its best set has no imitator, and no smaller set predicts held-out logs better.
+
+    Look-alikes of its causes are fitted. Where one of these has more evidence, the search goes on from there.
     """
     for _ in range(RESUMED):
-        found = _predicting_best(data, without_imitators(data, found), seed)
+        found = predicting_best(without_imitators(data, found), held_out)
         look_alikes_of(data, found)
         further = gone_on(found, on_progress)
         if further.best.names == found.best.names:
@@ -188,25 +189,22 @@ def concluded(data: Fitted, found: Found, seed: int, on_progress: Callable[[str]
     return found
 
 
-def _predicting_best(data: Fitted, found: Found, seed: int) -> Found:
+def predicting_best(found: Found, held_out: HeldOut) -> Found:
     """A search without a best set of several causes of which fewer, or another effect alone, predict held-out logs better."""
     best = found.best
     if len(best.names) < 2:
         return found
-    own = foreseen_closure(data, found, best, seed)
     fewer = [found.fit(tuple(n for n in best.names if n != name)) for name in best.names]
-    tried = {fit.names: fit for fit in (*fewer, *found.singles()) if found.allowed(fit.names)}
-    closures = {names: foreseen_closure(data, found, fit, seed) for names, fit in tried.items()}
-    names = max(closures, key=lambda names: closures[names].share, default=best.names)
-    if names == best.names or not closes_more(data, closures[names], own, seed):
+    tried = {fit.names: fit for fit in (best, *fewer, *found.singles()) if found.allowed(fit.names)}
+    closures = {names: held_out.of(found, fit) for names, fit in tried.items()}
+    names = max(closures, key=lambda names: closures[names].share)
+    if not closes_more(held_out.data, closures[names], closures[best.names], held_out.seed):
         return found
-    worth = weighing(found).worth
-    larger = {
-        other for other, fit in found.fits.items() if len(other) > len(names) and worth(fit) > worth(tried[names])
-    }
+    worth, least = weighing(found).worth, weighing(found).worth(tried[names])
+    larger = {other for other, fit in found.fits.items() if len(other) > len(names) and worth(fit) > least}
     smaller = msgspec.structs.replace(found, rejected=found.rejected | larger)
     smaller.about(tried[names])
-    return _predicting_best(data, smaller.led_by(names), seed)
+    return predicting_best(smaller.led_by(names), held_out)
 
 
 def without_imitators(data: Fitted, found: Found) -> Found:
@@ -225,20 +223,24 @@ def without_imitators(data: Fitted, found: Found) -> Found:
     return found
 
 
-def _singles(data: Fitted, found: Found, seed: int) -> tuple[SingleEffect, ...]:
+def _singles(found: Found, held_out: HeldOut) -> tuple[SingleEffect, ...]:
     """The effects that alone have the most evidence, best first."""
-    evidence = weighing(found).of
-
-    def share(fit: Fit) -> float:
-        return foreseen_closure(data, found, fit, seed).share if found.best.names else math.nan
-
+    evidence, gap = weighing(found).of, bool(found.best.names)
     return tuple(
-        SingleEffect(fit.names[0], evidence(fit) - evidence(found.best), share(fit)) for fit in found.singles()
+        SingleEffect(
+            fit.names[0],
+            evidence(fit) - evidence(found.best),
+            held_out.of(found, fit).share if gap else math.nan,
+        )
+        for fit in found.singles()
     )
 
 
 def _with_causes(
-    result: ModelDiagnosis, windows: Sequence[float | None] | None, on_progress: Callable[[str], None]
+    result: ModelDiagnosis,
+    held_out: HeldOut,
+    windows: Sequence[float | None] | None,
+    on_progress: Callable[[str], None],
 ) -> ModelDiagnosis:
     """The result with the causes of the best fit, what each contributes, how far they close the gap, and what is too small."""
     data, suspects, found = result.data, result.suspects, result.found
@@ -252,13 +254,14 @@ def _with_causes(
             validation=validation_of(data, found, {}, inputs, windows),
         )
     on_progress("predicting withheld runs")
-    left_out = sorted(data.withheld) or judging(data)
-    closure = close(data, found, left_out, result.seed)
+    withheld = sorted(data.withheld)
+    left_out = withheld or judging(data)
+    closure = close(data, found, found.best, withheld, result.seed) if withheld else held_out.of(found, found.best)
     on_progress("looking for alternative explanations")
     fitted = with_stability(data, found, causes_of(data, found))
     on_progress("splitting the difference among the causes")
-    held_out = {} if by_cycles(data, left_out) else closure.predictions
-    contributions, changes, inputs = contributions_of(data, found, fitted, windows, held_out)
+    predictions = {} if by_cycles(data, left_out) else closure.predictions
+    contributions, changes, inputs = contributions_of(data, found, fitted, windows, predictions)
     moved = moved_by(data, suspects, found.best)
     minor = _minor(data, fitted, changes, moved)
     small = {one.effect for one in minor}
@@ -271,11 +274,11 @@ def _with_causes(
         minor=(*minor, *_hints(result)),
         contributions=reordered(without(contributions, small), causes),
         cancelling=tuple(cancelling(data, moved)),
-        validation=validation_of(data, found, held_out, inputs, windows),
+        validation=validation_of(data, found, predictions, inputs, windows),
     )
 
 
-def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
+def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
     """The result with its verdict, what remains, where the gap lies, and what to test next.
 
     Explained needs more than a residual without structure: numbers that agree between runs and are plausible, no causes that

@@ -247,10 +247,10 @@ def begun(suspects: Suspects, names: Names, start: Mapping[str, Signal]) -> Sign
     return np.concatenate([np.zeros(0), *own])
 
 
-def located(problem: Problem, marginal: Marginal, names: Names, x: Signal, free: Freedom | None = None) -> Fit:
+def located(problem: Problem, marginal: Marginal, names: Names, x: Signal) -> Fit:
     """A set of suspects with given fields, (k,), not fitted."""
     suspects = problem.suspects
-    place, free = places_of(suspects, names), free or freedom(*(suspects[name] for name in names))
+    place, free = places_of(suspects, names), freedom(*(suspects[name] for name in names))
     effects = [with_values(suspects[name], x[own]) for name, own in place.items()]
     given = marginal.centred(problem.residuals([effects], marginal.place)[:, 0])
     r = marginal(given)
@@ -264,8 +264,6 @@ def fit_set(
     names: Names,
     start: Mapping[str, Signal] | None = None,
     columns: Signal | None = None,
-    *,
-    centred: bool = False,
 ) -> Fit:
     """Fit a set of suspects by Gauss and Newton, each step bounded.
 
@@ -273,16 +271,12 @@ def fit_set(
     ----------
     start : fields to begin from by suspect; suspects without any begin absent
     columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees what a step brings
-    centred : the prior is about where the fit begins and not about the absence of the suspects
     """
     names = tuple(sorted(names))
     free, x = freedom(*(problem.suspects[name] for name in names)), begun(problem.suspects, names, start or {})
 
-    if centred:
-        free = msgspec.structs.replace(free, absent=x.copy())
-
     def at(x: Signal) -> Fit:
-        return located(problem, marginal, names, x, free)
+        return located(problem, marginal, names, x)
 
     fit, fresh = at(np.clip(x, free.minimum, free.maximum)), columns is None
     columns = columns_of(problem, marginal, fit, names) if columns is None else columns
