@@ -1,0 +1,196 @@
+"""Thresholds that a rig file does not state: shares of the scales of the logs that are read with it.
+
+The published rules are those of one crane: a payout begins at 0.03 m/s, which is a thirtieth of its top speed. On a rig of another
+size the same rules are the same shares of its own speed, ramp, stroke and torque.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+from msgspec.structs import replace
+
+from winchcascade.core.accuracy import CERTAIN, part_uncertainty
+from winchcascade.core.integrate import median, quantile
+from winchcascade.core.scales import Motion, motion_of_log
+from winchcascade.core.smooth import local_quadratic
+
+if TYPE_CHECKING:
+    from winchcascade.core.rig_file import Rig, Thresholds
+    from winchcascade.core.run import Run, Signal
+
+SHARES: Mapping[str, tuple[str, float, str]] = {
+    "v_onset": ("speed", 1 / 30, "m/s"),
+    "smoothing": ("ramp", 0.75, "s"),
+    "stroke_min": ("stroke", 1 / 50, "m"),
+    "plateau_hold": ("ramp", 0.25, "s"),
+    "settle": ("ramp", 0.625, "s"),
+    "tau_engaged": ("torque", 1 / 130, "N.m"),
+    "gap_max": ("ramp", 1.25, "s"),
+}
+"""Scale, share of it, and unit of each threshold with a dimension: the crane of the paper, with a top speed of 0.9 m/s, a ramp of
+0.8 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published rules. A bin of speed follows from the axis."""
+
+TOP = 0.99
+"""Quantile of the magnitude of a torque that is its top: single peaks leave it alone. [1]"""
+
+ZERO_MAX = 1 / 20
+"""Largest share of the torque that the zero of its sensor may make a threshold: a shaft that drives gives more. [1]"""
+
+OF_RECORD = 1 / 100
+"""Longest ramp of a log without a line, as a share of its length: a test plan in steps speeds up step by step. [1]"""
+
+OF_TURN = 1 / 10
+"""First width over which a displacement is smoothed, as a share of the time between its turning points. [1]"""
+
+OF_RAMP = 0.5
+"""And the next ones, as a share of the ramp that the one before shows: that by which a velocity is derived. [1]"""
+
+WIDTHS = 6
+"""Number of these widths: each brings the ramp at least halfway to its value."""
+
+SAMPLES = 20_000
+"""Number of samples of a displacement, evenly over the log, from which a velocity is derived for its scales."""
+
+
+class LogScales(msgspec.Struct, frozen=True):
+    """Scales of one log or of several; NaN where they show none.
+
+    Parameters
+    ----------
+    speed : top speed of the line [m/s]
+    ramp : time in which it speeds up, else a share of the record [s]
+    stroke : distance between the ends of its motion [m]
+    torque : rated torque of the machine on the PTO shaft, else the top of the torque [N m]
+    """
+
+    speed: float
+    ramp: float
+    stroke: float
+    torque: float
+
+
+def not_stated(rig: Rig) -> tuple[str, ...]:
+    """Thresholds with a dimension that a rig does not state.
+
+    >>> from winchcascade.core.rig_toml import built_in
+    >>> not_stated(built_in("hsu2026"))
+    ()
+    """
+    return tuple(name for name in SHARES if math.isnan(getattr(rig.thresholds, name)))
+
+
+def with_thresholds(rig: Rig, runs: Sequence[Run]) -> Rig:
+    """Complete the thresholds of a rig by the scales of some runs; the rig itself where it states all of them.
+
+    >>> from winchcascade.core.rig_toml import built_in
+    >>> with_thresholds(built_in("hsu2026"), []) is built_in("hsu2026")
+    True
+    """
+    if not not_stated(rig) or not runs:
+        return rig
+    return completed(rig, together([log_scales(run.t, run.channels, rig) for run in runs]))
+
+
+def completed(rig: Rig, scales: LogScales) -> Rig:
+    """Complete the thresholds of a rig by some scales; those of a quantity that no log has remain NaN."""
+    values = {name: SHARES[name][1] * getattr(scales, SHARES[name][0]) for name in not_stated(rig)}
+    if "tau_engaged" in values:
+        zero = CERTAIN * part_uncertainty(rig.sensors.get("torque"), "zero")
+        values["tau_engaged"] = max(values["tau_engaged"], min(zero, ZERO_MAX * scales.torque))
+    return replace(rig, thresholds=replace(rig.thresholds, **values)) if values else rig
+
+
+def together(scales: Sequence[LogScales]) -> LogScales:
+    """Scales of several logs: the largest speed and torque, the median ramp and stroke."""
+    known = {
+        name: [value for one in scales if not math.isnan(value := getattr(one, name))]
+        for name in LogScales.__struct_fields__
+    }
+    largest = {name: max(known[name], default=math.nan) for name in ("speed", "torque")}
+    middle = {name: median(np.array(known[name])) if known[name] else math.nan for name in ("ramp", "stroke")}
+    return LogScales(**largest, **middle)
+
+
+def log_scales(t: Signal, channels: Mapping[str, Signal], rig: Rig) -> LogScales:
+    """Scales of one log.
+
+    The motion is the velocity of the line, else the slope of its displacement, else the speed of the shaft. Without a drum radius
+    that gives times alone; a log without motion is as long as its record.
+
+    Parameters
+    ----------
+    t, channels : (n,) stamps that rise [s] and channels in SI units, NaN where samples are lost
+    """
+    torque = rated_torque(rig)
+    if math.isnan(torque) and "torque" in channels:
+        size = np.abs(channels["torque"][np.isfinite(channels["torque"])])
+        torque = quantile(size, TOP) if size.size and size.any() else math.nan
+    longest = OF_RECORD * float(t[-1] - t[0]) if t.size > 1 else math.nan
+    motion = _line_motion(t, channels)
+    if motion is not None:
+        return LogScales(motion.speed, motion.ramp, motion.stroke, torque)
+    omega = channels.get("speed")
+    motion = None if omega is None else motion_of_log(t, omega)
+    if motion is None:
+        return LogScales(math.nan, longest, math.nan, torque)
+    radius = math.nan if rig.r_drum is None else rig.r_drum
+    return LogScales(motion.speed * radius, min(motion.ramp, longest), motion.stroke * radius, torque)
+
+
+def rated_torque(rig: Rig) -> float:
+    """Torque of the machine on the PTO shaft at its rated current; NaN where the rig file lacks a number of it. [N m]
+
+    >>> from winchcascade.core.rig_toml import built_in
+    >>> round(rated_torque(built_in("hsu2026")))
+    265
+    """
+    machine, gear = rig.generator, rig.drivetrain.gear_ratio
+    if machine.k_e is None or machine.i_rated is None or gear is None:
+        return math.nan
+    return math.sqrt(3.0) * machine.k_e.value * 30.0 / math.pi * machine.i_rated.value * gear.value
+
+
+def _line_motion(t: Signal, channels: Mapping[str, Signal]) -> Motion | None:
+    """Motion of the line by its velocity, else by its displacement; None where it rests or is unknown."""
+    found = motion_of_log(t, channels["velocity"]) if "velocity" in channels else None
+    return found or (motion_of_displacement(t, channels["displacement"]) if "displacement" in channels else None)
+
+
+def motion_of_displacement(t: Signal, x: Signal) -> Motion | None:
+    """Scales of a motion by a displacement, whose slope is smoothed over narrower and narrower widths; None where it rests.
+
+    A narrow width at once would show the steps of the encoder and no motion.
+    """
+    known = np.isfinite(x)
+    every = max(1, t.size // SAMPLES)
+    t, x = t[known][::every], x[known][::every]
+    turns = _turns(x)
+    if x.size < 3 or not turns:
+        return None
+    width, found = OF_TURN * float(t[-1] - t[0]) / turns, None
+    for _ in range(WIDTHS):
+        found = motion_of_log(t, np.gradient(local_quadratic(t, x, width), t))
+        if found is None:
+            return None
+        width = OF_RAMP * found.ramp
+    return found
+
+
+def _turns(x: Signal) -> int:
+    """How often a displacement passes from one third of its range to the other."""
+    low, high = (float(np.min(x)), float(np.max(x))) if x.size else (0.0, 0.0)
+    third = (high - low) / 3.0
+    side = (x > high - third).astype(np.int8) - (x < low + third).astype(np.int8)
+    side = side[side != 0]
+    return int(np.count_nonzero(np.diff(side))) if third > 0.0 else 0
+
+
+def values_of(thresholds: Thresholds, names: Sequence[str]) -> str:
+    """Some thresholds with values and units, as a sentence lists them; those that are unknown are left out."""
+    known = [(name, getattr(thresholds, name), SHARES[name][2]) for name in names]
+    return ", ".join(f"{name} {value:.3g} {unit}" for name, value, unit in known if not math.isnan(value))
