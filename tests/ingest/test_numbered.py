@@ -52,7 +52,7 @@ def test_a_log_without_names_is_read_by_the_numbers_of_its_columns(
 ) -> None:
     with readers_here():
         run = read(tmp_path, content(), rig=parse_rig(rig(NUMBERED), "rig.toml"))
-    assert kinds(run) == set()
+    assert kinds(run) == {"thresholds_assumed"}
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 

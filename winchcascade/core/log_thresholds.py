@@ -1,7 +1,7 @@
 """Thresholds that a rig file does not state: shares of the scales of the logs that are read with it.
 
-The published rules are those of one crane: a payout begins at 0.03 m/s, which is a thirtieth of its top speed. On a rig of another
-size the same rules are the same shares of its own speed, ramp, stroke and torque.
+The published rules are those of one crane: a payout begins at 0.03 m/s, which is a thirtieth of its top speed. On a rig of
+another size the same rules are the same shares of its own speed, ramp, stroke and torque.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.accuracy import CERTAIN, part_uncertainty
-from winchcascade.core.integrate import median, quantile
+from winchcascade.core.integrate import median, quantile, white_noise
+from winchcascade.core.run import Finding
 from winchcascade.core.scales import Motion, motion_of_log
 from winchcascade.core.smooth import local_quadratic
 
 if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig, Thresholds
+    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
 
 SHARES: Mapping[str, tuple[str, float, str]] = {
@@ -32,8 +33,8 @@ SHARES: Mapping[str, tuple[str, float, str]] = {
     "tau_engaged": ("torque", 1 / 130, "N.m"),
     "gap_max": ("ramp", 1.25, "s"),
 }
-"""Scale, share of it, and unit of each threshold with a dimension: the crane of the paper, with a top speed of 0.9 m/s, a ramp of
-0.8 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published rules. A bin of speed follows from the axis."""
+"""Scale, share of it, and unit of each threshold with a dimension: the crane of the paper, with a top speed of 0.9 m/s, a ramp
+of 0.8 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published rules."""
 
 TOP = 0.99
 """Quantile of the magnitude of a torque that is its top: single peaks leave it alone. [1]"""
@@ -53,12 +54,17 @@ OF_RAMP = 0.5
 WIDTHS = 6
 """Number of these widths: each brings the ramp at least halfway to its value."""
 
+MOVES = 4.0
+"""A line or a shaft moves if its top speed exceeds so many standard deviations of its noise: noise alone has a top of two.
+[1]"""
+
 SAMPLES = 20_000
 """Number of samples of a displacement, evenly over the log, from which a velocity is derived for its scales."""
 
 
 class LogScales(msgspec.Struct, frozen=True):
-    """Scales of one log or of several; NaN where they show none.
+    """Scales of one log or of several; NaN where they show none. Speed and stroke of a line that rests are infinite: none of it
+    counts as motion.
 
     Parameters
     ----------
@@ -119,8 +125,8 @@ def together(scales: Sequence[LogScales]) -> LogScales:
 def log_scales(t: Signal, channels: Mapping[str, Signal], rig: Rig) -> LogScales:
     """Scales of one log.
 
-    The motion is the velocity of the line, else the slope of its displacement, else the speed of the shaft. Without a drum radius
-    that gives times alone; a log without motion is as long as its record.
+    The motion is the velocity of the line, else the slope of its displacement, else the speed of the shaft. Without a drum
+    radius that gives times alone; a log without motion has those of its record.
 
     Parameters
     ----------
@@ -134,12 +140,12 @@ def log_scales(t: Signal, channels: Mapping[str, Signal], rig: Rig) -> LogScales
     motion = _line_motion(t, channels)
     if motion is not None:
         return LogScales(motion.speed, motion.ramp, motion.stroke, torque)
-    omega = channels.get("speed")
-    motion = None if omega is None else motion_of_log(t, omega)
-    if motion is None:
-        return LogScales(math.nan, longest, math.nan, torque)
+    motion = _moving(t, channels["speed"]) if "speed" in channels else None
     radius = math.nan if rig.r_drum is None else rig.r_drum
-    return LogScales(motion.speed * radius, min(motion.ramp, longest), motion.stroke * radius, torque)
+    if motion is not None:
+        return LogScales(motion.speed * radius, min(motion.ramp, longest), motion.stroke * radius, torque)
+    rests = math.nan if channels.keys().isdisjoint({"velocity", "displacement"}) else math.inf
+    return LogScales(rests, longest, rests, torque)
 
 
 def rated_torque(rig: Rig) -> float:
@@ -157,8 +163,15 @@ def rated_torque(rig: Rig) -> float:
 
 def _line_motion(t: Signal, channels: Mapping[str, Signal]) -> Motion | None:
     """Motion of the line by its velocity, else by its displacement; None where it rests or is unknown."""
-    found = motion_of_log(t, channels["velocity"]) if "velocity" in channels else None
+    found = _moving(t, channels["velocity"]) if "velocity" in channels else None
     return found or (motion_of_displacement(t, channels["displacement"]) if "displacement" in channels else None)
+
+
+def _moving(t: Signal, v: Signal) -> Motion | None:
+    """Motion by a velocity or a speed that contains more than noise."""
+    found = motion_of_log(t, v)
+    noise = white_noise(v[np.isfinite(v)]) if found is not None else 0.0
+    return found if found is not None and found.speed > MOVES * noise else None
 
 
 def motion_of_displacement(t: Signal, x: Signal) -> Motion | None:
@@ -170,7 +183,7 @@ def motion_of_displacement(t: Signal, x: Signal) -> Motion | None:
     every = max(1, t.size // SAMPLES)
     t, x = t[known][::every], x[known][::every]
     turns = _turns(x)
-    if x.size < 3 or not turns:
+    if x.size < 3 or not turns or np.ptp(x) < 4.0 * MOVES * white_noise(x):
         return None
     width, found = OF_TURN * float(t[-1] - t[0]) / turns, None
     for _ in range(WIDTHS):
@@ -190,7 +203,16 @@ def _turns(x: Signal) -> int:
     return int(np.count_nonzero(np.diff(side))) if third > 0.0 else 0
 
 
-def values_of(thresholds: Thresholds, names: Sequence[str]) -> str:
-    """Some thresholds with values and units, as a sentence lists them; those that are unknown are left out."""
-    known = [(name, getattr(thresholds, name), SHARES[name][2]) for name in names]
-    return ", ".join(f"{name} {value:.3g} {unit}" for name, value, unit in known if not math.isnan(value))
+def thresholds_finding(rig: Rig, complete: Rig) -> Finding | None:
+    """The thresholds that a rig file does not state, with the values that the motion of a log gave them; None where it states
+    all, or where no line moves.
+    """
+    named = [(name, getattr(complete.thresholds, name), SHARES[name][2]) for name in not_stated(rig)]
+    values = [f"{name} {value:.3g} {unit}" for name, value, unit in named if math.isfinite(value)]
+    if not values or not math.isfinite(complete.thresholds.v_onset):
+        return None
+    message = (
+        f"the rig file does not state all thresholds; by motion and torque of this log they are {', '.join(values)}"
+    )
+    action = "used; state them under [thresholds] of the rig file, as `winchcascade init` drafts them"
+    return Finding("thresholds_assumed", message, action)

@@ -102,8 +102,8 @@ def parse_rig(text: str, where: str) -> Rig:
     """Turn the text of a rig file into a Rig; `where` names the file in the one sentence of a RigError.
 
     `based_on = "hsu2026"` takes everything that the file does not state from that built-in rig, but for sizes of its motion and
-    its machine: thresholds with a dimension, and the rated values of another machine. Entries are read table by table: what has a
-    unit becomes a number in SI units, and the struct of the table checks the rest.
+    its machine: thresholds with a dimension, and the rated values of another machine. Entries are read table by table: what
+    has a unit becomes a number in SI units, and the struct of the table checks the rest.
     """
     raw = toml_values(text, where, RigError)
     base = raw.pop("based_on", None)
@@ -166,8 +166,8 @@ def _without_other_parts(base: Mapping[str, object], over: Mapping[str, object])
 
 
 def _without_sizes(base: Mapping[str, object], over: Mapping[str, object], where: str) -> Table:
-    """Tables of the rig below without the thresholds that have a dimension, and without rated values if the rig above states the
-    constant k_e of another machine.
+    """Tables of the rig below without the thresholds that have a dimension, and without rated values if the rig above states
+    the constant k_e of another machine.
     """
     kept = {**base, "thresholds": _without_entry(base, "thresholds", *measures(Thresholds), "rpm_bin")}
     measure, machines = measures(Generator)["k_e"], [_entry(rig, "generator", "k_e", None) for rig in (base, over)]

@@ -1,8 +1,8 @@
 """The characteristic scales of a campaign: what its speeds, times, forces and currents are compared with.
 
-By similarity (Buckingham 1914) a rig of another size obeys the same laws in other units. Whatever decides a result is therefore a
-share of one of these scales or a number of the rig file. Only what nature fixes has a size of its own: the atmosphere, the density
-of air, the drop of a diode.
+By similarity (Buckingham 1914) a rig of another size obeys the same laws in other units. Whatever decides a result is therefore
+a share of one of these scales or a number of the rig file. Only what nature fixes has a size of its own: the atmosphere, the
+density of air, the drop of a diode.
 """
 
 from __future__ import annotations
