@@ -29,8 +29,8 @@ STORES = ("rotor", "spring", "capacitor")
 """Where energy is stored between the torque sensor and the load while the speed changes: the spring is that of the shaft."""
 
 STORED_WITHIN = 1 / 3
-"""Width over which a signal is smoothed before its change is taken, as a share of that which smooths the velocity: short against
-a braking. What remains of the noise averages out in a bin, as its changes add up to the difference of the ends. [1]"""
+"""Width over which a signal is smoothed before its change is taken, as a share of that which smooths the velocity: short
+against a braking. What remains of the noise averages out in a bin, as its changes add up to the difference of the ends. [1]"""
 
 BINS_MIN = 20
 """Minimum number of bins up to the maximum speed where the rig file states no width: the paper has 32."""

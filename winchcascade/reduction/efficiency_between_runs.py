@@ -33,8 +33,8 @@ MAX_TRIED = 30
 """Maximum number of logs each of which is tried as the one that explains why any lies apart; of more the others outvote it."""
 
 EXTREME = 1e-6
-"""No log of a campaign has a load that is so small a share of the median one, or so many times it, nor a speed or a power that is
-so small a share of the largest. [1]"""
+"""No log of a campaign has a load that is so small a share of the median one, or so many times it, nor a speed or a power
+that is so small a share of the largest. [1]"""
 
 
 class LogEfficiency(msgspec.Struct, frozen=True):

@@ -21,8 +21,8 @@ TOUCH = 1e-7
 """Share of a sampling interval by which a window that ends where a gap begins touches it: the gap is why it ends there. [1]"""
 
 SLOPE_MIN = 0.02
-"""Smallest acceleration with which a velocity passes a level, as a share of the onset speed over the width that smooths it; a gap
-moves an instant by no more than its own length. [1]"""
+"""Smallest acceleration with which a velocity passes a level, as a share of the onset speed over the width that smooths it; a
+gap moves an instant by no more than its own length. [1]"""
 
 WHOLE_RECORD, WHOLE_ENERGY = 0.01, 0.05
 """Shares of a whole record that a gap in it may last, and of its energy that bridging may change: it has no neighbours that

@@ -32,8 +32,8 @@ BLOCK_LENGTH = 5 / 6
 shorter than the acceleration of a crane. [1]"""
 
 SMOOTHING = 11 / 15
-"""Width of the local quadratic that gives speed and voltage at the ends of a block, from which stored energy follows, as a share
-of the same. [1]"""
+"""Width of the local quadratic that gives speed and voltage at the ends of a block, from which stored energy follows, as a
+share of the same. [1]"""
 
 TURNING = 2.0
 """Mean speed from which the shaft turns, in onset speeds: below, bearings stick and resolution decides. [1]"""
@@ -147,9 +147,8 @@ def loss_points(reduction: Reduction) -> LossPoints:
     between = powers[stages[0]], powers[stages[1]]
     found, length = _points(reduction, between, run.channels, spans), np.ptp(spans, axis=1)
     change = np.ptp(_at_ends(reduction, _shaft_speed(run.channels, rig), spans), axis=1)
-    unsteady = (change > SPEED_CHANGE_MAX * found[:, 1] * length / rig.thresholds.smoothing) & (
-        rig.drivetrain.inertia_rotor is None
-    )
+    allowed = SPEED_CHANGE_MAX * found[:, 1] * length / rig.thresholds.smoothing
+    unsteady = (change > allowed) & (rig.drivetrain.inertia_rotor is None)
     resting = found[:, 1] < TURNING * onset_of_shaft(rig)
     reasons = {"shaft at rest": resting, "speed changes and inertia_rotor is unknown": unsteady & ~resting}
     left_out = {reason: int(of.sum()) for reason, of in reasons.items() if of.any()}

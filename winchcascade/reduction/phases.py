@@ -28,8 +28,8 @@ OVERTAKEN = 1.5
 """A reversal is one inside a motion only if the motion then goes on by more than this many times the reversal."""
 
 REST = 10 / 3
-"""A jog, which travels less than `stroke_min`, is apart from a motion if a rest longer than this many widths of the smoothing lies
-between them: shorter stops are a line that tightens or a crane that takes up its load. [1]"""
+"""A jog, which travels less than `stroke_min`, is apart from a motion if a rest longer than this many widths of the smoothing
+lies between them: shorter stops are a line that tightens or a crane that takes up its load. [1]"""
 
 
 class Cycle(msgspec.Struct, frozen=True):

@@ -242,8 +242,8 @@ def error_model(reduction: Reduction) -> ErrorModel:
         limit = math.sqrt(3.0) * u if radius.rectangular else None
         sources.append(ErrorSource(R_DRUM, "gain", u, limit, radius.source, basis))
     sums = [(abs(e.integrals[-1].sum()), abs(e.joules.sum())) for e in energies.values()]
-    nothing = NOTHING * max((joules for _, joules in sums), default=0.0)
-    if share := max((float(thinned / joules) for thinned, joules in sums if joules > nothing), default=0.0):
+    least = NOTHING * max((float(joules) for _, joules in sums), default=0.0)
+    if share := max((float(thinned / joules) for thinned, joules in sums if joules > least), default=0.0):
         origin = "reduction of every second and third sample"
         sources.append(ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling"))
         for energy in energies.values():

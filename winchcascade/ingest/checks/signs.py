@@ -17,7 +17,7 @@ POSITIVE = ("force", "torque", "power_mech", "vdc", "idc", "speed")
 """Channels that are positive in payout."""
 
 ABOVE_NOISE = 2.0
-"""Standard deviations of its noise that the median of a channel must exceed to show its sign: some hundred samples count. [1]"""
+"""Standard deviations of its noise that the median of a channel must exceed to show its sign: hundreds of samples count. [1]"""
 
 VACUUM = -1.05e5
 """No gauge pressure lies below it. [Pa]"""

@@ -20,8 +20,8 @@ TIME_CONSTANTS = 5.0
 """Number of time constants after which 0.7 % remains, which counts as nothing."""
 
 RUN_DOWN = 5 / 3
-"""Time constant with which the rotor runs down where the rig file lacks its inertia or its drag, as a multiple of the width that
-smooths the velocity. [1]"""
+"""Time constant with which the rotor runs down where the rig file lacks its inertia or its drag, in widths that smooth the
+velocity. [1]"""
 
 KNOWN = 0.01
 """Standard uncertainty of the frictionless force at rest: gas, piston and pressure sensor. [1]"""

@@ -55,11 +55,8 @@ def odd_ratios(log: PhasedLog) -> Iterator[Fault]:
         power = stage.power(log.run.channels, log.rig.r_drum) or stage.powers[0]
         got, put = (sum(c.metrics[energy] or 0.0 for c in log.complete) for energy in (out, into))
         each = [(f"cycle {c.cycle}", c.metrics[out] or 0.0, c.metrics[into] or 0.0) for c in log.results]
-        known = [
-            of
-            for of in ([("all waves together", got, put)] if waves else each)
-            if of[1] and abs(of[2]) > log.energies.nothing
-        ]
+        tested = [("all waves together", got, put)] if waves else each
+        known = [of for of in tested if of[1] and abs(of[2]) > log.energies.nothing]
         across = name == cascade.overall and len(cascade.stages) > 2
         for fault, odd in (
             ("above_one", [of for of in known if of[1] > of[2] > 0.0]),

@@ -23,8 +23,8 @@ SAME_TIME = 1 / 6
 all times here: energies change by more than 0.5 %. [1]"""
 
 OF_THE_MACHINE = 7 / 12
-"""The same between velocity and Vdc: rotor and capacitor lag by up to a third, and a back-EMF that falls with the current changes
-Vdc like a quarter. [1]"""
+"""The same between velocity and Vdc: rotor and capacitor lag by up to a third, and a back-EMF that falls with the current
+changes Vdc like a quarter. [1]"""
 
 SLOPE = 1 / 3
 """Time on either side over which slopes are taken, or one sample where samples are farther apart. [1]"""
@@ -45,8 +45,8 @@ plateau. [1]"""
 
 
 class Pair(NamedTuple):
-    """Two channels x and y of one payout: names, lag that physics explains [s], span [s], stamps [s], and the width that smooths
-    the velocity [s].
+    """Two channels x and y of one payout: names, lag that physics explains [s], span [s], stamps [s], and the width that
+    smooths the velocity [s].
 
     `rows` are x, y and what else y depends on, (m, n), `v` is the smoothed velocity, (n,) [m/s]. `degree` is that of the
     polynomial of x that y follows but for steps, 0 where the two are not compared for steps; `ramp` marks the samples outside
