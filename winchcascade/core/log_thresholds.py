@@ -39,8 +39,8 @@ of 0.8 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published r
 TOP = 0.99
 """Quantile of the magnitude of a torque that is its top: single peaks leave it alone. [1]"""
 
-ZERO_MAX = 1 / 20
-"""Largest share of the torque that the zero of its sensor may make a threshold: a shaft that drives gives more. [1]"""
+IDLE_MAX = 1 / 20
+"""Share of the torque up to which zero and noise of its sensor raise the threshold: a shaft that drives gives more. [1]"""
 
 OF_RECORD = 1 / 100
 """Longest ramp of a log without a line, as a share of its length: a test plan in steps speeds up step by step. [1]"""
@@ -55,8 +55,8 @@ WIDTHS = 6
 """Number of these widths: each brings the ramp at least halfway to its value."""
 
 MOVES = 4.0
-"""A line or a shaft moves if its top speed exceeds so many standard deviations of its noise: noise alone has a top of two.
-[1]"""
+"""A line or a shaft moves, and a shaft drives, if the signal exceeds so many standard deviations of its noise: noise alone has
+a top of two. [1]"""
 
 SAMPLES = 20_000
 """Number of samples of a displacement, evenly over the log, from which a velocity is derived for its scales."""
@@ -72,12 +72,14 @@ class LogScales(msgspec.Struct, frozen=True):
     ramp : time in which it speeds up, else a share of the record [s]
     stroke : distance between the ends of its motion [m]
     torque : rated torque of the machine on the PTO shaft, else the top of the torque [N m]
+    idle : torque that zero and noise of its sensor account for [N m]
     """
 
     speed: float
     ramp: float
     stroke: float
     torque: float
+    idle: float
 
 
 def not_stated(rig: Rig) -> tuple[str, ...]:
@@ -104,22 +106,24 @@ def with_thresholds(rig: Rig, runs: Sequence[Run]) -> Rig:
 
 def completed(rig: Rig, scales: LogScales) -> Rig:
     """Complete the thresholds of a rig by some scales; those of a quantity that no log has remain NaN."""
-    values = {name: SHARES[name][1] * getattr(scales, SHARES[name][0]) for name in not_stated(rig)}
-    if "tau_engaged" in values:
-        zero = CERTAIN * part_uncertainty(rig.sensors.get("torque"), "zero")
-        values["tau_engaged"] = max(values["tau_engaged"], min(zero, ZERO_MAX * scales.torque))
+    values = {name: value for name, value in shares_of(scales).items() if name in not_stated(rig)}
     return replace(rig, thresholds=replace(rig.thresholds, **values)) if values else rig
 
 
+def shares_of(scales: LogScales) -> dict[str, float]:
+    """Thresholds by some scales, in SI units; NaN or infinite where a scale is."""
+    values = {name: share * getattr(scales, scale) for name, (scale, share, _) in SHARES.items()}
+    return values | {"tau_engaged": max(values["tau_engaged"], min(scales.idle, IDLE_MAX * scales.torque))}
+
+
 def together(scales: Sequence[LogScales]) -> LogScales:
-    """Scales of several logs: the largest speed and torque, the median ramp and stroke."""
+    """Scales of several logs: the largest speed, the median of the others."""
     known = {
         name: [value for one in scales if not math.isnan(value := getattr(one, name))]
         for name in LogScales.__struct_fields__
     }
-    largest = {name: max(known[name], default=math.nan) for name in ("speed", "torque")}
-    middle = {name: median(np.array(known[name])) if known[name] else math.nan for name in ("ramp", "stroke")}
-    return LogScales(**largest, **middle)
+    middle = {name: median(np.array(values)) if values else math.nan for name, values in known.items()}
+    return LogScales(**middle | {"speed": max(known["speed"], default=math.nan)})
 
 
 def log_scales(t: Signal, channels: Mapping[str, Signal], rig: Rig) -> LogScales:
@@ -132,20 +136,22 @@ def log_scales(t: Signal, channels: Mapping[str, Signal], rig: Rig) -> LogScales
     ----------
     t, channels : (n,) stamps that rise [s] and channels in SI units, NaN where samples are lost
     """
-    torque = rated_torque(rig)
-    if math.isnan(torque) and "torque" in channels:
-        size = np.abs(channels["torque"][np.isfinite(channels["torque"])])
-        torque = quantile(size, TOP) if size.size and size.any() else math.nan
+    torque, idle = rated_torque(rig), CERTAIN * part_uncertainty(rig.sensors.get("torque"), "zero")
+    read = channels.get("torque", np.empty(0))
+    read = read[np.isfinite(read)]
+    if read.any():
+        torque = quantile(np.abs(read), TOP) if math.isnan(torque) else torque
+        idle = max(idle, MOVES * white_noise(read))
     longest = OF_RECORD * float(t[-1] - t[0]) if t.size > 1 else math.nan
     motion = _line_motion(t, channels)
     if motion is not None:
-        return LogScales(motion.speed, motion.ramp, motion.stroke, torque)
+        return LogScales(motion.speed, motion.ramp, motion.stroke, torque, idle)
     motion = _moving(t, channels["speed"]) if "speed" in channels else None
     radius = math.nan if rig.r_drum is None else rig.r_drum
     if motion is not None:
-        return LogScales(motion.speed * radius, min(motion.ramp, longest), motion.stroke * radius, torque)
+        return LogScales(motion.speed * radius, min(motion.ramp, longest), motion.stroke * radius, torque, idle)
     rests = math.nan if channels.keys().isdisjoint({"velocity", "displacement"}) else math.inf
-    return LogScales(rests, longest, rests, torque)
+    return LogScales(rests, longest, rests, torque, idle)
 
 
 def rated_torque(rig: Rig) -> float:
@@ -216,3 +222,21 @@ def thresholds_finding(rig: Rig, complete: Rig) -> Finding | None:
     )
     action = "used; state them under [thresholds] of the rig file, as `winchcascade init` drafts them"
     return Finding("thresholds_assumed", message, action)
+
+
+def thresholds_text(scales: LogScales, source: str) -> str:
+    """Table [thresholds] of a rig file by some scales; empty where no line moves.
+
+    Parameters
+    ----------
+    source : what the scales are of
+    """
+    values = shares_of(scales)
+    if not math.isfinite(scales.speed):
+        return ""
+    lines = ["[thresholds]"]
+    for name, (scale, share, unit) in SHARES.items():
+        if math.isfinite(values[name]):
+            about = f'source = "{share:.3g} of the {scale} of {source}"'
+            lines.append(f'{name} = {{ value = {float(f"{values[name]:.2g}")}, unit = "{unit}", {about} }}')
+    return "\n".join(lines) + "\n"
