@@ -36,6 +36,10 @@ SHARES: Mapping[str, tuple[str, float, str]] = {
 """Scale, share of it, and unit of each threshold with a dimension: the crane of the paper, with a top speed of 0.9 m/s, a ramp
 of 0.8 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published rules."""
 
+RPM_ONSET, TURNS_MIN = 1 / 50, 1 / 50
+"""Shares of the top speed of a shaft and of its motion from which it turns, and counts as turned: a test plan has operating
+points at a twentieth of its top speed. [1]"""
+
 TOP = 0.99
 """Quantile of the magnitude of a torque that is its top: single peaks leave it alone. [1]"""
 
@@ -73,6 +77,7 @@ class LogScales(msgspec.Struct, frozen=True):
     stroke : distance between the ends of its motion [m]
     torque : rated torque of the machine on the PTO shaft, else the top of the torque [N m]
     idle : torque that zero and noise of its sensor account for [N m]
+    omega, angle : top speed of the shaft [rad/s], and the angle between the ends of its motion [rad]
     """
 
     speed: float
@@ -80,6 +85,8 @@ class LogScales(msgspec.Struct, frozen=True):
     stroke: float
     torque: float
     idle: float
+    omega: float
+    angle: float
 
 
 def not_stated(rig: Rig) -> tuple[str, ...]:
@@ -92,6 +99,11 @@ def not_stated(rig: Rig) -> tuple[str, ...]:
     return tuple(name for name in SHARES if math.isnan(getattr(rig.thresholds, name)))
 
 
+def is_complete(rig: Rig) -> bool:
+    """Whether a rig states all thresholds, those of its shaft too."""
+    return not not_stated(rig) and not math.isnan(rig.phases.rpm_onset + rig.phases.turns_min)
+
+
 def with_thresholds(rig: Rig, runs: Sequence[Run]) -> Rig:
     """Complete the thresholds of a rig by the scales of some runs; the rig itself where it states all of them.
 
@@ -99,15 +111,20 @@ def with_thresholds(rig: Rig, runs: Sequence[Run]) -> Rig:
     >>> with_thresholds(built_in("hsu2026"), []) is built_in("hsu2026")
     True
     """
-    if not not_stated(rig) or not runs:
+    if is_complete(rig) or not runs:
         return rig
     return completed(rig, together([log_scales(run.t, run.channels, rig) for run in runs]))
 
 
 def completed(rig: Rig, scales: LogScales) -> Rig:
-    """Complete the thresholds of a rig by some scales; those of a quantity that no log has remain NaN."""
+    """Complete the thresholds of a rig and of its shaft by some scales; those of a quantity that no log has remain NaN."""
     values = {name: value for name, value in shares_of(scales).items() if name in not_stated(rig)}
-    return replace(rig, thresholds=replace(rig.thresholds, **values)) if values else rig
+    shaft = {
+        "rpm_onset": RPM_ONSET * scales.omega * 30.0 / math.pi,
+        "turns_min": TURNS_MIN * scales.angle / (2.0 * math.pi),
+    }
+    shaft = {name: value for name, value in shaft.items() if math.isnan(getattr(rig.phases, name))}
+    return replace(rig, thresholds=replace(rig.thresholds, **values), phases=replace(rig.phases, **shaft))
 
 
 def shares_of(scales: LogScales) -> dict[str, float]:
@@ -143,15 +160,18 @@ def log_scales(t: Signal, channels: Mapping[str, Signal], rig: Rig) -> LogScales
         torque = quantile(np.abs(read), TOP) if math.isnan(torque) else torque
         idle = max(idle, MOVES * white_noise(read))
     longest = OF_RECORD * float(t[-1] - t[0]) if t.size > 1 else math.nan
-    motion = _line_motion(t, channels)
-    if motion is not None:
-        return LogScales(motion.speed, motion.ramp, motion.stroke, torque, idle)
-    motion = _moving(t, channels["speed"]) if "speed" in channels else None
+    line, shaft = _line_motion(t, channels), _moving(t, channels["speed"]) if "speed" in channels else None
+    turns = {"omega": math.nan, "angle": math.nan}
+    if "speed" in channels:
+        turns = {"omega": shaft.speed, "angle": shaft.stroke} if shaft is not None else dict.fromkeys(turns, math.inf)
+    if line is not None:
+        return LogScales(line.speed, line.ramp, line.stroke, torque, idle, **turns)
     radius = math.nan if rig.r_drum is None else rig.r_drum
-    if motion is not None:
-        return LogScales(motion.speed * radius, min(motion.ramp, longest), motion.stroke * radius, torque, idle)
+    if shaft is not None:
+        ramp = min(shaft.ramp, longest)
+        return LogScales(shaft.speed * radius, ramp, shaft.stroke * radius, torque, idle, **turns)
     rests = math.nan if channels.keys().isdisjoint({"velocity", "displacement"}) else math.inf
-    return LogScales(rests, longest, rests, torque, idle)
+    return LogScales(rests, longest, rests, torque, idle, **turns)
 
 
 def rated_torque(rig: Rig) -> float:
@@ -210,12 +230,14 @@ def _turns(x: Signal) -> int:
 
 
 def thresholds_finding(rig: Rig, complete: Rig) -> Finding | None:
-    """The thresholds that a rig file does not state, with the values that the motion of a log gave them; None where it states
-    all, or where no line moves.
+    """The thresholds that a rig file does not state, with the values that the motion of a log gave them.
+
+    None where the file states those of the motion, or where no line moves. A torque that zero and noise of its sensor may give
+    is no motion.
     """
     named = [(name, getattr(complete.thresholds, name), SHARES[name][2]) for name in not_stated(rig)]
     values = [f"{name} {value:.3g} {unit}" for name, value, unit in named if math.isfinite(value)]
-    if not values or not math.isfinite(complete.thresholds.v_onset):
+    if not {*not_stated(rig)} - {"tau_engaged"} or not math.isfinite(complete.thresholds.v_onset):
         return None
     message = (
         f"the rig file does not state all thresholds; by motion and torque of this log they are {', '.join(values)}"
@@ -237,6 +259,7 @@ def thresholds_text(scales: LogScales, source: str) -> str:
     lines = ["[thresholds]"]
     for name, (scale, share, unit) in SHARES.items():
         if math.isfinite(values[name]):
-            about = f'source = "{share:.3g} of the {scale} of {source}"'
+            part = f"1/{1.0 / share:.0f}" if share < 0.1 else f"{share:g}"
+            about = f'source = "{part} of the {scale} of {source}"'
             lines.append(f'{name} = {{ value = {float(f"{values[name]:.2g}")}, unit = "{unit}", {about} }}')
     return "\n".join(lines) + "\n"

@@ -48,11 +48,11 @@ class PhaseRule(
     """and in haul-in."""
     ranges: Ranges = ()
     """Begin and end of each cycle on the clock of the log, with `ranges`. [s]"""
-    rpm_onset: Positive = 5.0
+    rpm_onset: Positive = math.nan
     """The shaft turns from this speed on, with `speed`, `steps` and with `waves` of a shaft: above ripple and noise of usual
-    encoders, below any operating point. [rpm]"""
-    turns_min: Positive = 0.25
-    """Motions that turn the shaft less are no payout, with `speed`: 0.2 m on a drum of 0.13 m, as `stroke_min`. [rev]"""
+    encoders, below any operating point; by default a share of its top speed in the log. [rpm]"""
+    turns_min: Positive = math.nan
+    """Motions that turn the shaft less are no payout, with `speed`; by default a share of its motion, as `stroke_min`. [rev]"""
     step_min: Positive = 2.0
     """A step lasts at least this long beyond its settling, with `steps`: some revolutions at 100 rpm. [s]"""
     settle: Annotated[float, Meta(ge=0.0, lt=1e9)] = 0.5

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
+from msgspec.structs import replace
 
 from winchcascade.core.integrate import largest, median
 from winchcascade.core.rig_file import PhaseRule, Rig
@@ -97,7 +98,8 @@ def other_source(phased: PhasedRun, results: Sequence[CycleResult]) -> list[Find
     payouts.
     """
     run, cycles, found = phased.run, phased.cycles, ""
-    if phased.rig.phases != PhaseRule() or not cycles:
+    left_open = replace(phased.rig.phases, rpm_onset=math.nan, turns_min=math.nan) == PhaseRule()
+    if not left_open or not cycles:
         return []
     derived = any(f.kind == "derived_channel" and f.channel == "velocity" for f in run.findings)
     if derived and run.channels.keys().isdisjoint({"displacement", "force", "pressure"}):

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 import msgspec
 import numpy as np
 
-from winchcascade.core.log_thresholds import completed, log_scales, not_stated, thresholds_finding
+from winchcascade.core.log_thresholds import completed, is_complete, log_scales, thresholds_finding
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Mask, Repair, Repairs, Signal
 from winchcascade.ingest.assign import gives_result
@@ -63,8 +63,8 @@ def check(
     repairs : "off" keeps what was logged; only cells without a number are bridged
     """
     logged = {name: x.copy() for name, x in channels.items()} if repairs == "off" else None
-    log = Samples(t, channels, rig, open_circuit)
-    log.rig = completed(rig, log_scales(t, _typical(log), rig)) if not_stated(rig) else rig
+    log, complete = Samples(t, channels, rig, open_circuit), is_complete(rig)
+    log.rig = completed(rig, log_scales(t, _typical(log), rig)) if not complete else rig
     if not simulated and "displacement" not in channels:  # with a displacement the clock shows them
         repeated_rows(log)
     _take_out_holes(log)
@@ -97,7 +97,7 @@ def check(
         ):
             compare_motions(log)
         compare_powers(log)
-    log.rig = completed(rig, log_scales(log.t, log.channels, rig)) if not_stated(rig) else rig
+    log.rig = completed(rig, log_scales(log.t, log.channels, rig)) if not complete else rig
     assumed = thresholds_finding(rig, log.rig)
     log.findings += [] if assumed is None else [assumed]
     if logged is not None:
