@@ -7,7 +7,7 @@ another size the same rules are the same shares of its own speed, ramp, stroke a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.accuracy import CERTAIN, part_uncertainty
-from winchcascade.core.integrate import median, quantile, white_noise
+from winchcascade.core.integrate import GAUSS, median, quantile
 from winchcascade.core.run import Finding
 from winchcascade.core.scales import Motion, motion_of_log
 from winchcascade.core.smooth import local_quadratic
@@ -62,6 +62,9 @@ MOVES = 4.0
 """A line or a shaft moves, and a shaft drives, if the signal exceeds so many standard deviations of its noise: noise alone has
 a top of two. [1]"""
 
+FLICKER = 5.0
+"""Shortest stroke in samples at the top speed: a last digit that flickers is no motion. [1]"""
+
 SAMPLES = 20_000
 """Number of samples of a displacement, evenly over the log, from which a velocity is derived for its scales."""
 
@@ -99,9 +102,11 @@ def not_stated(rig: Rig) -> tuple[str, ...]:
     return tuple(name for name in SHARES if math.isnan(getattr(rig.thresholds, name)))
 
 
-def is_complete(rig: Rig) -> bool:
-    """Whether a rig states all thresholds, those of its shaft too."""
-    return not not_stated(rig) and not math.isnan(rig.phases.rpm_onset + rig.phases.turns_min)
+def is_complete(rig: Rig, channels: Collection[str]) -> bool:
+    """Whether a rig states all thresholds that a log with some channels needs: those of the shaft where that is its motion."""
+    by_shaft = "velocity" not in channels or rig.phases.source in ("speed", "steps")
+    lacks_onset = math.isnan(rig.phases.rpm_onset + rig.phases.turns_min)
+    return not not_stated(rig) and not (by_shaft and "speed" in channels and lacks_onset)
 
 
 def with_thresholds(rig: Rig, runs: Sequence[Run]) -> Rig:
@@ -111,7 +116,7 @@ def with_thresholds(rig: Rig, runs: Sequence[Run]) -> Rig:
     >>> with_thresholds(built_in("hsu2026"), []) is built_in("hsu2026")
     True
     """
-    if is_complete(rig) or not runs:
+    if all(is_complete(rig, run.channels) for run in runs):
         return rig
     return completed(rig, together([log_scales(run.t, run.channels, rig) for run in runs]))
 
@@ -158,7 +163,7 @@ def log_scales(t: Signal, channels: Mapping[str, Signal], rig: Rig) -> LogScales
     read = read[np.isfinite(read)]
     if read.any():
         torque = quantile(np.abs(read), TOP) if math.isnan(torque) else torque
-        idle = max(idle, MOVES * white_noise(read))
+        idle = max(idle, MOVES * _noise(read))
     longest = OF_RECORD * float(t[-1] - t[0]) if t.size > 1 else math.nan
     line, shaft = _line_motion(t, channels), _moving(t, channels["speed"]) if "speed" in channels else None
     turns = {"omega": math.nan, "angle": math.nan}
@@ -196,8 +201,14 @@ def _line_motion(t: Signal, channels: Mapping[str, Signal]) -> Motion | None:
 def _moving(t: Signal, v: Signal) -> Motion | None:
     """Motion by a velocity or a speed that contains more than noise."""
     found = motion_of_log(t, v)
-    noise = white_noise(v[np.isfinite(v)]) if found is not None else 0.0
-    return found if found is not None and found.speed > MOVES * noise else None
+    if found is None or found.speed <= MOVES * _noise(v[np.isfinite(v)]):
+        return None
+    return found if found.stroke > FLICKER * found.speed * median(np.diff(t)) else None
+
+
+def _noise(x: Signal) -> float:
+    """Standard deviation of the white noise of a signal by its fourth differences, 0 where it repeats its values."""
+    return float(GAUSS * median(np.abs(np.diff(x, 4))) / math.sqrt(70.0)) if x.size > 4 else 0.0
 
 
 def motion_of_displacement(t: Signal, x: Signal) -> Motion | None:
@@ -209,7 +220,7 @@ def motion_of_displacement(t: Signal, x: Signal) -> Motion | None:
     every = max(1, t.size // SAMPLES)
     t, x = t[known][::every], x[known][::every]
     turns = _turns(x)
-    if x.size < 3 or not turns or np.ptp(x) < 4.0 * MOVES * white_noise(x):
+    if x.size < 3 or not turns or np.ptp(x) < 4.0 * MOVES * _noise(x):
         return None
     width, found = OF_TURN * float(t[-1] - t[0]) / turns, None
     for _ in range(WIDTHS):

@@ -169,11 +169,7 @@ def _without_sizes(base: Mapping[str, object], over: Mapping[str, object], where
     """Tables of the rig below without the thresholds that have a dimension, and without rated values if the rig above states
     the constant k_e of another machine.
     """
-    kept = {
-        **base,
-        "thresholds": _without_entry(base, "thresholds", *measures(Thresholds), "rpm_bin"),
-        "phases": _without_entry(base, "phases", "rpm_onset", "turns_min"),
-    }
+    kept = {**base, "thresholds": _without_entry(base, "thresholds", *measures(Thresholds), "rpm_bin")}
     measure, machines = measures(Generator)["k_e"], [_entry(rig, "generator", "k_e", None) for rig in (base, over)]
     if None not in machines:
         below, above = (_quantity(number, f"{where}: [generator] k_e", measure).value for number in machines)

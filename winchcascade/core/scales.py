@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
 
 MOVES = 0.2
-"""The line moves above this share of its largest speed, and a stroke is more than this share of the longest one. [1]"""
+"""The line moves above this share of its largest speed; a stroke is more than this share of the longest one, and a payout
+faster than this share of a haul-in. [1]"""
 
 TOP = 0.9
 """Quantile of the speed of a moving line that is its top speed: braking and noise leave it alone. [1]"""
@@ -82,7 +83,7 @@ def motion_of_log(t: Signal, v: Signal) -> Motion | None:
     stroke = max(_stroke(t, v, top), 1e-9 * top * float(t[-1] - t[0]))
     times = _ramps(t, np.abs(v) / top)
     ramp = median(times) if times.size else NO_RAMP * stroke / top
-    return Motion(payout or top, max(ramp, SHORTEST * stroke / top), stroke)
+    return Motion(payout if payout > MOVES * top else top, max(ramp, SHORTEST * stroke / top), stroke)
 
 
 def _top(speed: Signal) -> float:

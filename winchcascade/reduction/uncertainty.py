@@ -26,7 +26,7 @@ from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
 from winchcascade.core.arguments import SEED_NUMBER, check_arguments
 from winchcascade.core.cascade import Stream, Term
 from winchcascade.core.errors import check_type
-from winchcascade.core.integrate import integrals_of
+from winchcascade.core.integrate import integrals_of, largest
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Index, Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
@@ -277,7 +277,7 @@ def _is_on_drum(run: Run, rig: Rig) -> bool:
     motion, speed = run.channels.get("velocity"), run.channels.get("speed")
     if rig.winch.motion == "drum" or motion is None or speed is None or rig.r_drum is None:
         return rig.winch.motion == "drum"
-    return bool(np.allclose(motion, speed * rig.r_drum, rtol=1e-9, atol=1e-9))
+    return bool(np.allclose(motion, speed * rig.r_drum, rtol=1e-9, atol=1e-9 * largest(motion)))
 
 
 def _of_sensors(sensors: Mapping[str, Sensor], energies: Mapping[str, Energy]) -> list[ErrorSource]:

@@ -63,7 +63,7 @@ def check(
     repairs : "off" keeps what was logged; only cells without a number are bridged
     """
     logged = {name: x.copy() for name, x in channels.items()} if repairs == "off" else None
-    log, complete = Samples(t, channels, rig, open_circuit), is_complete(rig)
+    log, complete = Samples(t, channels, rig, open_circuit), is_complete(rig, channels)
     log.rig = completed(rig, log_scales(t, _typical(log), rig)) if not complete else rig
     if not simulated and "displacement" not in channels:  # with a displacement the clock shows them
         repeated_rows(log)

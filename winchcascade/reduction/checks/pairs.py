@@ -17,6 +17,7 @@ from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import largest, white_noise
 from winchcascade.core.run import Mask, Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog, Span
+from winchcascade.reduction.efficiency import SMALLEST
 
 SAME_TIME = 1 / 6
 """Smallest lag that is reported between channels without a physical lag, as a share of the width that smooths the velocity, as
@@ -140,7 +141,7 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     weight = inverse @ (np.einsum("ij,j->i", columns, y) / size)
     residual = y - np.einsum("i,ij->j", weight / size, columns)
     left = float(residual @ residual)
-    following = float(residual[1:] @ residual[:-1]) / max(left, 1e-30)
+    following = float(residual[1:] @ residual[:-1]) / max(left, SMALLEST)
     fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
     error = np.sqrt(inverse.diagonal() * left * fewer / y.size)
     return Fitted(weight / size, error / size, left / of_y)
