@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from paper_rules import PAPER_RULES
 from test_cli import winchcascade
 
 from winchcascade import OptionError, RigError, Run, calibrate, load_rig, open_campaign, read_run, reduce, simulate
 from winchcascade.reduction.run_record import reduction_json
 
 CAMPAIGN = Path(__file__).parent.parent / "fixtures" / "campaign"
-MINE = 'based_on = "hsu2026"\nname = "mine"\n[winch]\nr_drum = { value = 0.15, unit = "m" }\n'
+MINE = 'based_on = "hsu2026"\nname = "mine"\n[winch]\nr_drum = { value = 0.15, unit = "m" }\n' + PAPER_RULES
 LISTED = '[[run]]\nfile = "r36ohm.csv"\nload_ohm = 36.0\nwindow_s = 5.0\ncycles = [2, 3]\n'
 
 
@@ -151,4 +152,4 @@ def test_a_velocity_that_is_derived_is_a_finding(log: Path) -> None:
 def test_a_velocity_that_a_rig_does_not_measure_is_derived_with_the_same_finding(log: Path) -> None:
     bare = log.parent / "bare.toml"
     bare.write_text('name = "bare"\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n')
-    assert kinds(printed(without(log, 2), "--rig", bare)) == ["derived_channel"]
+    assert kinds(printed(without(log, 2), "--rig", bare)) == ["derived_channel", "thresholds_assumed"]

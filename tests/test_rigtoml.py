@@ -6,7 +6,7 @@ import pytest
 from loops import rejections
 
 from winchcascade.core.errors import RigError
-from winchcascade.core.rig_file import Thresholds
+from winchcascade.core.rig_file import Thresholds, measures
 from winchcascade.core.rig_toml import BUILT_IN, built_in, built_in_text, parse_rig
 from winchcascade.rig.baseline import load_rig
 
@@ -59,9 +59,26 @@ def test_a_sensor_of_table_1_is_in_si_units(sensor: str, field: str, si: float) 
     assert getattr(built_in("hsu2026").sensors[sensor], field) == pytest.approx(si, rel=1e-3)
 
 
-def test_the_papers_rig_states_every_threshold_and_as_the_code_has_it() -> None:
+def test_the_papers_rig_states_every_threshold_and_its_shares_as_the_code_has_them() -> None:
     assert set(tomllib.loads(built_in_text("hsu2026"))["thresholds"]) == set(Thresholds.__struct_fields__)
-    assert built_in("hsu2026").thresholds == Thresholds()
+    stated, usual = built_in("hsu2026").thresholds, Thresholds()
+    shares = [name for name in Thresholds.__struct_fields__ if name not in (*measures(Thresholds), "rpm_bin")]
+    assert [getattr(stated, name) for name in shares] == [getattr(usual, name) for name in shares]
+
+
+def test_a_rig_based_on_another_inherits_no_size_of_its_motion_but_its_shares() -> None:
+    rig = parse_rig('based_on = "kitepower"\nname = "kite"\n[thresholds]\nsettle = 1\n', "kite.toml")
+    stated = {name for name in (*measures(Thresholds), "rpm_bin") if not math.isnan(getattr(rig.thresholds, name))}
+    assert stated == {"settle"}
+    assert (rig.thresholds.window, rig.thresholds.reversal_max) == ("payout", 0.2)
+
+
+@pytest.mark.parametrize(("k_e", "kept"), [(0.062, True), (0.067, True), (0.07, False), (0.03, False)])
+def test_rated_values_are_those_of_a_machine_with_the_same_constant(k_e: float, kept: bool) -> None:
+    entry = f'[generator]\nk_e = {{ value = {k_e}, unit = "V/rpm" }}\n'
+    machine = parse_rig(f'based_on = "hsu2026"\nname = "mine"\n{entry}', "mine.toml").generator
+    assert (machine.i_rated is not None, machine.speed_rated is not None) == (kept, kept)
+    assert machine.r_s == built_in().generator.r_s
 
 
 def test_the_field_winch_has_no_drum_radius_and_says_so() -> None:
@@ -163,7 +180,7 @@ NAME [columns]; force = { name = "F", unit = "V" } @ [columns] force 'V'
 NAME [columns]; force = "F"; torque = "F" @ [columns] force torque 'F'
 NAME [columns]; speed = { name = "n", side = "generator" } @ [columns] speed gear_ratio
 NAME [thresholds]; window = "soon" @ [thresholds] window 'soon'
-NAME [thresholds]; rpm_bin = 1e-9 @ [thresholds] rpm_bin 1e-09 1.0
+NAME [thresholds]; rpm_bin = 0 @ [thresholds] rpm_bin > 0
 NAME [dc_link]; load_u_percent = 1; load_limits_percent = 1 @ [dc_link] load_u_percent load_limits_percent
 NAME [channels.torque]; unit = "N.m" @ [channels.torque] name
 NAME [channels.pump]; unit = "furlong" @ [channels.pump] 'furlong'

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from campaign_log import HEAD, ROWS, SAME, UNITS, clean, efficiencies, kinds, read
 from openpyxl import Workbook
+from paper_rules import PAPER_RULES
 from read_here import readers_here
 from seeds import zipped
 
@@ -51,7 +52,7 @@ def test_a_log_without_names_is_read_by_the_numbers_of_its_columns(
     content: Callable[[], bytes], tmp_path: Path
 ) -> None:
     with readers_here():
-        run = read(tmp_path, content(), rig=parse_rig(rig(NUMBERED), "rig.toml"))
+        run = read(tmp_path, content(), rig=parse_rig(rig(NUMBERED) + PAPER_RULES, "rig.toml"))
     assert kinds(run) == set()
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 

@@ -58,7 +58,7 @@ def test_a_missing_gear_ratio_is_reported_and_a_drum_radius_gives_the_velocity(t
     assert [(f.kind, f.channel) for f in run.findings] == [("unit_assumed", "speed")]
     run = read(tmp_path, bench_log("n (rpm)"), rig=rig_of('[winch]\nr_drum = { value = 0.1, unit = "m" }\n'))
     assert run.channels["velocity"] == pytest.approx(0.1 * run.channels["speed"])
-    assert kinds(run) == {"derived_channel"}
+    assert kinds(run) == {"derived_channel", "thresholds_assumed"}
 
 
 @pytest.mark.parametrize(("ratio", "found"), [(0.9, {"speed_mismatch"}), (1.004, set())])

@@ -6,11 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from winchcascade.core.rig_file import Thresholds
+from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CLOCK, Run
 from winchcascade.reduction.phases import Cycle, detect, smoothed_velocity
 
-RULES = Thresholds()
+RULES = built_in().thresholds
 DT = 0.04
 EARLY = 0.1
 """What smoothing over 0.6 s may move an instant at a kink of the velocity. [s]"""

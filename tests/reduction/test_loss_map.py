@@ -24,6 +24,7 @@ from winchcascade.reduction.loss_points import (
     columns_at,
     joined,
     loss_points,
+    onset_of_shaft,
     stages_of_loss,
 )
 from winchcascade.report.loss_map_file import write_loss_map
@@ -181,7 +182,9 @@ def test_the_loss_of_the_whole_campaign_is_that_of_the_model() -> None:
         parts.append(loss_points(reduction))
         stores = ("shaft_loss", "mesh", "damper", "windage", "friction", "copper", "diodes")
         spans, v = _spans(reduction)[0], reduction.run.channels["velocity"]
-        spans = spans[np.abs(means_of(reduction.run.t, [v.__getitem__], spans)[0]) / 0.13 >= TURNING]
+        spans = spans[
+            np.abs(means_of(reduction.run.t, [v.__getitem__], spans)[0]) / 0.13 >= TURNING * onset_of_shaft(rig)
+        ]
         watts = sum(done.energy[name] for name in stores)
         lost += float(np.diff(np.interp(spans, done.run.t, watts), axis=1).sum())
     found = make_loss_map(joined(parts))

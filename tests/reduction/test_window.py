@@ -4,13 +4,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from winchcascade.core.rig_file import Thresholds, WindowRule
+from winchcascade.core.rig_file import WindowRule
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.phased_run import PhasedRun, Window, find_window
 from winchcascade.reduction.phases import Cycle, Plateau, find_plateau
 
-RULES = Thresholds()
+RULES = built_in().thresholds
 T = np.arange(0.0, 30.0, 0.04)
 PAYOUT = Cycle(5.0, 17.0, None, None, begins_inside=False, ends_inside=False)
 CUT = Cycle(5.0, 10.0, None, None, begins_inside=False, ends_inside=True)

@@ -12,6 +12,7 @@ import numpy as np
 from winchcascade.core.campaign_file import Campaign, CampaignRun, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 from winchcascade.core.files import write_content, write_whole
+from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import first_named
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
@@ -161,6 +162,7 @@ def diagnose_listed(
     the_rig = first_named(rig, campaign.rig, read=load_rig)
     model = model_of(the_rig)
     runs = read_logs(campaign, the_rig, on_progress, loads=not isinstance(model, NoModel))
+    the_rig = with_thresholds(the_rig, runs)
     cycles = [entry.cycles for entry in campaign.runs]
     marked = [entry.withheld for entry in campaign.runs]
     if not isinstance(model, NoModel):

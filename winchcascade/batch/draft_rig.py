@@ -15,6 +15,7 @@ from winchcascade.core.campaign_settings import LogSettings
 from winchcascade.core.cascade import BUILT_IN as STAGES
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.log_thresholds import thresholds_text, together
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import find_unit, read_as, unit_names
 from winchcascade.core.rig_file import NUMBERS_OF
@@ -86,8 +87,16 @@ def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     columns = _columns(log, near)
     blocks += ["\n".join(["[columns]", *columns]) + "\n"] if columns else []
     blocks += _phases(blocks[0], alike, near)
+    blocks += _thresholds(alike)
     blocks += _numbers(log) if base == DEFAULT_RIG else _few_numbers(log, base)
     return "\n".join(blocks)
+
+
+def _thresholds(logs: Sequence[LogFacts]) -> list[str]:
+    """Table [thresholds] by the motion of the logs, so that all of them are read by the same ones."""
+    known = [log.scales for log in logs if log.scales is not None and log.has_clock]
+    text = thresholds_text(together(known), f"{len(known)} log{'s' * (len(known) > 1)}, by init") if known else ""
+    return [text] if text else []
 
 
 def _alike(logs: Sequence[LogFacts]) -> list[LogFacts]:

@@ -48,11 +48,11 @@ class PhaseRule(
     """and in haul-in."""
     ranges: Ranges = ()
     """Begin and end of each cycle on the clock of the log, with `ranges`. [s]"""
-    rpm_onset: Positive = 5.0
+    rpm_onset: Positive = math.nan
     """The shaft turns from this speed on, with `speed`, `steps` and with `waves` of a shaft: above ripple and noise of usual
-    encoders, below any operating point. [rpm]"""
-    turns_min: Positive = 0.25
-    """Motions that turn the shaft less are no payout, with `speed`: 0.2 m on a drum of 0.13 m, as `stroke_min`. [rev]"""
+    encoders, below any operating point; by default a share of its top speed in the log. [rpm]"""
+    turns_min: Positive = math.nan
+    """Motions that turn the shaft less are no payout, with `speed`; by default a share of its motion, as `stroke_min`. [rev]"""
     step_min: Positive = 2.0
     """A step lasts at least this long beyond its settling, with `steps`: some revolutions at 100 rpm. [s]"""
     settle: Annotated[float, Meta(ge=0.0, lt=1e9)] = 0.5
@@ -285,14 +285,18 @@ class DcLink(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Thresholds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What decides where a phase, a window and a finding begins. SI units; defaults are the published rules."""
+    """What decides where a phase, a window and a finding begins. SI units; the shares are the published rules.
+
+    A threshold with a dimension is NaN where the rig file does not state it; it follows the scales of a log once that is read
+    (`core.log_thresholds`).
+    """
 
     window: Literal["auto", "payout"] | Annotated[float, Meta(gt=0.0, lt=1e9)] = "auto"
-    v_onset: Annotated[float, Meta(ge=1e-6, le=100.0), Measure("velocity")] = 0.03
+    v_onset: Annotated[Positive, Measure("velocity")] = math.nan
     """Payout begins where the smoothed line velocity first exceeds this (Sec. 3.2). [m/s]"""
-    smoothing: Annotated[float, Meta(ge=1e-3, le=10.0), Measure("time")] = 0.6
+    smoothing: Annotated[Positive, Measure("time")] = math.nan
     """Width of the local quadratic that smooths the line velocity for detection. [s]"""
-    stroke_min: Annotated[float, Meta(ge=1e-6, le=1e4), Measure("length")] = 0.2
+    stroke_min: Annotated[Positive, Measure("length")] = math.nan
     """Motions that travel less are no payout. [m]"""
     reversal_max: _ShareOfAll = 0.5
     """A reversal inside a payout takes back less than this share of it; a haul-in takes back more. [1]"""
@@ -303,15 +307,15 @@ class Thresholds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     plateau_quantile: _Share = 0.99
     plateau_band: _Share = 0.90
     plateau_level: _Share = 0.98
-    plateau_hold: Annotated[float, Meta(ge=1e-3, le=1e3), Measure("time")] = 0.2
+    plateau_hold: Annotated[Positive, Measure("time")] = math.nan
     """The plateau begins where the velocity stays above its level for this long. [s]"""
-    settle: Annotated[float, Meta(ge=0.0, le=1e6), Measure("time")] = 0.5
+    settle: Annotated[NotNegative, Measure("time")] = math.nan
     """The window `auto` ends this long after the plateau begins. [s]"""
-    tau_engaged: Annotated[NotNegative, Measure("torque")] = 2.0
+    tau_engaged: Annotated[NotNegative, Measure("torque")] = math.nan
     """With less torque on the PTO shaft than this the shaft runs free: zero and noise of the torque sensor. [N m]"""
-    rpm_bin: Annotated[float, Meta(ge=1.0, le=1e5)] = 100.0
-    """Width of a bin of generator speed (Sec. 3.2). [rpm]"""
-    gap_max: Annotated[float, Meta(ge=0.0, le=1e6), Measure("time")] = 1.0
+    rpm_bin: Positive = math.nan
+    """Width of a bin of generator speed (Sec. 3.2), by default a round one that makes 20 to 50 bins. [rpm]"""
+    gap_max: Annotated[NotNegative, Measure("time")] = math.nan
     """A longer gap inside a window makes its cycle incomplete. [s]"""
     gap_energy_max: NotNegative = 0.005
     """So does a gap whose bridging could change an energy by more than this share. [1]"""

@@ -22,6 +22,7 @@ from winchcascade.core.rig_file import (
     Column,
     EffectNumber,
     Finite,
+    Generator,
     Measure,
     NotNegative,
     Positive,
@@ -37,6 +38,9 @@ from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, s
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
 _FOLDER = Path(__file__).parent.parent / "rigfiles"
+
+OTHER_MACHINE = 0.1
+"""Share by which the constant k_e of another machine deviates: limits of makers for one machine are 10 %. [1]"""
 
 ERRORS = "errors"
 """Table under [sensors] with effects that are errors of sensors."""
@@ -97,15 +101,17 @@ def given_rig(call: str, rig: Rig | None, usual: Rig | None = None) -> Rig:
 def parse_rig(text: str, where: str) -> Rig:
     """Turn the text of a rig file into a Rig; `where` names the file in the one sentence of a RigError.
 
-    `based_on = "hsu2026"` takes everything that the file does not state from that built-in rig. Entries are read table by
-    table: what has a unit becomes a number in SI units, and the struct of the table checks the rest.
+    `based_on = "hsu2026"` takes everything that the file does not state from that built-in rig, but for sizes of its motion and
+    its machine: thresholds with a dimension, and the rated values of another machine. Entries are read table by table: what
+    has a unit becomes a number in SI units, and the struct of the table checks the rest.
     """
     raw = toml_values(text, where, RigError)
     base = raw.pop("based_on", None)
     if base is not None:
         if base not in BUILT_IN:
             raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
-        raw = _merged(_without_other_parts(toml_values(built_in_text(str(base)), str(base), RigError), raw), raw)
+        below = toml_values(built_in_text(str(base)), str(base), RigError)
+        raw = _merged(_without_sizes(_without_other_parts(below, raw), raw, where), raw)
     texts, tables = ("name", "title", "source", "note"), ("sensors", "channels", "effects", "stage")
     check_keys(raw, (*texts, *PARTS, *tables, "columns", "cascade", "log"), f"{where}:", RigError)
     sensors, channels, effects, stages = (
@@ -159,10 +165,23 @@ def _without_other_parts(base: Mapping[str, object], over: Mapping[str, object])
     return kept
 
 
-def _without_entry(rig: Mapping[str, object], table: str, name: str) -> Table:
-    """A table of a rig file without one of its entries."""
+def _without_sizes(base: Mapping[str, object], over: Mapping[str, object], where: str) -> Table:
+    """Tables of the rig below without the thresholds that have a dimension, and without rated values if the rig above states
+    the constant k_e of another machine.
+    """
+    kept = {**base, "thresholds": _without_entry(base, "thresholds", *measures(Thresholds), "rpm_bin")}
+    measure, machines = measures(Generator)["k_e"], [_entry(rig, "generator", "k_e", None) for rig in (base, over)]
+    if None not in machines:
+        below, above = (_quantity(number, f"{where}: [generator] k_e", measure).value for number in machines)
+        if abs(above - below) > OTHER_MACHINE * below:
+            kept["generator"] = _without_entry(base, "generator", "i_rated", "speed_rated")
+    return kept
+
+
+def _without_entry(rig: Mapping[str, object], table: str, *names: str) -> Table:
+    """A table of a rig file without some of its entries."""
     entries = rig.get(table)
-    return {key: value for key, value in entries.items() if key != name} if isinstance(entries, Mapping) else {}
+    return {key: value for key, value in entries.items() if key not in names} if isinstance(entries, Mapping) else {}
 
 
 def _entry(rig: Mapping[str, object], table: str, name: str, absent: object) -> object:

@@ -43,7 +43,7 @@ FindingKind = Literal[
     "slack_line", "incomplete_cycle", "unknown_column", "ambiguous_column", "load_mismatch", "coarse_sampling",
     "coarse_resolution", "clock_mismatch", "channel_lag", "zero_offset", "gain_step", "stroke_mismatch", "repeated_log",
     "window_beyond_payout", "phase_source", "unit_conflict", "speed_mismatch", "efficiency_change",
-    "efficiency_above_one", "origin_conflict", "dead_channel", "sign_mismatch", "listed_in_parts",
+    "efficiency_above_one", "origin_conflict", "dead_channel", "sign_mismatch", "listed_in_parts", "thresholds_assumed",
 ]  # fmt: skip
 
 CLOCK = "clock"

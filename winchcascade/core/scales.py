@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
 
 MOVES = 0.2
-"""The line moves above this share of its largest speed. [1]"""
+"""The line moves above this share of its largest speed; a stroke is more than this share of the longest one, and a payout
+faster than this share of a haul-in. [1]"""
 
 TOP = 0.9
 """Quantile of the speed of a moving line that is its top speed: braking and noise leave it alone. [1]"""
@@ -50,7 +51,7 @@ class MotionScale(msgspec.Struct, frozen=True):
     ----------
     speed : largest top speed of a payout, without any that of a haul-in [m/s]
     ramp : median time in which the line passes from a tenth to nine tenths of its top speed, or back [s]
-    stroke : median distance between the ends of the motion [m]
+    stroke : median distance that it moves in one direction [m]
     """
 
     speed: float
@@ -81,17 +82,27 @@ def motion_of_log(t: Signal, v: Signal) -> MotionScale | None:
     top, payout = _top(np.abs(v)), _top(np.maximum(v, 0.0))
     if top == 0.0:
         return None
-    steps = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))))
-    stroke = max(float(np.ptp(steps)), 1e-9 * top * float(t[-1] - t[0]))
+    stroke = max(_stroke(t, v, top), 1e-9 * top * float(t[-1] - t[0]))
     times = _ramps(t, np.abs(v) / top)
     ramp = median(times) if times.size else NO_RAMP * stroke / top
-    return MotionScale(payout or top, max(ramp, SHORTEST * stroke / top), stroke)
+    return MotionScale(payout if payout > MOVES * top else top, max(ramp, SHORTEST * stroke / top), stroke)
 
 
 def _top(speed: Signal) -> float:
     """Top speed of a line; 0 where it rests. [m/s]"""
     moving = speed[speed > MOVES * float(np.max(speed))]
     return quantile(moving, TOP) if moving.size else 0.0
+
+
+def _stroke(t: Signal, v: Signal, top: float) -> float:
+    """Median travel of the stretches in which a line moves in one direction, without short ones: neither many strokes of one
+    direction nor the drift of a zero add up. [m]
+    """
+    side = np.where(np.abs(v) > RAMP[0] * top, np.sign(v), 0.0)
+    first = np.flatnonzero(np.diff(side, prepend=0.0))
+    travelled = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))))
+    travel = np.abs(np.diff(travelled[np.append(first, v.size - 1)]))[side[first] != 0.0]
+    return median(travel[travel > MOVES * np.max(travel)]) if travel.any() else 0.0
 
 
 def _ramps(t: Signal, speed: Signal) -> Signal:

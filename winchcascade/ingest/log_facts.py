@@ -10,6 +10,7 @@ import numpy as np
 from winchcascade.core.campaign_settings import LogSettings
 from winchcascade.core.errors import LogError
 from winchcascade.core.integrate import median
+from winchcascade.core.log_thresholds import LogScales, log_scales
 from winchcascade.core.quantity import Unit
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
@@ -65,6 +66,7 @@ class LogFacts(msgspec.Struct, frozen=True):
     turn : speed of rotation over velocity of the line in motion, None without both [rad/m]
     simulated : the log carries the mark of `simulate`
     has_clock : whether a time column or the file itself gives the times of the samples
+    scales : of its motion and its torque, None where it cannot be read
     """
 
     path: Path
@@ -80,6 +82,7 @@ class LogFacts(msgspec.Struct, frozen=True):
     turn: float | None = None
     simulated: bool = False
     has_clock: bool = True
+    scales: LogScales | None = None
 
 
 def log_facts(path: Path, rig: Rig) -> LogFacts:
@@ -116,6 +119,7 @@ def log_facts(path: Path, rig: Rig) -> LogFacts:
         turn=_ratio(run, "speed", "velocity"),
         simulated=run.simulated,
         has_clock=timed,
+        scales=log_scales(run.t, run.channels, rig),
     )
 
 

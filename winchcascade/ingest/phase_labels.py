@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.log_thresholds import completed, log_scales
 from winchcascade.core.plain_text import first_of
-from winchcascade.core.rig_file import PhaseRule
+from winchcascade.core.rig_file import PhaseRule, Rig
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.assign import named_column, near_columns
 from winchcascade.ingest.checks.quality import Checked
@@ -71,7 +72,7 @@ def _plain(text: str) -> str:
         return text
 
 
-def steps_of_rows(channels: Mapping[str, Signal]) -> Checked:
+def steps_of_rows(channels: Mapping[str, Signal], rig: Rig) -> Checked:
     """Channels in which each row holds for one second, so that an energy in joules is the mean power of the row in watts.
 
     Stamps of the table do not count. Rows in which a channel holds no number are left out. Rows are means over steps: spikes,
@@ -88,7 +89,7 @@ def steps_of_rows(channels: Mapping[str, Signal]) -> Checked:
     ]
     channels = {name: x for name, x in channels.items() if not np.isnan(x).all()}
     if not channels:
-        return Checked(np.empty(0), {}, {}, tuple(findings), np.empty((0, 2)))
+        return Checked(np.empty(0), {}, {}, tuple(findings), np.empty((0, 2)), rig)
     known = np.isfinite(np.sum([*channels.values()], axis=0))
     rows = np.flatnonzero(known)
     t = np.column_stack((rows, rows + NEARLY)).ravel().astype(np.float64)
@@ -97,4 +98,4 @@ def steps_of_rows(channels: Mapping[str, Signal]) -> Checked:
         message = f"{lost} row{'s' if lost > 1 else ''} with a cell that is no number"
         findings.append(Finding("not_a_number", message, "left out", count=lost, removed=lost))
     doubled = {name: np.repeat(x[rows], 2) for name, x in channels.items()}
-    return Checked(t, doubled, {}, tuple(findings), np.empty((0, 2)))
+    return Checked(t, doubled, {}, tuple(findings), np.empty((0, 2)), completed(rig, log_scales(t, doubled, rig)))

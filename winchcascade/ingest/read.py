@@ -267,7 +267,7 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
         load, load_source, load_findings = stated_load(source, table)
     channels = _channels(table, found, clock)
     if rows:
-        checked = steps_of_rows(channels)
+        checked = steps_of_rows(channels, rig)
     else:
         simulated, open_circuit = found.simulated or simulated, load == math.inf
         checked = check(
@@ -297,7 +297,7 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
         first_stamp=first_stamp(table.stamps),
         started=start_of(table, float(checked.t[0])),
         temperature=_temperature(table, found, checked.channels, rig),
-        rig=rig,
+        rig=checked.rig,
         window=settings.window,
         cycles=settings.cycles,
         repairs=settings.repairs,

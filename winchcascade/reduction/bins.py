@@ -28,16 +28,12 @@ TORQUE = "torque"
 STORES = ("rotor", "spring", "capacitor")
 """Where energy is stored between the torque sensor and the load while the speed changes: the spring is that of the shaft."""
 
-STORED_WITHIN = 0.2
-"""Width over which a signal is smoothed before its change is taken: short against a braking of half a second. What remains of
-the noise averages out in a bin, as its changes add up to the difference of the ends. [s]"""
+STORED_WITHIN = 1 / 3
+"""Width over which a signal is smoothed before its change is taken, as a share of that which smooths the velocity: short
+against a braking. What remains of the noise averages out in a bin, as its changes add up to the difference of the ends. [1]"""
 
-
-DIRECT_BINS = 10
-"""Bins up to the maximum speed of a machine on the shaft of the drum, where the width of the rig file would give one or two."""
-
-AROUND = 5000
-"""Samples on either side of a part of a log that smooth its ends: those of `STORED_WITHIN` at up to 50 kHz. [1]"""
+BINS_MIN = 20
+"""Minimum number of bins up to the maximum speed where the rig file states no width: the paper has 32."""
 
 
 class Bin(msgspec.Struct, frozen=True):
@@ -114,17 +110,18 @@ def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Strea
         "capacitor": (run.channels.get("vdc"), c_dc),
     }
     return {
-        store: partial(_stored, run.t, signal, constant)
+        store: partial(_stored, run.t, signal, constant, STORED_WITHIN * rig.thresholds.smoothing)
         for store, (signal, constant) in stores.items()
         if signal is not None and constant is not None and run.t.size > 1
     }
 
 
-def _stored(t: Signal, signal: Signal, constant: float, rows: slice | Index) -> Signal:
-    """A constant times a signal times its slope, in some rows that rise. [W]"""
+def _stored(t: Signal, signal: Signal, constant: float, width: float, rows: slice | Index) -> Signal:
+    """A constant times a signal times its slope, smoothed over a width [s], in some rows that rise. [W]"""
     first, last = (rows.start, rows.stop) if isinstance(rows, slice) else (int(rows[0]), int(rows[-1]) + 1)
-    part = slice(max(first - AROUND, 0), last + AROUND)
-    smooth = local_quadratic(t[part], signal[part], STORED_WITHIN)
+    begin, end = t.searchsorted((t[first] - width, t[min(last, t.size) - 1] + width))  # what smooths the ends
+    part = slice(int(begin), int(end) + 1)
+    smooth = local_quadratic(t[part], signal[part], width)
     power = constant * smooth * np.gradient(smooth, t[part])
     return power[first - part.start : last - part.start] if isinstance(rows, slice) else power[rows - part.start]
 
@@ -141,10 +138,12 @@ def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plat
         return ()
     speed, rpm = found
     width = bin_width(rig, largest(speed) * rpm)
+    if math.isnan(width):  # a shaft at rest has no bins
+        return ()
     maximum = largest(speed) * rpm / width
     if maximum > MAX_BINS:
         raise OptionError(
-            f"{run.name}: {maximum:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
+            f"{run.name}: {maximum:.3g} bins of {width:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
             f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
         )
     streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
@@ -155,19 +154,18 @@ def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plat
 
 
 def bin_width(rig: Rig, rpm_top: float) -> float:
-    """Width of the bins of generator speed up to a maximum speed: that of the rig file, without a gear a narrower one. [rpm]
+    """Width of the bins of generator speed up to a maximum speed: that of the rig file, else a round one. [rpm]
 
     >>> from winchcascade.core.rig_toml import parse_rig
-    >>> direct = parse_rig('name = "d"\\n[drivetrain]\\ngear_ratio = { value = 1, unit = "1" }', "d.toml")
-    >>> bin_width(direct, 43.0), bin_width(direct, 1000.0)
-    (5.0, 100.0)
+    >>> direct = parse_rig('name = "d"', "d.toml")
+    >>> bin_width(direct, 43.0), bin_width(direct, 3200.0)
+    (2.0, 100.0)
     """
-    width, gear = rig.thresholds.rpm_bin, rig.drivetrain.gear_ratio
-    if gear is None or gear.value != 1.0 or not 0.0 < rpm_top < 2.0 * width:
-        return width
-    tenth = rpm_top / DIRECT_BINS
-    decade = 10.0 ** math.floor(math.log10(tenth))
-    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= tenth)
+    if not math.isnan(rig.thresholds.rpm_bin) or not rpm_top > 0.0:
+        return rig.thresholds.rpm_bin
+    largest_width = rpm_top / BINS_MIN
+    decade = 10.0 ** math.floor(math.log10(largest_width))
+    return max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= largest_width)
 
 
 def bin_powers(speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Stream], width: float) -> tuple[Bin, ...]:

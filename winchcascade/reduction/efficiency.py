@@ -17,8 +17,11 @@ RATIOS = PAPER.ratios
 FIELDS = {name: field_of(name) for name in ALL_METRICS}
 """Metrics of the paper's cascade as written files call them: with their unit."""
 
-NOTHING = 1e-9
-"""An energy below this counts as zero: no sensor of a winch can distinguish it from zero. [J]"""
+NOTHING = 1e-12
+"""An energy below this share of the largest one counts as zero: rounding of its integral. [1]"""
+
+SMALLEST = 1e-300
+"""Smallest divisor of floating-point numbers, whatever their unit."""
 
 DELIVERED_IDLE = 0.2
 """A machine that delivers a smaller share of its energy than this runs as in an open circuit, whatever load is stated: its
@@ -87,12 +90,12 @@ def named(of: Mapping[str, Value | None], names: Iterable[str] = ALL_METRICS) ->
 
 
 def ratio(out: float | None, into: float | None) -> float | None:
-    """What comes out over what goes in; None if either is unknown or nothing goes in.
+    """What comes out over what goes in; None if either is unknown or nothing goes in, beside what comes out.
 
     >>> ratio(3.0, 4.0), ratio(1.0, 0.0)
     (0.75, None)
     """
-    return None if out is None or into is None or into <= NOTHING else out / into
+    return None if out is None or into is None or into <= NOTHING * abs(out) else out / into
 
 
 def not_negative(value: float | None) -> float | None:

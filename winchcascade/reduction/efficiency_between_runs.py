@@ -8,12 +8,14 @@ predict a log.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Mapping, Sequence
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
+from winchcascade.core.integrate import median
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency_changes import ALPHA, PRIOR
 
@@ -30,8 +32,9 @@ MIN_OTHERS = 3
 MAX_TRIED = 30
 """Maximum number of logs each of which is tried as the one that explains why any lies apart; of more the others outvote it."""
 
-PHYSICAL_MIN = 1e-6
-"""No rig has a load, a speed or a power below this, nor a load above its inverse. [ohm, m/s, W]"""
+EXTREME = 1e-6
+"""No log of a campaign has a load that is so small a share of the median one, or so many times it, nor a speed or a power
+that is so small a share of the largest. [1]"""
 
 
 class LogEfficiency(msgspec.Struct, frozen=True):
@@ -89,7 +92,9 @@ def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
 
     One log at a time is left out and predicted from the others. Significance is that of all these comparisons together.
     """
-    loaded = [log for log in logs if log.load is None or PHYSICAL_MIN < log.load < 1.0 / PHYSICAL_MIN]
+    finite = [log.load for log in logs if log.load is not None and log.load < math.inf]
+    usual = median(np.array(finite)) if finite else math.nan
+    loaded = [log for log in logs if log.load is None or EXTREME < log.load / usual < 1.0 / EXTREME]
     given = {
         m: [log for log in loaded if (log.eta.get(m) or 0.0) > ETA_DISTANCE_MIN]
         for m in ("eta_trans", "eta_gen", "eta_pto")
@@ -132,12 +137,12 @@ def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
     eta = np.array([log.eta[metric] for log in logs])
     loads = [log.load for log in logs]
     distinct = len(set(loads)) if None not in loads else len(logs)
-    v = np.array([max(log.speed, PHYSICAL_MIN) for log in logs])
+    v, watts = np.array([log.speed for log in logs]), np.array([log.power or 0.0 for log in logs])
+    v = np.maximum(v, EXTREME * np.max(v, initial=0.0))
     if metric == "eta_trans":
-        if any((log.power or 0.0) < PHYSICAL_MIN for log in logs):
+        if np.any(watts <= EXTREME * np.max(watts, initial=0.0)):
             return None
-        power = np.array([log.power for log in logs])
-        terms = np.column_stack([np.ones(len(logs)), v / power, v * v / power])
+        terms = np.column_stack([np.ones(len(logs)), v / watts, v * v / watts])
     else:
         r = np.array(loads, dtype=np.float64)
         terms = np.column_stack([np.ones(len(logs)), 1.0 / r, r])
@@ -157,9 +162,9 @@ def _significant(rows: _Rows, left: Sequence[int], alpha: float) -> list[int]:
 
 def _distance(rows: _Rows, by: Sequence[int], k: int) -> _Distance:
     """Compare a log with what others predict; chance alone where these give no law."""
-    inverse = np.linalg.pinv(rows.terms[by], rcond=PHYSICAL_MIN)  # terms that go together, as at one speed, count once
+    inverse = np.linalg.pinv(rows.terms[by], rcond=EXTREME)  # terms that go together, as at one speed, count once
     weights = rows.terms[k] @ inverse
-    known = np.abs(weights @ rows.terms[by] - rows.terms[k]).max() <= PHYSICAL_MIN * np.abs(rows.terms[k]).max()
+    known = np.abs(weights @ rows.terms[by] - rows.terms[k]).max() <= EXTREME * np.abs(rows.terms[k]).max()
     off, moved = (float(x[k] - weights @ x[by]) for x in (rows.y, rows.ln_v))
     allowed = float(rows.lost[k] * abs(moved) * rows.y[k] * rows.sd[k])
     beyond, variance = max(abs(off) - allowed, 0.0), 1.0 + float(weights @ weights)

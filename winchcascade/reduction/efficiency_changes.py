@@ -17,7 +17,7 @@ import numpy as np
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.run import Mask, Signal
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
-from winchcascade.reduction.efficiency import NOTHING
+from winchcascade.reduction.efficiency import SMALLEST
 from winchcascade.reduction.reduction_result import CycleResult
 
 ALPHA = 0.01
@@ -38,8 +38,9 @@ MOVES = 0.0025
 """Smallest change of interest: it moves the mean efficiency of the log by this. The budget of the paper's rig, the best on
 which the tool was used, states efficiencies to 0.003 to 0.005."""
 
-INDEPENDENT = 0.04
-"""Time over which samples are averaged first: noise of a sensor that is sampled faster than it responds is not white. [s]"""
+INDEPENDENT = 1 / 15
+"""Time over which samples are averaged first, as a share of the width that smooths the velocity: noise of a sensor that is
+sampled faster than it responds is not white. [1]"""
 
 LOOK_AT = {
     "eta_trans": "force, torque and the transmission",
@@ -75,7 +76,7 @@ def largest_change(log: PhasedLog, metric: str, given: Sequence[int], metrics: i
     eta = np.array([c.metrics.value(metric) for c in cycles])
     mean = float(eta.sum()) / n
     joules = np.array([[c.metrics.value(f"energy_{stage}") for stage in stages] for c in cycles])
-    joules = np.maximum(joules, NOTHING)
+    joules = np.maximum(joules, log.energies.nothing)
     hidden = sampling_error(log, stages)[given]
     for stage, joule in zip(stages, joules.T, strict=True):
         bridged = log.energies.bridged.get(stage)
@@ -182,11 +183,11 @@ def energy_noise(log: PhasedLog, stage: str) -> float:
 
     In the sum of the power over n samples the noise averages out by the square root of n.
     """
-    count, shares = max(1, int(INDEPENDENT * log.run.fs + 1e-6)), [0.0]
+    count, shares = max(1, int(INDEPENDENT * log.rig.thresholds.smoothing * log.run.fs + 1e-6)), [0.0]
     stream = log.powers[stage].stream(log.run.channels, log.rig.r_drum)
     for cycle in log.complete:
         spans = (cycle.phases.onset, cycle.phases.payout_end), (cycle.window.onset, cycle.window.cutoff)
         watts = [stream(log.phased.rows(*span)) for span in spans]
         payout, window = (x[: x.size // count * count].reshape(-1, count).mean(axis=1) for x in watts)
-        shares.append(white_noise(payout) * math.sqrt(window.size) / max(abs(float(window.sum())), NOTHING))
+        shares.append(white_noise(payout) * math.sqrt(window.size) / max(abs(float(window.sum())), SMALLEST))
     return math.sqrt(float(np.sum(np.square(shares))) / max(len(log.complete), 1))

@@ -16,7 +16,7 @@ from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import integrals, integrals_of
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Signal
-from winchcascade.reduction.efficiency import ratio
+from winchcascade.reduction.efficiency import NOTHING, SMALLEST, ratio
 from winchcascade.reduction.gap_error import energy_error, gap_limits, gaps_of, instant_error
 from winchcascade.reduction.phased_run import PhasedRun, Window, onsets, travel_in
 from winchcascade.reduction.phases import Cycle
@@ -116,6 +116,13 @@ class Energies(msgspec.Struct, frozen=True):
     joules: dict[str, list[float] | None]
     bridged: dict[str, tuple[float, ...]]
 
+    @property
+    def nothing(self) -> float:
+        """Energy that counts as zero beside the largest one of the log. [J]"""
+        return max(
+            NOTHING * max((abs(x) for column in self.joules.values() for x in column or ()), default=0.0), SMALLEST
+        )
+
 
 def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Sequence[NetSpan]) -> Energies:
     """Integrate each stage's power over each window and each whole cycle.
@@ -128,6 +135,7 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
     known = {name: power.stream(run.channels, rig.r_drum) for name, power in powers.items() if power is not None}
     whole = integrals_of(run.t, list(known.values()), np.concatenate(list(spans.values())))
     of_stages = dict(zip(known, whole.reshape(len(known), len(spans), len(windows)), strict=True))
+    nothing = max(NOTHING * float(np.max(np.abs(whole), initial=0.0)), SMALLEST)
     joules: dict[str, list[float] | None] = dict.fromkeys(cascade.parts)
     bridged: dict[str, tuple[float, ...]] = {}
     faults: dict[str, dict[int, str]] = {"its window": {}, "the cycle": {}}
@@ -143,12 +151,12 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
             if span == "window" and phased.rule != "payout":  # what moves onset or plateau moves the cutoff
                 onset, cutoff = spans["window"].T
                 instants = onset if isinstance(phased.rule, float) else cutoff - limits.settle
-                moved = instant_error(run, phased.v_smooth, instants)
-            changed = energy_error(run.t, watts, gaps, spans[span], moved)
+                moved = instant_error(run, phased.v_smooth, instants, limits)
+            changed = energy_error(run.t, watts, gaps, spans[span], moved, limits.smoothing)
             bridged[name] = tuple(changed.tolist())
             # the net energy of a reciprocating machine may be small
             flow = energy if rig.phases.by_motion else integrals(run.t, np.abs(watts).__getitem__, spans[span])
-            share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(np.abs(flow), 1e-9), 0.0)
+            share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(np.abs(flow), nothing), 0.0)
             place = "its window" if span == "window" else "the cycle"
             faults[place] = gap_faults(name, place, gaps, spans[span], share, limits) | faults[place]
     return Energies(

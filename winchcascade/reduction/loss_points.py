@@ -27,17 +27,20 @@ from winchcascade.reduction.reduction_result import Reduction
 STORING = ("line", "hyd")
 """Stages next to which gas, oil or inertia store energy: no loss follows from their power at an instant."""
 
-BLOCK_LENGTH = 0.5
-"""Length of the blocks of a motion: longer than the ringing of the shaft, shorter than the acceleration of a crane. [s]"""
+BLOCK_LENGTH = 5 / 6
+"""Length of the blocks of a motion as a share of the width that smooths the velocity: longer than the ringing of the shaft,
+shorter than the acceleration of a crane. [1]"""
 
-SMOOTHING = 0.44
-"""Width of the local quadratic that gives speed and voltage at the ends of a block, from which stored energy follows. [s]"""
+SMOOTHING = 11 / 15
+"""Width of the local quadratic that gives speed and voltage at the ends of a block, from which stored energy follows, as a
+share of the same. [1]"""
 
-TURNING = 0.5
-"""Mean speed from which the shaft turns: below, bearings stick and resolution decides. [rad/s]"""
+TURNING = 2.0
+"""Mean speed from which the shaft turns, in onset speeds: below, bearings stick and resolution decides. [1]"""
 
-SPEED_CHANGE_MAX = 0.02
-"""Largest rate at which the speed changes within a point, as a share of the speed, where the inertia is unknown. [1/s]"""
+SPEED_CHANGE_MAX = 0.012
+"""Largest change of the speed within a point, as a share of the speed, in the time of that width, where the inertia is unknown.
+[1]"""
 
 
 def columns_at(torque: Signal, speed: Signal) -> Signal:
@@ -144,8 +147,9 @@ def loss_points(reduction: Reduction) -> LossPoints:
     between = powers[stages[0]], powers[stages[1]]
     found, length = _points(reduction, between, run.channels, spans), np.ptp(spans, axis=1)
     change = np.ptp(_at_ends(reduction, _shaft_speed(run.channels, rig), spans), axis=1)
-    unsteady = (change > SPEED_CHANGE_MAX * found[:, 1] * length) & (rig.drivetrain.inertia_rotor is None)
-    resting = found[:, 1] < TURNING
+    allowed = SPEED_CHANGE_MAX * found[:, 1] * length / rig.thresholds.smoothing
+    unsteady = (change > allowed) & (rig.drivetrain.inertia_rotor is None)
+    resting = found[:, 1] < TURNING * onset_of_shaft(rig)
     reasons = {"shaft at rest": resting, "speed changes and inertia_rotor is unknown": unsteady & ~resting}
     left_out = {reason: int(of.sum()) for reason, of in reasons.items() if of.any()}
     good = ~resting & ~unsteady
@@ -185,7 +189,7 @@ def _points(reduction: Reduction, powers: tuple[Power, Power], channels: Mapping
     speed = _shaft_speed(channels, rig)
     watts = [power.stream(channels, rig.r_drum)(slice(None)) for power in powers]
     mech = stages_of_loss(rig.cascade).index("mech")
-    turning = np.abs(speed) > TURNING
+    turning = np.abs(speed) > TURNING * onset_of_shaft(rig)
     torque = np.where(turning, watts[mech] / np.where(turning, speed, 1.0), 0.0)
     torque = channels.get("torque", torque)
     # A rig file may count a logged torque with the other sign, by that of the power of the shaft made of it.
@@ -204,6 +208,12 @@ def _points(reduction: Reduction, powers: tuple[Power, Power], channels: Mapping
     energy = [0.5 * size * np.diff(_at_ends(reduction, x, spans) ** 2, axis=1)[:, 0] for size, x in stores]
     stored = np.sum(energy, axis=0) / np.ptp(spans, axis=1)
     return np.column_stack((means[0] * turned, np.abs(means[1]), means[2], means[3], stored, means[4:].T))
+
+
+def onset_of_shaft(rig: Rig) -> float:
+    """Onset speed of the line at the drum, else that of a shaft without a line. [rad/s]"""
+    line = math.inf if rig.r_drum is None else rig.thresholds.v_onset / rig.r_drum
+    return line if math.isfinite(line) else rig.phases.omega_onset
 
 
 def _shaft_speed(channels: Mapping[str, Signal], rig: Rig) -> Signal:
@@ -227,7 +237,7 @@ def _spans(reduction: Reduction) -> tuple[Signal, Index]:
     spans: list[tuple[float, float]] = []
     for first, stop in stretches_of(driven).tolist():  # cut into blocks of equal length
         begin, end = float(run.t[first]), float(run.t[stop - 1])
-        count = int((end - begin) / BLOCK_LENGTH)
+        count = int((end - begin) / (BLOCK_LENGTH * rig.thresholds.smoothing) + 1e-6)
         spans += pairwise(np.linspace(begin, end, count + 1).tolist() if count else [])
     blocks = np.array(spans).reshape(-1, 2)
     return blocks, np.searchsorted([c.phases.onset for c in complete], blocks[:, 0], side="right") - 1
@@ -243,11 +253,11 @@ def _at_ends(reduction: Reduction, x: Signal, spans: Signal) -> Signal:
 
     Cycles that are points of their own are smoothed each for itself: beside a step of a dynamometer lies another speed.
     """
-    t = reduction.run.t
+    t, width = reduction.run.t, SMOOTHING * reduction.rig.thresholds.smoothing
     if not _apart(reduction.rig):
-        return np.interp(spans, t, local_quadratic(t, x, SMOOTHING))
+        return np.interp(spans, t, local_quadratic(t, x, width))
     ends = np.empty(spans.shape)
     for k, (first, last) in enumerate(np.searchsorted(t, spans).tolist()):
         of = slice(first, last + 1)
-        ends[k] = np.interp(spans[k], t[of], local_quadratic(t[of], x[of], SMOOTHING))
+        ends[k] = np.interp(spans[k], t[of], local_quadratic(t[of], x[of], width))
     return ends

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
 import numpy as np
+from msgspec.structs import replace
 
 from winchcascade.core.integrate import largest, median
 from winchcascade.core.rig_file import PhaseRule, Rig
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.phase_sources import find_steps, find_waves, smoothed_motion
 from winchcascade.reduction.phased_run import PhasedRun
+from winchcascade.reduction.phases import Cycle
 from winchcascade.reduction.reduction_result import CycleResult
 
 MANY_WAVES = 5
@@ -23,8 +26,11 @@ FEW_ROWS = 500
 RECIPROCATES = 0.2
 """Smallest share of the top speed that a reciprocating motion reaches in the other direction. [1]"""
 
-SEA_PERIOD = 30.0
-"""Median period up to which a motion without plateaus is that of waves: swell has 20 s at most, a crane needs more. [s]"""
+RESTS = 0.1
+"""Share of the time for which a line that follows waves rests at most: a sine does for a fiftieth, a crane for a third. [1]"""
+
+ALIKE = 2.0
+"""Largest ratio of the times of payout and haul-in of waves: a kite pays out for three times as long as it hauls in. [1]"""
 
 STEADY = 0.5
 """Share of its payouts in which a crane keeps its speed; a sine does so in a fifth of each wave. [1]"""
@@ -44,7 +50,11 @@ def no_cycles(run: Run, rig: Rig) -> str:
             f'{run.name}: no cycle found by "{rig.phases.source}" under [phases] of the rig {rig.name}. Check its values of '
             'payout and its thresholds there and under [thresholds], or choose another source, such as from = "whole".'
         )
-    expected = f"expected the line to pay out more than {limits.stroke_min:g} m at more than {limits.v_onset:g} m/s"
+    expected = "expected the line to pay out, and it rests"
+    if math.isfinite(limits.v_onset):
+        expected = (
+            f"expected the line to pay out more than {limits.stroke_min:.3g} m at more than {limits.v_onset:.3g} m/s"
+        )
     if "velocity" not in run.channels:
         expected = "expected the line to pay out, and the log has no velocity of the line"
     return f"{run.name}: no payout found; {expected}. {_proposal(run, rig)} under [phases] of a rig file."
@@ -88,7 +98,8 @@ def other_source(phased: PhasedRun, results: Sequence[CycleResult]) -> list[Find
     payouts.
     """
     run, cycles, found = phased.run, phased.cycles, ""
-    if phased.rig.phases != PhaseRule() or not cycles:
+    left_open = replace(phased.rig.phases, rpm_onset=math.nan, turns_min=math.nan) == PhaseRule()
+    if not left_open or not cycles:
         return []
     derived = any(f.kind == "derived_channel" and f.channel == "velocity" for f in run.findings)
     if derived and run.channels.keys().isdisjoint({"displacement", "force", "pressure"}):
@@ -103,11 +114,22 @@ def other_source(phased: PhasedRun, results: Sequence[CycleResult]) -> list[Find
     steady = sum(plateau.braking - plateau.begin for plateau in phased.plateaus if plateau is not None)
     if not found and steady < STEADY * sum(cycle.payout_end - cycle.onset for cycle in cycles):
         waves = find_waves(run.t, phased.v_smooth, phased.rig.thresholds.v_onset)
-        period = median(np.array([wave.haul_in[1] - wave.onset for wave in waves if wave.haul_in] or [np.inf]))
-        if MANY_WAVES <= len(waves) <= 2 * len(cycles) and period <= SEA_PERIOD:
+        if MANY_WAVES <= len(waves) <= 2 * len(cycles) and _like_waves(phased, waves):
+            period = median(np.array([wave.haul_in[1] - wave.onset for wave in waves if wave.haul_in]))
             found = (
                 f"a line that reciprocates without rests, in {len(waves)} waves of {period:.1f} s: for the energies of whole "
                 'waves and of the record set from = "waves"'
             )
     message = f"the log shows {found} under [phases] of a rig file"
     return [Finding("phase_source", message, "cycles are payouts")] if found else []
+
+
+def _like_waves(phased: PhasedRun, waves: Sequence[Cycle]) -> bool:
+    """Whether a motion of some waves hardly rests, and takes about as long in both directions."""
+    halves = [(wave.payout_end - wave.onset, wave.haul_in[1] - wave.payout_end) for wave in waves if wave.haul_in]
+    if not halves:
+        return False
+    out, back = (median(np.array(half)) for half in zip(*halves, strict=True))
+    rows = phased.rows(waves[0].onset, waves[-1].onset + out + back)
+    still = np.mean(np.abs(phased.v_smooth[rows]) <= phased.rig.thresholds.v_onset)
+    return bool(still <= RESTS) and max(out, back) <= ALIKE * min(out, back)

@@ -22,8 +22,8 @@ from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps, gap_limits
 from winchcascade.reduction.phases import Cycle, detect, sides, smoothed_velocity
 
-BESIDE_GAP = 1e-6
-"""Time between a gap and a span that does not touch it. [s]"""
+BESIDE_GAP = 1e-5
+"""Time between a gap and a span that does not touch it, as a share of a sampling interval. [1]"""
 
 MIN_STRETCH = 2.0
 """Minimum length of a stretch between two gaps, in sampling intervals; shorter ones are left out."""
@@ -118,8 +118,9 @@ def _spans(run: Run, rig: Rig) -> list[tuple[float, float]]:
     if rig.phases.source == "whole":
         gaps = all_gaps(run, tuple(run.channels))
         gaps = gaps[gaps[:, 1] - gaps[:, 0] > gap_limits(run, rig).gap_max]
-        begins = [begin, *(np.maximum.accumulate(gaps[:, 1]) + BESIDE_GAP).tolist()]
-        ends = [*(gaps[:, 0] - BESIDE_GAP).tolist(), end]
+        beside = BESIDE_GAP / run.fs
+        begins = [begin, *(np.maximum.accumulate(gaps[:, 1]) + beside).tolist()]
+        ends = [*(gaps[:, 0] - beside).tolist(), end]
         return [(a, b) for a, b in zip(begins, ends, strict=True) if b - a > MIN_STRETCH / run.fs]
     apart = all(b <= c for (_, b), (c, _) in pairwise(ranges))
     if not ranges or ranges[0][0] < begin or ranges[-1][1] > end or not apart:

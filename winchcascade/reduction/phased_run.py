@@ -11,6 +11,7 @@ import numpy as np
 from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import extremes, integrals, median
+from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.phase_sources import find_cycles
@@ -89,6 +90,7 @@ def find_phases(run: Run, rig: Rig, rule: WindowRule, cycles: tuple[int, int] | 
     ------
     OptionError : the log has none of these cycles
     """
+    rig = with_thresholds(rig, [run])
     detected, v_smooth = find_cycles(run, rig)
     by_motion = rig.phases.by_motion
     if cycles is not None:

@@ -27,9 +27,9 @@ PEAK_OF_NOISE = 1.5
 OVERTAKEN = 1.5
 """A reversal is one inside a motion only if the motion then goes on by more than this many times the reversal."""
 
-REST = 2.0
-"""A jog, which travels less than `stroke_min`, is apart from a motion if a rest longer than this lies between them: shorter
-stops are a line that tightens or a crane that takes up its load. [s]"""
+REST = 10 / 3
+"""A jog, which travels less than `stroke_min`, is apart from a motion if a rest longer than this many widths of the smoothing
+lies between them: shorter stops are a line that tightens or a crane that takes up its load. [1]"""
 
 
 class Cycle(msgspec.Struct, frozen=True):
@@ -199,10 +199,11 @@ def _motion(t: Signal, runs: _Runs, leg: tuple[int, int], thresholds: Thresholds
     top = max(runs.peak[k] for k in along)
     minimum = min(max(PEAK_OF_NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
     motions = [k for k in along if runs.peak[k] >= minimum]
+    rest = REST * thresholds.smoothing
     parts: list[list[int]] = []
     for k in range(motions[0], motions[-1] + 1):
         if runs.peak[k] >= minimum or runs.peak[k] == 0.0:  # what moves in a gap is unknown and no rest
-            if not parts or t[runs.start[k]] - t[runs.stop[parts[-1][-1]] - 1] > REST:
+            if not parts or t[runs.start[k]] - t[runs.stop[parts[-1][-1]] - 1] > rest:
                 parts.append([])
             parts[-1].append(k)
     strokes = []
@@ -233,8 +234,8 @@ def crossing(t: Signal, v: Signal, k: int, level: float, *, ends: bool = False) 
 def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Thresholds) -> Plateau | None:
     """Find the plateau of a payout: None where the speed never stays near its top for `plateau_hold`.
 
-    The plateau's speed is the median of the velocities above 90 % of their 99th percentile. It begins with the first
-    0.2 s throughout which the velocity is at or above 98 % of that; braking begins after the last sample that is.
+    The plateau's speed is the median of the velocities above 90 % of their 99th percentile. It begins with the first stretch of
+    that length throughout which the velocity is at or above 98 % of that; braking begins after the last sample that is.
     """
     first, last = int(t.searchsorted(cycle.onset)), int(t.searchsorted(cycle.payout_end, side="right"))
     v = v_smooth[first:last]

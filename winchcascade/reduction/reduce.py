@@ -15,6 +15,7 @@ from winchcascade.core.arguments import CYCLES, check_arguments
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import integrals_of
 from winchcascade.core.jobs import side_by_side
+from winchcascade.core.log_thresholds import thresholds_finding, with_thresholds
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Finding, Run, Signal
@@ -83,7 +84,7 @@ def reduce(
     >>> len(reduce("fixtures/campaign/r36ohm.csv").cycles)
     3
     """
-    run = _read(run, rig, load)
+    run, given = _read(run, rig, load), rig
     check_arguments("reduce", ("cycles", cycles, CYCLES))
     rig, rule = _fitting(run, rig, window)
     cycles = run.cycles if cycles is None else cycles
@@ -94,6 +95,7 @@ def reduce(
     )
     action = 'name yours: --rig FILE, rig = "FILE" in campaign.toml, or rig=load_rig(FILE) in Python'
     assumed = [Finding("rig_assumed", message, action)] if rig.assumed else []
+    read = run.findings if given is None or run.rig is None else _of_rig(run, given, rig)
     findings = [*_not_given(phased, cycles), *check_lengths(phased, windows)]
 
     def integrate() -> tuple[Energies, tuple[Bin, ...]]:
@@ -119,7 +121,7 @@ def reduce(
         max_deviation_percent=deviation if rig.phases.repeats else Metrics((), rig.cascade.all_metrics),
         total=total,
         bins=bins,
-        quality=(*assumed, *other_source(phased, results), *run.findings, *findings),
+        quality=(*assumed, *other_source(phased, results), *read, *findings),
         bridged=energy.bridged,
         sampled=sampled(thinned, energy),
         measured_load=measured_load(log),
@@ -149,6 +151,18 @@ def _read(given: Run | str | Path | pd.DataFrame, rig: Rig | None, load: float |
     return given
 
 
+def _of_rig(run: Run, given: Rig, rig: Rig) -> list[Finding]:
+    """Findings of a run where its thresholds are those of another rig, which is complete here.
+
+    Parameters
+    ----------
+    given, rig : as the call gave it, and with thresholds of the run
+    """
+    found = thresholds_finding(given, rig)
+    others = [finding for finding in run.findings if finding.kind != "thresholds_assumed"]
+    return [*others, *([] if found is None else [found])]
+
+
 def _fitting(run: Run, given: Rig | None, window: str | float | None) -> tuple[Rig, WindowRule]:
     """The rig of a call or of a run, with the signs that the run was read with, and the rule of its windows.
 
@@ -159,6 +173,7 @@ def _fitting(run: Run, given: Rig | None, window: str | float | None) -> tuple[R
     """
     rig = given_rig("reduce", given, run.rig)
     read_with = run.rig or rig
+    rig = with_thresholds(rig, [run])
     if run.signs:
         rig = replace(rig, cascade=rig.cascade.as_read(run.signs))
     known = {*rig.known_channels, *read_with.known_channels}

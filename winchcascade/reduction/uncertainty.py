@@ -26,7 +26,7 @@ from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
 from winchcascade.core.arguments import SEED_NUMBER, check_arguments
 from winchcascade.core.cascade import Stream, Term
 from winchcascade.core.errors import check_type
-from winchcascade.core.integrate import integrals_of
+from winchcascade.core.integrate import integrals_of, largest
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Index, Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
@@ -242,7 +242,8 @@ def error_model(reduction: Reduction) -> ErrorModel:
         limit = math.sqrt(3.0) * u if radius.rectangular else None
         sources.append(ErrorSource(R_DRUM, "gain", u, limit, radius.source, basis))
     sums = [(abs(e.integrals[-1].sum()), abs(e.joules.sum())) for e in energies.values()]
-    if share := max((float(thinned / joules) for thinned, joules in sums if joules > NOTHING), default=0.0):
+    least = NOTHING * max((float(joules) for _, joules in sums), default=0.0)
+    if share := max((float(thinned / joules) for thinned, joules in sums if joules > least), default=0.0):
         origin = "reduction of every second and third sample"
         sources.append(ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling"))
         for energy in energies.values():
@@ -276,7 +277,7 @@ def _is_on_drum(run: Run, rig: Rig) -> bool:
     motion, speed = run.channels.get("velocity"), run.channels.get("speed")
     if rig.winch.motion == "drum" or motion is None or speed is None or rig.r_drum is None:
         return rig.winch.motion == "drum"
-    return bool(np.allclose(motion, speed * rig.r_drum, rtol=1e-9, atol=1e-9))
+    return bool(np.allclose(motion, speed * rig.r_drum, rtol=1e-9, atol=1e-9 * largest(motion)))
 
 
 def _of_sensors(sensors: Mapping[str, Sensor], energies: Mapping[str, Energy]) -> list[ErrorSource]:

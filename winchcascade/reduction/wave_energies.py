@@ -17,7 +17,7 @@ from winchcascade.core.accuracy import ErrorSource, Shape
 from winchcascade.core.cascade import field_of
 from winchcascade.core.integrate import integrals
 from winchcascade.core.run import Signal
-from winchcascade.reduction.efficiency import NOTHING, not_negative, ratio
+from winchcascade.reduction.efficiency import not_negative, ratio
 from winchcascade.reduction.gap_error import all_gaps, energy_error
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Energy, ErrorModel, error_model, integrated
@@ -163,7 +163,9 @@ def _record(reduction: Reduction, model: ErrorModel) -> tuple[dict[str, Energy],
     duration, found = float(np.ptp(pieces, axis=1).sum()), {}
     for stage, (terms, joules) in integrated(reduction, pieces).items():
         watts = next(s for s in rig.cascade.stages if s.name == stage).watts(run.channels, rig.r_drum)
-        missed = energy_error(run.t, np.asarray(watts), gaps[bridged], run.t[[[0, -1]]], np.zeros(1))
+        missed = energy_error(
+            run.t, np.asarray(watts), gaps[bridged], run.t[[[0, -1]]], np.zeros(1), rig.thresholds.smoothing
+        )
         waves = model.energies.get(stage)
         per_second = 0.0 if waves is None else waves.integrals[-1].sum() / (waves.t.sum() or math.inf)
         whole = np.append(joules.sum(axis=1), per_second * duration)[:, None]
@@ -237,10 +239,11 @@ def _with_ratios(waves: WaveEnergies, pairs: Mapping[str, tuple[str, str]]) -> W
     for name, (into, out) in pairs.items():
         if into in energy and out in energy:
             taken, given = float(energy[into].sum()), float(energy[out].sum())
-            errors = [(e.of_ratio(into, out, energy), e.shape) for e in waves.errors if taken > NOTHING]
+            eta = ratio(given, taken)
+            errors = [(e.of_ratio(into, out, energy), e.shape) for e in waves.errors if eta is not None]
             found = ratio_of_sums(
-                not_negative(ratio(given, taken)), energy[into], energy[out], counts=waves.counts,
-                errors=errors if known >= {into, out} and taken > NOTHING else None,
+                not_negative(eta), energy[into], energy[out], counts=waves.counts,
+                errors=errors if known >= {into, out} and eta is not None else None,
             )  # fmt: skip
             efficiency[name] = replace(found, between=(into, out))
     for stage, joule in waves.record_energy.items():

@@ -16,11 +16,12 @@ from winchcascade.core.integrate import ENOUGH, GAUSS, median, median_and_error,
 from winchcascade.core.run import Finding, Mask, Signal
 from winchcascade.ingest.checks.samples import Samples
 
-BLOCK_TIME = 1.0
-"""Minimum duration of a block: noise of the sensors averages out, and a lag between the channels matters little. [s]"""
+BLOCK_TIME = 5 / 3
+"""Minimum duration of a block as a share of the width that smooths the velocity: noise of the sensors averages out, and a lag
+between the channels matters little. [1]"""
 
-SHORT_BLOCK = 0.2
-"""The same where smoothing is sought: a fifth of the ramps of a crane. [s]"""
+SHORT_BLOCK = 1 / 3
+"""The same where smoothing is sought: a quarter of a ramp. [1]"""
 
 MOVING = 2.0
 """A block moves above this many times the onset speed, and rests below once that speed. [1]"""
@@ -39,10 +40,11 @@ ALIKE = 0.3
 """A block that deviates by less than this share counts: a slow sensor in a fast log makes blocks that differ. [1]"""
 
 ZERO = 1 / 6
-"""A zero below this share of the onset speed does not matter: 0.005 m/s, 0.6 % of a payout at 0.86 m/s. [1]"""
+"""A zero below this share of the onset speed does not matter: 0.6 % of the speed of a payout. [1]"""
 
-SMOOTHING_MIN = 0.1
-"""Smallest standard deviation of a smoothing that is reported: an average over 0.35 s, half of what detection applies. [s]"""
+SMOOTHING_MIN = 1 / 6
+"""Smallest standard deviation of a smoothing that is reported, as a share of the width that detection applies: that of an
+average over half of it. [1]"""
 
 DRIVEN = 0.3
 """The shaft is driven above this share of its largest power or speed, three samples in a thousand left out. [1]"""
@@ -83,9 +85,9 @@ def speed_blocks(log: Samples, rows: int) -> SpeedBlocks:
 
 
 def mean_speeds(log: Samples, v_onset: float) -> SpeedBlocks:
-    """Blocks of a second or more without holes and gaps; coarse steps of an encoder make them longer."""
+    """Blocks of `BLOCK_TIME` or more without holes and gaps; coarse steps of an encoder make them longer."""
     usual = log.interval
-    seconds = max(BLOCK_TIME, MOVING * smallest_step(log.channels["displacement"]) / v_onset)
+    seconds = max(BLOCK_TIME * log.smoothing, MOVING * smallest_step(log.channels["displacement"]) / v_onset)
     rows = max(1, round(min(seconds / usual, float(log.t.size))))
     blocks = speed_blocks(log, rows)
     return blocks.known(blocks.seconds < 1.5 * rows * usual)
@@ -96,7 +98,7 @@ def clock_mismatch(log: Samples) -> str | None:
 
     Without a displacement, stamps that are too far apart to smooth the velocity are described.
     """
-    usual, smoothing = log.interval, log.rig.thresholds.smoothing
+    usual, smoothing = log.interval, log.smoothing
     if "velocity" not in log.channels or "displacement" not in log.channels:
         return (
             f"stamps are {usual:.4g} s apart, and the velocity is smoothed over {smoothing:g} s; no other channel confirms the "
@@ -105,7 +107,7 @@ def clock_mismatch(log: Samples) -> str | None:
             else None
         )
     # Whatever the clock, a log has more than a hundred blocks.
-    rows = min(BLOCK_TIME / usual, max(1.0, log.t.size / 200.0))
+    rows = min(BLOCK_TIME * smoothing / usual, max(1.0, log.t.size / 200.0))
     blocks = speed_blocks(log, round(rows))
     blocks = blocks.known((np.abs(blocks.v) > MOVING * log.rig.thresholds.v_onset) & (blocks.by_displacement != 0.0))
     if blocks.v.size < MIN_BLOCKS:
@@ -190,14 +192,15 @@ def _smoothing(log: Samples) -> float | None:
     A kernel of standard deviation s and mean lag adds, to second order, -lag v' + s**2 / 2 v'' to a velocity: least squares of
     the difference of the block means give both. The noise of the velocity itself makes the coefficient of v'' negative.
     """
-    rows = max(1, round(SHORT_BLOCK / log.interval))
+    short = SHORT_BLOCK * log.smoothing
+    rows = max(1, log.rows(short))
     h = rows * log.interval
     blocks = SpeedBlocks(*(x[:ENOUGH] for x in speed_blocks(log, rows)))
     v, off = blocks.v, (blocks.v - blocks.by_displacement)[1:-1]
     rise, bend = 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2
     terms = np.column_stack((np.ones(off.size), v[1:-1], rise, bend))
     known = np.isfinite(bend) & np.isfinite(off) & (np.abs(blocks.seconds[1:-1] - h) < 0.5 * h)
-    if h > 2.0 * SHORT_BLOCK or np.count_nonzero(known) < 10 * MIN_BLOCKS:
+    if h > 2.0 * short or np.count_nonzero(known) < 10 * MIN_BLOCKS:
         return None
     terms, off = terms[known], off[known]
     normal = terms.T @ terms
@@ -207,7 +210,8 @@ def _smoothing(log: Samples) -> float | None:
     found = inverse @ (terms.T @ off)
     u = math.sqrt(float(np.sum((off - terms @ found) ** 2)) / (off.size - found.size) * float(inverse[-1, -1]))
     half_variance = float(found[-1]) - log.interval**2 / 12.0  # trapezoids between samples smooth by as much
-    return math.sqrt(2.0 * half_variance) if half_variance > max(0.5 * SMOOTHING_MIN**2, 2.0 * CERTAIN_U * u) else None
+    least = 0.5 * (SMOOTHING_MIN * log.smoothing) ** 2
+    return math.sqrt(2.0 * half_variance) if half_variance > max(least, 2.0 * CERTAIN_U * u) else None
 
 
 def compare_powers(log: Samples) -> None:

@@ -29,8 +29,9 @@ BEYOND = 1.5
 ONE_END = 0.25
 """Smallest jump into or out of a held value that is left or entered without one, in ranges: a clutch engages by less. [1]"""
 
-HELD_TIME = 0.2
-"""Shortest time for which a value is held that is entered or left without a jump. [s]"""
+HELD_TIME = 1 / 3
+"""Shortest time for which a value is held that is entered or left without a jump, as a share of the width that smooths the
+velocity. [1]"""
 
 MIN_HELD = 6
 """Fewest equal samples of a stale value: by chance a channel that repeats one sample in fifty does so once in 3e8. [1]"""
@@ -64,8 +65,9 @@ CONTINUES = 2.5
 """A sample of white noise continues the line of those before it so many times as often as any three samples lie on a line: the
 standard deviation of a second difference is the square root of 6 times that of the noise. [1]"""
 
-TRAVEL = 0.1
-"""Travel of the line after which displacement, pressure and a held velocity must show it: beyond lag and stretch. [m]"""
+TRAVEL = 0.5
+"""Travel of the line after which displacement, pressure and a held velocity must show it, as a share of the smallest stroke:
+beyond lag and stretch. [1]"""
 
 STEPS = 5.0
 """The same in steps of the resolution of the channel. [1]"""
@@ -123,7 +125,10 @@ def jumped(log: Samples, name: str) -> Mask:
     limit = max(-low if math.isfinite(low) else high, high)  # whichever sign is that of payout
     spikes = set(_spikes(log, name, x, at))
     by_travel = name == "velocity" and "displacement" in log.channels  # which decides, however small the jump
-    one_end = level.long_fault if by_travel else ONE_END * level.span, max(round(HELD_TIME / log.interval), MIN_HELD)
+    one_end = (
+        level.long_fault if by_travel else ONE_END * level.span,
+        max(log.rows(HELD_TIME * log.smoothing), MIN_HELD),
+    )
     stretches = spikes.union(_held(x, at, level.long_fault, one_end))
     for first, after in sorted(stretches, key=lambda ends: ends[1] - ends[0]):
         begin, last, inside = int(place[first]), int(place[after - 1]) + 1, x[first:after]
@@ -281,6 +286,7 @@ def _travels_on(log: Samples, name: str, first: int, last: int) -> bool | None:
     """Whether the line travels while a channel that follows it is held; None for other channels."""
     v, x = log.channels.get("velocity"), log.channels.get("displacement")
     t, part, level = log.t[first:last], slice(first, last), log.level(name)
+    travel = TRAVEL * log.rig.thresholds.stroke_min
     if v is None or (x is None and name == "velocity"):
         return None
     if name == "velocity" and x is not None:
@@ -288,14 +294,14 @@ def _travels_on(log: Samples, name: str, first: int, last: int) -> bool | None:
         along = abs(float(v[first])) * float(t[-1] - t[0])
         update = 1.5 * float(np.nanmax(np.abs(np.diff(x[part])), initial=0.0))  # of a displacement that is held, too
         coarse = STEPS * level.step * float(t[-1] - t[0])
-        least = max(TRAVEL, STEPS * log.level("displacement").step, 0.2 * max(moved, along), update, coarse)
+        least = max(travel, STEPS * log.level("displacement").step, 0.2 * max(moved, along), update, coarse)
         return True if abs(moved - along) > least and moved > 0.0 else None
     if name not in ("displacement", "pressure") or not log.by_line:
         return None
     reach = log.level("displacement").span if x is not None else float(np.nanmean(np.abs(v)) * (log.t[-1] - log.t[0]))
     per_metre = (1.0 if name == "displacement" else level.span / (reach or np.inf)) or math.inf
     moves = np.where(np.abs(v[part]) > 2.0 * log.rig.thresholds.v_onset, v[part], 0.0)  # no zero error, and no hole
-    return abs(float(np.trapezoid(moves, t))) > max(TRAVEL, max(STEPS * level.step, OF_NOISE * level.noise) / per_metre)
+    return abs(float(np.trapezoid(moves, t))) > max(travel, max(STEPS * level.step, OF_NOISE * level.noise) / per_metre)
 
 
 def filled_gaps(log: Samples, name: str) -> Mask:

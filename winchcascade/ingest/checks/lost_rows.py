@@ -31,7 +31,7 @@ def put_back(log: Samples) -> Signal:
     """
     gaps = []
     t, x, thresholds = log.t, log.channels["displacement"], log.rig.thresholds
-    step = max(log.level("displacement").step, 1e-9)
+    step = log.level("displacement").step
     for before, metres, speed in _jumps(log):
         start, repair, after = float(log.t[before]), None, before + 1
         end, travel = start, abs(speed) * float(log.t[after] - start)

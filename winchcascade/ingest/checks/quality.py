@@ -7,13 +7,14 @@ from collections.abc import Collection, Mapping
 import msgspec
 import numpy as np
 
+from winchcascade.core.log_thresholds import completed, is_complete, log_scales, thresholds_finding
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Mask, Repair, Repairs, Signal
 from winchcascade.ingest.assign import gives_result
 from winchcascade.ingest.checks.agreement import clock_mismatch, compare_motions, compare_powers
 from winchcascade.ingest.checks.faults import FILLED_ROWS, JUMPS, STILL, Fault
 from winchcascade.ingest.checks.lost_rows import put_back
-from winchcascade.ingest.checks.samples import SLOPE_WIDTH, Samples, slope
+from winchcascade.ingest.checks.samples import SLOPE_WIDTH, Samples
 from winchcascade.ingest.checks.sensors import (
     MAY_HOLD,
     is_constant,
@@ -25,7 +26,7 @@ from winchcascade.ingest.checks.sensors import (
 )
 from winchcascade.ingest.checks.signs import correct_signs, directed, give_direction
 
-APPLIED = ("missing_channel", "derived_channel", "not_a_number", "sign_flipped")
+APPLIED = ("missing_channel", "derived_channel", "not_a_number", "sign_flipped", "thresholds_assumed")
 """Findings whose action does not change a number that was logged: these are done without repairs, too."""
 
 MIN_CHECKED = 50
@@ -36,7 +37,7 @@ class Checked(msgspec.Struct, frozen=True):
     """Stamps, channels without holes, the gaps that were bridged in each, (k, 2) stamps [s], and what was found.
 
     `t` differs from the stamps of the log where rows were lost while the clock was renumbered; `clock` holds the gaps there.
-    `signs` has -1 for each channel that is logged with the opposite sign.
+    `signs` has -1 for each channel that is logged with the opposite sign. `rig` has complete thresholds.
     """
 
     t: Signal
@@ -44,6 +45,7 @@ class Checked(msgspec.Struct, frozen=True):
     gaps: dict[str, Signal]
     findings: tuple[Finding, ...]
     clock: Signal
+    rig: Rig
     signs: Mapping[str, float] = {}
 
 
@@ -61,7 +63,8 @@ def check(
     repairs : "off" keeps what was logged; only cells without a number are bridged
     """
     logged = {name: x.copy() for name, x in channels.items()} if repairs == "off" else None
-    log = Samples(t, channels, rig, open_circuit)
+    log, complete = Samples(t, channels, rig, open_circuit), is_complete(rig, channels)
+    log.rig = completed(rig, log_scales(t, _typical(log), rig)) if not complete else rig
     if not simulated and "displacement" not in channels:  # with a displacement the clock shows them
         repeated_rows(log)
     _take_out_holes(log)
@@ -72,7 +75,7 @@ def check(
     if not (simulated or v is None or displacement is None) and is_constant(v) and not is_constant(displacement):
         leave_out(log, "velocity", "left out")
     if not gives_result(channels, rig):
-        return Checked(t, {}, {}, tuple(log.findings), np.empty((0, 2)))
+        return Checked(t, {}, {}, tuple(log.findings), np.empty((0, 2)), rig)
     renumbered = np.empty((0, 2)) if simulated else _check_clock(log)
     both = not simulated and "velocity" in channels and "displacement" in channels
     _complete_velocity(log)
@@ -94,9 +97,17 @@ def check(
         ):
             compare_motions(log)
         compare_powers(log)
+    log.rig = completed(rig, log_scales(log.t, log.channels, rig)) if not complete else rig
+    assumed = thresholds_finding(rig, log.rig)
+    log.findings += [] if assumed is None else [assumed]
     if logged is not None:
         return _as_logged(log, t, logged, signs, turned=turned)
     return _checked(log, renumbered, signs)
+
+
+def _typical(log: Samples) -> dict[str, Signal]:
+    """Channels within the range in which each usually moves: spikes and codes show no scale."""
+    return {name: np.clip(x, *log.level(name)[:2]) for name, x in log.channels.items()}
 
 
 def _run(log: Samples, fault: Fault, without: Collection[str] = ()) -> None:
@@ -157,8 +168,8 @@ def _complete_velocity(log: Samples) -> None:
     if "velocity" in log.channels:
         return
     if "displacement" in log.channels:
-        source, velocity = "displacement", slope(log.t, log.channels["displacement"])
-        action = f"derived from the displacement: its slope, smoothed over {SLOPE_WIDTH:g} s"
+        source, velocity = "displacement", log.slope()
+        action = f"derived from the displacement: its slope, smoothed over {SLOPE_WIDTH * log.smoothing:.3g} s"
     elif "speed" in log.channels and log.rig.r_drum is not None:
         source, velocity = "speed", log.channels["speed"] * log.rig.r_drum
         action = f"derived from the speed of rotation with the drum radius of {log.rig.r_drum:g} m"
@@ -215,4 +226,4 @@ def _checked(log: Samples, renumbered: Signal, signs: Mapping[str, float]) -> Ch
     if force is not None and force.min() < 0 and not slack:
         what = "have a line tension below zero (for a rod, state line_can_push = true under [winch] of the rig file)"
         log.report("slack_line", "force", force < 0, what, removed=False)
-    return Checked(log.t, log.channels, gaps, tuple(log.findings), renumbered, signs)
+    return Checked(log.t, log.channels, gaps, tuple(log.findings), renumbered, log.rig, signs)

@@ -18,8 +18,9 @@ from winchcascade.core.smooth import local_quadratic
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SLOPE_WIDTH = 0.4
-"""Width of the local quadratic of a displacement whose slope is a velocity: the steps of an encoder do not show. [s]"""
+SLOPE_WIDTH = 2 / 3
+"""Width of the local quadratic of a displacement whose slope is a velocity, as a share of that which smooths a velocity: the
+steps of an encoder do not show. [1]"""
 
 SPREAD = 20_000
 """Number of samples, evenly over the log, that show the range of a channel. [1]"""
@@ -37,6 +38,9 @@ OF_NOISE = 8.0
 FAR = 5.0
 """Distance of a value from the range of a channel, in ranges, beyond which it is no measurement. [1]"""
 
+
+ROUNDED_STAMPS = 1e-6
+"""Share of an interval by which stamps are rounded. [1]"""
 
 Directions: TypeAlias = "NDArray[np.int8]"
 """1, -1 or 0 for each sample."""
@@ -135,9 +139,18 @@ class Samples(msgspec.Struct):
         return self.levels[name]
 
     @property
+    def smoothing(self) -> float:
+        """Width over which detection smooths a velocity: the time in which the machine does something else. [s]"""
+        return self.rig.thresholds.smoothing
+
+    @property
     def interval(self) -> float:
         """Usual interval between samples. [s]"""
         return median(np.diff(self.t[:BLOCK]))
+
+    def rows(self, seconds: float) -> int:
+        """Number of samples in a time, however its digits and those of the stamps are rounded."""
+        return round(min(seconds / self.interval, float(self.t.size)) - ROUNDED_STAMPS)
 
     @property
     def by_line(self) -> bool:
@@ -203,16 +216,16 @@ class Samples(msgspec.Struct):
             if name in self.channels and bad.any():
                 x = whole(self.t, self.channels[name])
                 if name == "velocity" and "displacement" in self.channels:
-                    x = np.where(bad, slope(self.t, self.channels["displacement"]), x)
+                    x = np.where(bad, self.slope(), x)
                 self.channels[name] = x
                 first, after = stretches_of(bad).T
                 gaps[name] = self.t[np.column_stack((np.maximum(first - 1, 0), np.minimum(after, self.t.size - 1)))]
         return gaps
 
-
-def slope(t: Signal, displacement: Signal) -> Signal:
-    """Velocity from the displacement, smoothed so that the steps of the encoder do not show. [m/s]"""
-    return np.gradient(local_quadratic(t, whole(t, displacement), SLOPE_WIDTH), t)
+    def slope(self) -> Signal:
+        """Velocity from the displacement, smoothed so that the steps of the encoder do not show. [m/s]"""
+        travel = whole(self.t, self.channels["displacement"])
+        return np.gradient(local_quadratic(self.t, travel, SLOPE_WIDTH * self.smoothing), self.t)
 
 
 def whole(t: Signal, x: Signal) -> Signal:

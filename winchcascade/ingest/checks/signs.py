@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
+from winchcascade.core.accuracy import CERTAIN, part_uncertainty
 from winchcascade.core.integrate import ENOUGH, ends_of, median
 from winchcascade.core.run import Finding, Mask, Repair, Signal
 from winchcascade.ingest.checks.agreement import DRIVEN, MIN_BLOCKS, MOVING, mean_speeds
-from winchcascade.ingest.checks.samples import Samples, slope
+from winchcascade.ingest.checks.samples import Samples
 
 LARGER = 1.2
 """A channel votes if it is this many times as large in one direction as in the other. [1]"""
 
-IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.03, "speed": 0.5}
-"""What a channel of the other sign must exceed to be called flipped: well above zeros and noise. [N, N m, W, V, A, rad/s]"""
+POSITIVE = ("force", "torque", "power_mech", "vdc", "idc", "speed")
+"""Channels that are positive in payout."""
+
+ABOVE_NOISE = 2.0
+"""Standard deviations of its noise that the median of a channel must exceed to show its sign: hundreds of samples count. [1]"""
 
 VACUUM = -1.05e5
 """No gauge pressure lies below it. [Pa]"""
@@ -29,19 +31,20 @@ FOLLOWS = 0.2
 
 def correct_signs(log: Samples) -> dict[str, float]:
     """Correct the sign of channels that are logged with the opposite one, and report them; -1 for each."""
-    flipped = opposite_signs(log.channels)
+    flipped = opposite_signs(log)
     for name, why in flipped.items():
         log.channels[name] = -log.channels[name]
         _report(log, name, f"{name} has the opposite sign: {why}", "sign corrected")
     return dict.fromkeys(flipped, -1.0)
 
 
-def opposite_signs(channels: Mapping[str, Signal]) -> dict[str, str]:
+def opposite_signs(log: Samples) -> dict[str, str]:
     """Channels that are logged with the opposite sign, each with the reason.
 
     Line tension, torque and voltage are larger in payout, and the pressure rises with it: the majority of them decides the
     sign of the velocity. The displacement follows the velocity; forces, torques and powers are positive in payout.
     """
+    channels = log.channels
     if "velocity" not in channels:
         return {}
     flipped: dict[str, str] = {}
@@ -55,7 +58,7 @@ def opposite_signs(channels: Mapping[str, Signal]) -> dict[str, str]:
     for name in ("force", "torque", "vdc"):
         if name in some and (name != "force" or all(way.any() for way in ways)):  # idle, it is not without tension
             out, back = (median(np.abs(some[name][way])) if way.any() else 0.0 for way in ways)
-            if max(out, back) > IDLE[name]:
+            if max(out, back) > _idle(log, name):
                 votes += int(out > LARGER * back) - int(back > LARGER * out)
     if votes < 0:
         v = -v
@@ -63,15 +66,24 @@ def opposite_signs(channels: Mapping[str, Signal]) -> dict[str, str]:
     if "displacement" in some and _follows(some["displacement"], v) < 0:
         flipped["displacement"] = "it falls while the line pays out"
     paid_out = _fast(v)
-    for name, idle in IDLE.items():
-        if name in some and paid_out.any() and median(some[name][paid_out]) < -idle:
+    for name in POSITIVE:
+        if name in some and paid_out.any() and median(some[name][paid_out]) < -_idle(log, name):
             flipped[name] = "it is negative while the line pays out"
     return flipped
 
 
+def _idle(log: Samples, name: str) -> float:
+    """What a channel must exceed to show its sign: zero and noise of its sensor; infinite for one of noise alone about a zero
+    that is not stated. [SI unit of the channel]
+    """
+    level, zero = log.level(name), CERTAIN * part_uncertainty(log.rig.sensors.get(name), "zero")
+    drives = log.rig.thresholds.tau_engaged if name == "torque" else 0.0
+    return max(drives, zero, ABOVE_NOISE * level.noise) if zero or level.moves else np.inf
+
+
 def _fast(v: Signal) -> Mask:
     """Samples that move outward at more than a share of the top speed in that direction."""
-    return v > max(DRIVEN * float(np.max(v, initial=0.0)), 1e-6)
+    return v > DRIVEN * float(np.max(v, initial=0.0))
 
 
 def _follows(x: Signal, v: Signal) -> int:
@@ -95,7 +107,7 @@ def give_direction(log: Samples) -> bool:
 def directed(log: Samples) -> Signal:
     """The speed with the direction of the displacement. [m/s]"""
     v = log.channels["velocity"]
-    return np.where(slope(log.t, log.channels["displacement"]) < 0, -np.abs(v), np.abs(v))
+    return np.where(log.slope() < 0, -np.abs(v), np.abs(v))
 
 
 def is_without_sign(log: Samples, v_onset: float, stroke_min: float) -> bool:

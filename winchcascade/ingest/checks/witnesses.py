@@ -20,8 +20,9 @@ APART = 2.0
 MEDIAN_OF = 3
 """Number of samples whose median is the level beside an edge: a neighbour may be a spike. [1]"""
 
-SETTLES = 0.5
-"""Time after an edge in which the powers of other stages have followed it: five times that of rotor and DC link. [s]"""
+SETTLES = 5 / 6
+"""Time after an edge in which the powers of other stages have followed it, as a share of the width that smooths the velocity:
+five times that of rotor and DC link. [1]"""
 
 HOLDS = 0.5
 """Another channel continues if it departs, relative to its level, by less than this share of what the suspect does. [1]"""
@@ -87,7 +88,7 @@ def contradicted(log: Samples, name: str, first: int, last: int) -> bool:
     """
     x, least, n = log.channels[name], log.level(name).long_fault, log.t.size
     begins, ends = (0 < k < n and bool(abs(x[k] - x[k - 1]) > least) for k in (first, last))
-    reach = max(MEDIAN_OF, int(SETTLES / log.interval))
+    reach = max(MEDIAN_OF, log.rows(SETTLES * log.smoothing))
     if not ends:
         last = min(first + reach, last)
     elif not begins:

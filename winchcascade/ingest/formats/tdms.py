@@ -44,8 +44,8 @@ LENGTH_SHARE_MAX = 0.01
 WHOLE_SAMPLE_SHARE = 0.01
 """A shift that is this close to a whole number of samples is one; so is a ratio of intervals to one. [samples]"""
 
-TRIM_REPORTED_MIN = 1.0
-"""Longest stretch that may be cut from the ends without a finding. [s]"""
+TRIM_REPORTED_MIN = 1 / 40
+"""Longest stretch that may be cut from the ends without a finding, as a share of the log: loops do not stop together. [1]"""
 
 CHANNELS_MAX = 2000
 """Channels of a file; a log has a few dozen, and its groups are compared with each other."""
@@ -336,7 +336,7 @@ def common_stamps(
         )
     t = reference.start + reference.step * np.arange(int(first), int(last) + 1, dtype=np.float64)
     trimmed = max(ends) - min(begins) - (t[-1] - t[0])
-    if trimmed <= TRIM_REPORTED_MIN:
+    if trimmed <= TRIM_REPORTED_MIN * (max(ends) - min(begins)):
         return t, ()
     lost = round(trimmed / reference.step)
     span = f"between {min(begins):.3f} and {max(ends):.3f} s"

@@ -19,8 +19,9 @@ from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, Phased
 TIME_CONSTANTS = 5.0
 """Number of time constants after which 0.7 % remains, which counts as nothing."""
 
-RUN_DOWN = 1.0
-"""Time constant with which the rotor runs down where the rig file lacks its inertia or its drag. [s]"""
+RUN_DOWN = 5 / 3
+"""Time constant with which the rotor runs down where the rig file lacks its inertia or its drag, in widths that smooth the
+velocity. [1]"""
 
 KNOWN = 0.01
 """Standard uncertainty of the frictionless force at rest: gas, piston and pressure sensor. [1]"""
@@ -62,9 +63,9 @@ def waits_of(log: PhasedLog) -> dict[str, float]:
     Vdc and Idc do not in open circuit, where the bleed resistance alone discharges the capacitor over many seconds, nor does
     the torque of a rig whose file states no one-way clutch.
     """
-    rig, load = log.rig, log.run.load
+    rig, load, smoothing = log.rig, log.run.load, log.rig.thresholds.smoothing
     inertia, drag, capacity = rig.drivetrain.inertia_rotor, rig.drivetrain.b_rotor, rig.dc_link.c_dc
-    run_down = inertia.value / drag.value if inertia and drag and drag.value > 0.0 else RUN_DOWN
+    run_down = inertia.value / drag.value if inertia and drag and drag.value > 0.0 else RUN_DOWN * smoothing
     waits = {"torque": TIME_CONSTANTS * run_down} if rig.drivetrain.one_way_clutch else {}
     if load is not None and math.isfinite(load):
         both = TIME_CONSTANTS * (run_down + load * (capacity.value if capacity else 0.0))

@@ -12,7 +12,7 @@ from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import ENOUGH, GAUSS, median, smallest_step, white_noise
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog
-from winchcascade.reduction.efficiency import NOTHING, ratio
+from winchcascade.reduction.efficiency import SMALLEST, ratio
 from winchcascade.reduction.phased_run import travel_in
 
 IMPLAUSIBLE = 0.01
@@ -55,7 +55,8 @@ def odd_ratios(log: PhasedLog) -> Iterator[Fault]:
         power = stage.power(log.run.channels, log.rig.r_drum) or stage.powers[0]
         got, put = (sum(c.metrics[energy] or 0.0 for c in log.complete) for energy in (out, into))
         each = [(f"cycle {c.cycle}", c.metrics[out] or 0.0, c.metrics[into] or 0.0) for c in log.results]
-        known = [of for of in ([("all waves together", got, put)] if waves else each) if of[1] and abs(of[2]) > NOTHING]
+        tested = [("all waves together", got, put)] if waves else each
+        known = [of for of in tested if of[1] and abs(of[2]) > log.energies.nothing]
         across = name == cascade.overall and len(cascade.stages) > 2
         for fault, odd in (
             ("above_one", [of for of in known if of[1] > of[2] > 0.0]),
@@ -121,7 +122,7 @@ def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
     fault, x = "other_stroke", np.array(travel_in(log.run, np.reshape(windows, (-1, 2))))
     if log.phased.rule != "payout":
         speeds = [log.phased.v_smooth[log.phased.rows(*window)] for window in windows]
-        kept = [float(v.sum()) / max(float(np.maximum.accumulate(v).sum()), NOTHING) for v in speeds]
+        kept = [float(v.sum()) / max(float(np.maximum.accumulate(v).sum()), SMALLEST) for v in speeds]
         fault, x = "stopped", np.array(kept)
     usual = np.array([median(np.delete(x, k)) for k in range(x.size)])
     scatter = np.array([GAUSS * median(np.abs(np.delete(x, k) - middle)) for k, middle in enumerate(usual)])

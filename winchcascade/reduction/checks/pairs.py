@@ -17,23 +17,28 @@ from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import largest, white_noise
 from winchcascade.core.run import Mask, Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog, Span
+from winchcascade.reduction.efficiency import SMALLEST
 
-SAME_TIME = 0.1
-"""Smallest lag that is reported between channels without a physical lag: energies change by more than 0.5 %. [s]"""
+SAME_TIME = 1 / 6
+"""Smallest lag that is reported between channels without a physical lag, as a share of the width that smooths the velocity, as
+all times here: energies change by more than 0.5 %. [1]"""
 
-OF_THE_MACHINE = 0.35
-"""The same between velocity and Vdc: rotor and capacitor lag by up to 0.2 s, and a back-EMF that falls with the current changes
-Vdc like 0.15 s. [s]"""
+OF_THE_MACHINE = 7 / 12
+"""The same between velocity and Vdc: rotor and capacitor lag by up to a third, and a back-EMF that falls with the current
+changes Vdc like a quarter. [1]"""
 
-SLOPE = 0.2
-"""Time on either side over which slopes are taken, or one sample where samples are farther apart. [s]"""
+SLOPE = 1 / 3
+"""Time on either side over which slopes are taken, or one sample where samples are farther apart. [1]"""
+
+SURE = 1 / 600
+"""Smallest standard error of a lag that is stated. [1]"""
 
 UNLIKE = 0.1
 """Two signals follow each other if the residual is less than this share of the variance; a lag explains their difference if it
 leaves less than five times this share of it. [1]"""
 
-FAR_LAGS = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
-"""Lags from which the search starts where the signals do not follow each other without one; the last is the longest. [s]"""
+FAR_LAGS = (-20 / 3, -10 / 3, -5 / 3, -5 / 6, 5 / 6, 5 / 3, 10 / 3, 20 / 3)
+"""Lags from which the search starts where the signals do not follow each other without one; the last is the longest. [1]"""
 
 LOWEST = 0.1
 """Lowest level of a step, as a share of the largest value, and its distance from that: beyond are zeros, and noise of the
@@ -41,7 +46,8 @@ plateau. [1]"""
 
 
 class Pair(NamedTuple):
-    """Two channels x and y of one payout: names, lag that physics explains [s], span [s] and stamps [s].
+    """Two channels x and y of one payout: names, lag that physics explains [s], span [s], stamps [s], and the width that
+    smooths the velocity [s].
 
     `rows` are x, y and what else y depends on, (m, n), `v` is the smoothed velocity, (n,) [m/s]. `degree` is that of the
     polynomial of x that y follows but for steps, 0 where the two are not compared for steps; `ramp` marks the samples outside
@@ -53,6 +59,7 @@ class Pair(NamedTuple):
     degree: int
     span: Span
     t: Signal
+    smoothing: float
     rows: Signal
     v: Signal
     ramp: Mask
@@ -99,7 +106,7 @@ def pairs_of(log: PhasedLog, k: int) -> Iterator[Pair]:
         inside = log.phased.rows(start, stop)
         t, rows = run.t[inside], np.array([channels[name][inside] for name in (first, second, *beside)])
         ramp = (t < settled) | (t > braking - limits.settle)
-        return Pair((first, second), limit, degree, (cycle.onset, end), t, rows, v[inside], ramp)
+        return Pair((first, second), limit * blur, degree, (cycle.onset, end), t, blur, rows, v[inside], ramp)
 
     if {"displacement", "velocity"} <= channels.keys():
         of = pair("displacement", "velocity", SAME_TIME, 0, cycle.onset - blur, end + blur, "time")
@@ -134,7 +141,7 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     weight = inverse @ (np.einsum("ij,j->i", columns, y) / size)
     residual = y - np.einsum("i,ij->j", weight / size, columns)
     left = float(residual @ residual)
-    following = float(residual[1:] @ residual[:-1]) / max(left, 1e-30)
+    following = float(residual[1:] @ residual[:-1]) / max(left, SMALLEST)
     fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
     error = np.sqrt(inverse.diagonal() * left * fewer / y.size)
     return Fitted(weight / size, error / size, left / of_y)
@@ -147,7 +154,12 @@ def late(log: PhasedLog, group: Sequence[Pair]) -> Iterator[Fault]:
     if lags:
         lag, _ = max(lags, key=lambda of: abs(of[0].seconds))
         early, behind = group[0].names if lag.seconds > 0.0 else group[0].names[::-1]
-        values = {"early": early, "seconds": abs(lag.seconds), "u": max(lag.u, 0.001), "least": limit}
+        values = {
+            "early": early,
+            "seconds": abs(lag.seconds),
+            "u": max(lag.u, SURE * group[0].smoothing),
+            "least": limit,
+        }
         yield Fault("late", behind, sorted({span for _, span in lags}), values)
 
 
@@ -159,10 +171,10 @@ def lag_of(pair: Pair, limit: float) -> Lag | None:
         return None
     if any(np.ptp(x, axis=0) < 2.0 * CERTAIN * white_noise(x) for x in pair.rows[:2]):
         return None
-    tried = [found, *(at_lag(pair, lag) for lag in (() if alike else FAR_LAGS))]
+    tried = [found, *(at_lag(pair, lag * pair.smoothing) for lag in (() if alike else FAR_LAGS))]
     for _ in range(4):  # a filter delays as its slope does, without a shift: then the first remains the best
         found = min((one for one in tried if one is not None), key=lambda one: one.residual, default=None)
-        if found is None or abs(found.seconds) > FAR_LAGS[-1]:
+        if found is None or abs(found.seconds) > FAR_LAGS[-1] * pair.smoothing:
             return None
         tried.append(at_lag(pair, found.seconds))
     unmoved = fit(np.delete(pair.rows, 1, axis=0), pair.rows[1])
@@ -175,7 +187,7 @@ def at_lag(pair: Pair, applied: float) -> Lag | None:
     """Lag of y behind x by one regression after a lag is applied; None where they do not rise alike."""
     if pair.t.size < MIN_COMPARED:
         return None
-    at, half = pair.t - applied, max(SLOPE, float(pair.t[-1] - pair.t[0]) / (pair.t.size - 1))
+    at, half = pair.t - applied, max(SLOPE * pair.smoothing, float(pair.t[-1] - pair.t[0]) / (pair.t.size - 1))
     within = pair.t[-1] - pair.t[0] - 2.0 * half + 1e-6 * half  # as stamps are rounded
     kept = np.abs(2.0 * at - pair.t[0] - pair.t[-1]) <= within
     before, here, after = (np.interp(at[kept] + shift, pair.t, pair.rows[0]) for shift in (-half, 0.0, half))

@@ -14,7 +14,7 @@ from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.cascade import ELECTRICAL, Power
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
-from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
+from winchcascade.reduction.efficiency import ratio, runs_idle
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.phase_summary import PhaseSummary
 from winchcascade.reduction.phased_run import PhasedRun, span_end
@@ -101,7 +101,9 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         stages = [stage for stage in self.rig.cascade.stages if not (self.idle and stage.name in ELECTRICAL)]
         known = {stage.name: stage.power(self.run.channels, self.rig.r_drum) for stage in stages}
         joules = self.energies.joules
-        return {name: power for name, power in known.items() if power and max(joules[name] or [0.0]) > NOTHING}
+        return {
+            name: power for name, power in known.items() if power and max(joules[name] or [0.0]) > self.energies.nothing
+        }
 
     @cached_property
     def points(self) -> OperatingPoints:

@@ -19,7 +19,7 @@ import numpy as np
 from winchcascade.core.integrate import integrals, median, quantile, white_noise
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog
-from winchcascade.reduction.efficiency import NOTHING
+from winchcascade.reduction.efficiency import SMALLEST
 from winchcascade.reduction.efficiency_changes import REPEATABILITY
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.phased_run import PhasedRun, find_phases, find_windows
@@ -69,7 +69,7 @@ def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
                 if same.size and (watts := stream(channels, rig.r_drum)) is not None:
                     into = np.array(energies.joules[stage])[same]
                     changed = integrals(t, watts, np.array([[window.onset, window.cutoff]])) - into
-                    changes[stage][row, same] = changed / np.maximum(np.abs(into), NOTHING)
+                    changes[stage][row, same] = changed / np.maximum(np.abs(into), energies.nothing)
     if run.open_circuit:
         changes.pop("gen", None)  # no current flows, so that any of it is a large share
     return {stage: change[:, whole] for stage, change in changes.items()}
@@ -119,7 +119,7 @@ def held_channels(log: PhasedLog) -> Iterator[Fault]:
         for name in power.channels:
             every = update_interval(run.channels[name][phased.rows(cycle.onset, cycle.payout_end)])
             late = 0.5 * (every - 1) / run.fs
-            if joules > NOTHING and late * watts / joules >= REPORTED and name not in reported:
+            if joules > log.energies.nothing and late * watts / joules >= REPORTED and name not in reported:
                 reported.add(name)
                 values = {"every": every, "interval": every / run.fs, "late": late, "error": late * watts / joules}
                 yield Fault("held", name, [(cycle.onset, cycle.payout_end)], values)
@@ -150,11 +150,11 @@ def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
         for term in power.terms:
             for name, other in zip(term.channels, term.channels[::-1], strict=True):
                 weight = float(np.abs(logged[other]).mean()) if other != name else 1.0
-                share = 0.5 * abs(term.scale(log.rig.r_drum)) * weight / max(watts, NOTHING)
+                share = 0.5 * abs(term.scale(log.rig.r_drum)) * weight / max(watts, SMALLEST)
                 errors[name] = max(errors.get(name, 0.0), share)
     for name, per_step in errors.items():
         onset = OF_ONSET * log.rig.thresholds.v_onset if name == "velocity" else math.inf
-        step = recorded_step(log.samples(name, payouts), min(REPORTED / max(per_step, NOTHING), onset))
+        step = recorded_step(log.samples(name, payouts), min(REPORTED / max(per_step, SMALLEST), onset))
         if step and per_step * step < 1e9:
             yield Fault("coarse_resolution", name, (), {"step": step, "error": per_step * step})
 
