@@ -55,6 +55,10 @@ class Linear:
         return sum(len(self.suspects[other].fields) for other in NAMES[: NAMES.index(name)])
 
     @property
+    def exclusive(self) -> tuple[frozenset[str], ...]:
+        return ()
+
+    @property
     def begins(self) -> dict[str, tuple[float, ...]]:
         return {}
 

@@ -66,6 +66,10 @@ class Hidden:
         return np.where(np.array(NAMES) == HIDDEN, size**2, size)
 
     @property
+    def exclusive(self) -> tuple[frozenset[str], ...]:
+        return ()
+
+    @property
     def begins(self) -> dict[str, tuple[float, ...]]:
         return {HIDDEN: (float(self.sd[NAMES.index(HIDDEN)]),)}
 

@@ -15,7 +15,8 @@ from winchcascade.ingest.checks.signs import opposite_signs
 
 def opposite(signals: dict[str, Signal]) -> list[str]:
     """Channels that are found to be of the opposite sign, in a log at 25 Hz of the rig of the paper."""
-    return [*opposite_signs(Samples(0.04 * np.arange(signals["velocity"].size), signals, built_in()))]
+    t = np.arange(signals["velocity"].size, dtype=np.float64) / 25.0
+    return [*opposite_signs(Samples(t, signals, built_in()))]
 
 
 def turned(signals: dict[str, Signal], flipped: Sequence[str]) -> set[str]:

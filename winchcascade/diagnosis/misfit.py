@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
+from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.scales import motion_of_runs, scales_of
 from winchcascade.diagnosis.block_means import (
     HAUL_IN,
@@ -113,6 +114,7 @@ class Fitted:
         cycles: Sequence[tuple[int, int] | None] | None = None,
         withheld: Collection[int] = (),
     ) -> None:
+        rig = with_thresholds(rig, runs)
         self._same, self.stated_by_run = _without_changes_by_run(rig)
         self.rig, self.nominal, self.withheld = rig, baseline(self._same), frozenset(withheld)
         runs = [with_channels_of(self.nominal, run) for run in runs]
