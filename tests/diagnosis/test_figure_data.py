@@ -81,7 +81,7 @@ def test_the_cycle_with_the_largest_gap_is_shown_and_the_effects_bring_the_simul
     rows = np.searchsorted(run.t, item.onset + item.t - 1e-6)
     zeros = run.channels["force"][rows] - logged[:, FORCE]
     assert zeros == pytest.approx(found.data.zeros(found.found.best.nu)[item.log][FORCE])
-    assert -LEAD <= item.t[0] < 0.0 < item.payout_end < item.t[-1]
+    assert -LEAD * found.data.scales.motion.time <= item.t[0] < 0.0 < item.payout_end < item.t[-1]
     out = (item.t > 2.0) & (item.t < item.payout_end - 1.0)
     before, after = (np.sqrt(np.mean((logged - x)[out, VDC] ** 2)) for x in (given, caused))
     assert after < 0.3 * before

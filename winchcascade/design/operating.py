@@ -17,7 +17,7 @@ from winchcascade.rig import physics
 from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.physics import RPM
 from winchcascade.rig.simulate import even_motion
-from winchcascade.rig.steps import COARSE, resolving
+from winchcascade.rig.steps import COARSE, RESOLVED, rate_of_the_rotor, resolving
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
@@ -27,7 +27,7 @@ MOVES = 1e-3
 """Share of its top speed above which the line pays out. [1]"""
 
 SCALED_BY = 2000
-"""Number of even samples that show the scales of a motion. [1]"""
+"""Number of even samples that show the scales of a motion beside its own. [1]"""
 
 QUANTITIES = {
     "rpm": "rpm", "p_line_w": "W", "p_mech_w": "W", "p_gen_w": "W", "eta_trans": "1", "eta_gen": "1", "eta_pto": "1",
@@ -112,14 +112,13 @@ def path_of(motion: Motion, model: Model) -> Path:
     RigError : no step resolves the model
     """
     takes = float(motion.t[-1] - motion.t[0])
-    t = np.linspace(motion.t[0], motion.t[-1], SCALED_BY)
+    t = np.union1d(motion.t, np.linspace(motion.t[0], motion.t[-1], SCALED_BY))
     scale = motion_of_log(t, np.interp(t, motion.t, motion.v)) or MotionScale(motion.speed, takes, 1.0)
     rest = physics.REST * scale.speed
-    step = resolving(model, scale, COARSE)
-    if takes > MOST_STEPS * step:
-        longest = f"{MOST_STEPS * step:.0f} s at most, {MOST_STEPS:g} steps"
-        raise OptionError(f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {longest}.")
-    even = even_motion(motion.t, motion.v, step, rest)
+    longest = MOST_STEPS * min(COARSE * scale.ramp, RESOLVED / rate_of_the_rotor(model, scale.speed))
+    if takes > longest:
+        raise OptionError(f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {longest:.0f} s at most.")
+    even = even_motion(motion.t, motion.v, resolving(model, scale, COARSE), rest)
     pays_out = (even.v > MOVES * scale.speed).astype(np.float64)
     return Path(even, physics.direction(even.v, rest), pays_out, motion.cycles)
 
