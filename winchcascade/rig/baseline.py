@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -85,7 +86,8 @@ def model_of(rig: Rig) -> Model | NoModel:
     if rig.drivetrain.direct:
         numbers["drivetrain"]["eta_mesh"] = 1.0
     numbers["generator"]["i_rated"] = rated_current(rig)
-    numbers["winch"]["stribeck_speed"] = NEAR_STANDSTILL * rig.thresholds.v_onset
+    if math.isfinite(rig.thresholds.v_onset):
+        numbers["winch"]["stribeck_speed"] = NEAR_STANDSTILL * rig.thresholds.v_onset
     model = Model(**{section: kind(**numbers[section]) for section, kind in PARTS.items()})
     model = with_part(model, "winch", goes_slack=not (rig.restoring.has_gas or rig.winch.line_can_push))
     for effect in stated_effects(rig):
