@@ -104,7 +104,7 @@ c_dc = {{ value = 2.2, unit = "mF", u_percent = 10 }}
 r_bleed = {{ value = 4500, unit = "ohm" }}
 load_u_percent = 0.1
 {sensors}
-{PAPER_RULES}"""
+{PAPER_RULES.replace("rpm_bin", "# rpm_bin")}"""
 
 
 def own_rig(kind: str, shaft: str = "geared") -> Rig:
