@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 from openlog import motion_run
+from paper_rules import PAPER_RULES
 
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import parse_rig
@@ -85,7 +86,7 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 def own_text(kind: str, shaft: str = "geared") -> str:
-    """Text of a whole rig file: a drum of 0.2 m, a restoring module and a shaft of the tables above."""
+    """Text of a whole rig file: a drum of 0.2 m, restoring module and shaft of the tables above, the rules of the paper."""
     sensors = "\n".join(
         f'[sensors.{name}]\nunit = "{unit}"\nu_zero = {zero}\nu_gain = 0.001'
         for name, (unit, zero) in SENSORS.items()
@@ -103,7 +104,7 @@ c_dc = {{ value = 2.2, unit = "mF", u_percent = 10 }}
 r_bleed = {{ value = 4500, unit = "ohm" }}
 load_u_percent = 0.1
 {sensors}
-"""
+{PAPER_RULES.replace("rpm_bin", "# rpm_bin")}"""
 
 
 def own_rig(kind: str, shaft: str = "geared") -> Rig:

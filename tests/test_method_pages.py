@@ -51,22 +51,27 @@ def defaults_of(kind: type[msgspec.Struct]) -> dict[str, float]:
 
 
 def test_the_method_states_every_threshold_of_a_rig_file_with_its_default() -> None:
-    found, thresholds = stated("method"), defaults_of(Thresholds)
+    found, paper = stated("method"), built_in().thresholds
+    thresholds = {name: getattr(paper, name) for name in defaults_of(Thresholds)}
     assert thresholds.keys() <= found.keys()
     assert found.items() <= {**defaults_of(PhaseRule), **thresholds}.items()
 
 
 PERCENT = 100.0
 
+RULES = built_in().thresholds
+WIDTH = RULES.smoothing
+"""What the page writes in seconds and metres is of the paper's rig: shares of its thresholds."""
+
 CHECKED = {
     "`spike`: one to 5 samples": (faults.SHORT, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE),
-    "`spike`: code": (samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, faults.HELD_TIME, PERCENT * faults.ONE_END),
-    "`stuck`": (faults.MIN_HELD, math.exp(faults.CERTAIN), faults.TRAVEL),
+    "`spike`: code": (samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, WIDTH * faults.HELD_TIME, PERCENT * faults.ONE_END),
+    "`stuck`": (faults.MIN_HELD, math.exp(faults.CERTAIN), RULES.stroke_min * faults.TRAVEL),
     "`clock_mismatch`: jump": (lost_rows.LARGE[0], lost_rows.MAX_JUMPS),
     "`clock_mismatch` ": (PERCENT * agreement.UNIT, agreement.GAIN_MAX),
     "`out_of_range`": (sensors.MIN_REPEATS, PERCENT * agreement.GAIN, agreement.CERTAIN_U),
     "`load_mismatch`": (accuracy.CERTAIN, PERCENT * load.MISMATCH, load.SAME_NOISE),
-    "`channel_lag`": (accuracy.CERTAIN, pairs.SAME_TIME, pairs.OF_THE_MACHINE),
+    "`channel_lag`": (accuracy.CERTAIN, WIDTH * pairs.SAME_TIME, WIDTH * pairs.OF_THE_MACHINE),
     "`zero_offset`": (at_rest.TIME_CONSTANTS, accuracy.CERTAIN),
     "`gain_step`": (PERCENT * phased_log.REPORTED / 2.0, accuracy.CERTAIN + 1.0),
     "`dead_channel`": (cycles.OPPOSED,),
@@ -79,9 +84,9 @@ CHECKED = {
         efficiency_changes.MOVES, 1.0 / efficiency_changes.ALPHA, PERCENT * efficiency_changes.REPEATABILITY,
         PERCENT * between_runs.ETA_SCATTER, between_runs.ETA_DISTANCE_MIN,
     ),
-    "## Phases": (phases.PEAK_OF_NOISE, phases.OVERTAKEN, phases.REST),
+    "## Phases": (phases.PEAK_OF_NOISE, phases.OVERTAKEN, WIDTH * phases.REST),
     "## Incomplete cycles": (
-        gap_error.INSTANT_REACH, PERCENT * gap_error.WHOLE_RECORD, PERCENT * gap_error.WHOLE_ENERGY,
+        WIDTH * gap_error.INSTANT_REACH, PERCENT * gap_error.WHOLE_RECORD, PERCENT * gap_error.WHOLE_ENERGY,
     ),
 }  # fmt: skip
 """Constants of each row or part of the page on the method, in the unit in which it states them."""
