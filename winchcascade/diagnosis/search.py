@@ -554,18 +554,22 @@ def _is_hopeless(fit: Fit) -> bool:
 
 
 def _promising(found: Found, expansion: Expansion) -> list[Names]:
-    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and no fit shows it yet."""
+    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and no fit shows it yet.
+
+    The expansion must foresee of them about as much as of the best set, too: it errs alike in both.
+    """
     evidence, here = expansion.evidence, expansion.acting
     worth = {names: evidence.worth(fit) for names, fit in found.sets().items()}
     level, best = evidence.worth(found.fits[here]), max(worth.values())
     least = best - max(NEARLY * (best - level), DOUBTFUL)
+    known = expansion.worth(max(worth, key=worth.__getitem__))
     chosen: list[Names] = []
     for names in neighbours(expansion, here):
         foreseen = level + expansion.worth(names) - expansion.worth(here)
         if len(chosen) == REFITTED or foreseen <= least:
             break
         unknown = foreseen > worth.get(names, -math.inf) + DOUBTFUL and names not in found.centres
-        if unknown and found.allowed(names):
+        if unknown and expansion.worth(names) > known - DOUBTFUL and found.allowed(names):
             chosen.append(names)
     return chosen
 
