@@ -121,6 +121,15 @@ def test_a_search_goes_on_from_a_fit_with_more_evidence_wherever_it_was_made() -
     assert gone_on(beside).best.names == TRUE
 
 
+def test_a_fit_that_ended_early_is_made_again_from_the_best() -> None:
+    found = msgspec.structs.replace(hidden(), fits={**hidden().fits}, tried=set())
+    alone = (TRUE[0],)
+    fit = found.fit(alone)
+    stuck = msgspec.structs.replace(fit, x=0.0 * fit.x, loss=fit.loss + 500.0)
+    again = msgspec.structs.replace(found, fits={**found.fits, alone: stuck}, tried=set())
+    assert again.fit(alone).loss == pytest.approx(fit.loss, abs=0.1)
+
+
 def test_a_set_that_is_rejected_is_not_the_best_again() -> None:
     found = hidden()
     rejected = msgspec.structs.replace(found, fits={**found.fits}, rejected=frozenset({TRUE}))

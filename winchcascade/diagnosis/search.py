@@ -412,8 +412,8 @@ class Centre(msgspec.Struct, frozen=True):
 class Found(msgspec.Struct, frozen=True):
     """What a search found: the best fit, that without any cause, the newest fit of each set, and the expansion about the best.
 
-    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none with one of the
-    `imitators`, is the best, whatever its evidence.
+    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none with one of the `imitators`,
+    is the best, whatever its evidence. `tried` are sets with the best set from which they were fitted again.
     """
 
     best: Fit
@@ -424,6 +424,7 @@ class Found(msgspec.Struct, frozen=True):
     centres: dict[Names, Centre] = {}
     rejected: frozenset[Names] = frozenset()
     imitators: frozenset[str] = frozenset()
+    tried: set[tuple[Names, Names]] = set()
 
     @property
     def evidence(self) -> Evidence:
@@ -441,13 +442,23 @@ class Found(msgspec.Struct, frozen=True):
         return self.expansion.evidence.problem
 
     def fit(self, names: Names, start: Mapping[str, Signal] | None = None) -> Fit:
-        """The fit of a set, found by the search or else begun from its best fit."""
+        """The fit of a set, begun from the best one where the search made none, or one that is worse than foreseen there."""
         ordered = tuple(sorted(names))
-        if ordered not in self.fits:
+        known, way = self.fits.get(ordered), (self.best.names, ordered)
+        if known is None or (way not in self.tried and self._foresees_more(known)):
+            self.tried.add(way)
             columns = None if start else self.expansion.columns[:, self.expansion.index(ordered)]
             begin = start_of(self.best) | dict(start or {})
-            self.fits[ordered] = fit_set(self.problem, self.marginal, ordered, begin, columns)
+            made = fit_set(self.problem, self.marginal, ordered, begin, columns)
+            if known is None or _is_more(self.evidence, made, known):
+                self.fits[ordered] = made
         return self.fits[ordered]
+
+    def _foresees_more(self, known: Fit) -> bool:
+        """Whether the expansion about the best foresees clearly more of a set than its fit has."""
+        expansion, evidence, best = self.expansion, self.evidence, self.best
+        foreseen = expansion.rated(known.names) - expansion.rated(best.names)
+        return foreseen > evidence.of(known) - evidence.of(best) + DOUBTFUL
 
     def allowed(self, names: Names) -> bool:
         """Whether a set may be the best."""
@@ -555,18 +566,22 @@ def _is_hopeless(fit: Fit) -> bool:
 
 
 def _promising(found: Found, expansion: Expansion) -> list[Names]:
-    """Sets near to that of an expansion that may be as good as the best, and are not fitted as well yet."""
+    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and no fit shows it yet.
+
+    The expansion must foresee of them about as much as of the best set, too: it errs alike in both.
+    """
     evidence, here = expansion.evidence, expansion.acting
     worth = {names: evidence.worth(fit) for names, fit in found.sets().items()}
     level, best = evidence.worth(found.fits[here]), max(worth.values())
     least = best - max(NEARLY * (best - level), DOUBTFUL)
+    known = expansion.worth(max(worth, key=worth.__getitem__))
     chosen: list[Names] = []
     for names in neighbours(expansion, here):
         foreseen = level + expansion.worth(names) - expansion.worth(here)
         if len(chosen) == REFITTED or foreseen <= least:
             break
         unknown = foreseen > worth.get(names, -math.inf) + DOUBTFUL and names not in found.centres
-        if unknown and found.allowed(names):
+        if unknown and expansion.worth(names) > known - DOUBTFUL and found.allowed(names):
             chosen.append(names)
     return chosen
 
