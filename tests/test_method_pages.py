@@ -65,7 +65,9 @@ WIDTH = RULES.smoothing
 
 CHECKED = {
     "`spike`: one to 5 samples": (faults.SHORT, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE),
-    "`spike`: code": (samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, WIDTH * faults.HELD_TIME, PERCENT * faults.ONE_END),
+    "`spike`: code": (
+        samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, WIDTH * faults.HELD_TIME, PERCENT * faults.ONE_END,
+    ),
     "`stuck`": (faults.MIN_HELD, math.exp(faults.CERTAIN), RULES.stroke_min * faults.TRAVEL),
     "`clock_mismatch`: jump": (lost_rows.LARGE[0], lost_rows.MAX_JUMPS),
     "`clock_mismatch` ": (PERCENT * agreement.UNIT, agreement.GAIN_MAX),
