@@ -13,6 +13,7 @@ from winchcascade.core.accuracy import open_circuit_current
 from winchcascade.core.arguments import CYCLES, check_arguments
 from winchcascade.core.errors import LogError, RigError, check_type
 from winchcascade.core.integrate import median
+from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
 from winchcascade.core.rig_toml import given_rig
@@ -174,7 +175,7 @@ def calibrate(run: Run, rig: Rig | None = None, *, cycles: tuple[int, int] | Non
     """
     check_type("calibrate", run, Run, "read_run(log)")
     check_arguments("calibrate", ("cycles", cycles, CYCLES))
-    rig = given_rig("calibrate", rig, run.rig)
+    rig = with_thresholds(given_rig("calibrate", rig, run.rig), [run])
     cycles = run.cycles if cycles is None else cycles
     payouts = _payouts(run, rig, cycles)
     before = before_calibration(rig)

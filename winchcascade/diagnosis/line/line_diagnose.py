@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import linear_algebra_on_one_thread
+from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT, PHASES, scatter_about_course
 from winchcascade.diagnosis.closure import DRAWS
 from winchcascade.diagnosis.diagnosis_result import (
@@ -103,6 +104,7 @@ def diagnose_line(
     ------
     CampaignError, LogError, OptionError : something cannot be used; the message names it
     """
+    rig = with_thresholds(rig, entries.runs)
     entries.check_withheld()
     on_progress("taking the samples that count")
     lines = lines_of(entries, rig, suspects)
