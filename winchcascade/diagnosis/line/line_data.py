@@ -48,6 +48,12 @@ ACTING = (*NUMBERS, "load_proportional_loss", "force_gain", "force_zero")
 FAR = 100.0
 """Bound of a number in line units, as a multiple of what would take all power. [1]"""
 
+FINER = 0.1
+"""Length of the blocks of a winch, whose ramps take long, over those of a rig with a model. [1]"""
+
+TOP = 0.9
+"""Quantile of the magnitude of the line tension that a zero of its cell is compared with. [1]"""
+
 MIN_BLOCKS = 30
 """Minimum number of blocks of a log: five for each coefficient."""
 
@@ -141,7 +147,7 @@ def lines_of(entries: Entries, rig: Rig, suspects: Suspects) -> Lines:
         table = _rows_of(run, rig, names, asked, k)
         if table.t.size < MIN_BLOCKS:
             raise CampaignError(
-                f"{run.name}: {table.t.size} blocks of 0.4 s hold line tension, velocity and power in the cycles that count, "
+                f"{run.name}: {table.t.size} blocks of samples hold line tension, velocity and power in the cycles that count, "
                 f"and {MIN_BLOCKS} are needed; name more cycles or use a longer log."
             )
         ends = int(table.own_cycle.min()), int(table.own_cycle.max())
@@ -171,7 +177,7 @@ def _rows_of(run: Run, rig: Rig, names: Sequence[str], asked: tuple[int, int] | 
             good &= ~((run.t > a - step) & (run.t < b + step))
     scale = motion_of_runs([run])
     made = power_columns(run.t, v, f, scale.speed)
-    blocks = blocks_of(run, rig, scale.ramp, asked)
+    blocks = blocks_of(run, rig, FINER * scale.ramp, asked)
     known = blocks.mean(good.astype(np.float64))
     signals = [run.t, v * f, power - v * f, v, f, *(made[name] for name in names)]
     means = np.array([blocks.mean(np.where(good, x, 0.0)) for x in signals])[:, known > 0.5] / known[known > 0.5]
@@ -243,6 +249,12 @@ def _in_line_units(suspects: Suspects, names: Sequence[str], rows: LineRows) -> 
     """
     size = np.linalg.norm(rows.gap + rows.given) / np.maximum(np.linalg.norm(rows.columns, axis=0), 1e-300)
     found = {name: suspects[name] for name in names}
+    if (zero := found.get("force_zero")) is not None:
+        tension = float(np.quantile(np.abs(rows.motion[:, 1]), TOP))
+        low, high = zero.fields[0].low, zero.fields[0].high
+        own = {"low": tension * low, "high": tension * high, "share": (low, high)}
+        field = msgspec.structs.replace(zero.fields[0], **own)
+        found["force_zero"] = msgspec.structs.replace(zero, fields=(field,))
     for name, most in zip(names, size.tolist(), strict=True):
         if name in NUMBERS:
             number, unit, display = NUMBERS[name]
