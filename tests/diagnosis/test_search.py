@@ -40,19 +40,20 @@ from winchcascade.rig.effects.effect import ActiveEffect, Display
 ROWS = 400
 
 PAIR, TRUE, HIDDEN = ("current_gain", "voltage_gain"), ("line_drag", "torque_gain"), "torque_gain"
-"""Two suspects that imitate two others, these, and the one that shows by its square alone: no derivative finds it."""
+"""Two suspects that imitate two others, these, and the one that shows beyond a threshold alone: no derivative finds it."""
 
 NAMES = tuple(sorted((*PAIR, *TRUE)))
 
 
 class Hidden:
-    """Numbers of unit noise that two suspects move, one by the square of its field, and two others nearly as much."""
+    """Numbers of unit noise that two suspects move, one of them beyond a threshold, and two others nearly as much."""
 
     def __init__(self) -> None:
         rng = np.random.default_rng(0)
         self.suspects: Suspects = {name: EFFECTS[name] for name in NAMES}
         self.sd = freedom(*self.suspects.values()).sd
         way = dict(zip((*TRUE, "beside", "aside"), 3.0 * rng.normal(size=(4, ROWS)), strict=True))
+        way[HIDDEN] *= 2.0
         way[PAIR[0]] = way[TRUE[0]] + 0.3 * way["beside"]
         way[PAIR[1]] = way[TRUE[1]] + 0.3 * way["aside"]
         self.ways = np.array([way[name] for name in NAMES]).T
@@ -63,7 +64,7 @@ class Hidden:
     def shape(self, x: Signal) -> Signal:
         """Size of each suspect of its field."""
         size = x / self.sd
-        return np.where(np.array(NAMES) == HIDDEN, size**2, size)
+        return np.where(np.array(NAMES) == HIDDEN, np.maximum(2.0 * size - 1.0, 0.0), size)
 
     @property
     def exclusive(self) -> tuple[frozenset[str], ...]:
@@ -125,7 +126,7 @@ def test_a_fit_that_ended_early_is_made_again_from_the_best() -> None:
     found = msgspec.structs.replace(hidden(), fits={**hidden().fits}, tried=set())
     alone = (TRUE[0],)
     fit = found.fit(alone)
-    stuck = msgspec.structs.replace(fit, x=0.0 * fit.x, loss=fit.loss + 500.0)
+    stuck = msgspec.structs.replace(fit, x=0.0 * fit.x, loss=fit.loss + 1e4)
     again = msgspec.structs.replace(found, fits={**found.fits, alone: stuck}, tried=set())
     assert again.fit(alone).loss == pytest.approx(fit.loss, abs=0.1)
 

@@ -56,8 +56,9 @@ FEW = 10
 SINGLES = 3
 """Number of the single suspects with the most evidence from which the search starts too."""
 
-NEARLY = 0.1
-"""Share of the evidence that a set lacks to the best one that the closed form about it may be wrong by. [1]"""
+NEARLY = 0.2
+"""Share of the evidence that a set lacks to the best one that the closed form about it may be wrong by: it weighs residuals as
+they are there, and so foresees too little where they are large. [1]"""
 
 ROUNDING = 1e-12
 """Share of the diagonal of a matrix that its rounding may take."""
