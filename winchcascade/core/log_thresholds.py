@@ -26,19 +26,18 @@ if TYPE_CHECKING:
 
 SHARES: Mapping[str, tuple[str, float, str]] = {
     "v_onset": ("speed", 1 / 30, "m/s"),
-    "smoothing": ("ramp", 0.75, "s"),
+    "smoothing": ("ramp", 1.4, "s"),
     "stroke_min": ("stroke", 1 / 50, "m"),
-    "plateau_hold": ("ramp", 0.25, "s"),
-    "settle": ("ramp", 0.625, "s"),
+    "plateau_hold": ("ramp", 0.47, "s"),
+    "settle": ("ramp", 1.2, "s"),
     "tau_engaged": ("torque", 1 / 130, "N.m"),
-    "gap_max": ("ramp", 1.25, "s"),
+    "gap_max": ("ramp", 2.35, "s"),
 }
 """Scale, share of it, and unit of each threshold with a dimension: the crane of the paper, with a top speed of 0.9 m/s, a ramp
-of 0.8 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published rules."""
+of 0.43 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published rules."""
 
-RPM_ONSET, TURNS_MIN = 1 / 50, 1 / 50
-"""Shares of the top speed of a shaft and of its motion from which it turns, and counts as turned: a test plan has operating
-points at a twentieth of its top speed. [1]"""
+RPM_ONSET = 1 / 50
+"""Share of the top speed of a shaft from which it turns: a test plan has operating points at a twentieth of it. [1]"""
 
 TOP = 0.99
 """Quantile of the magnitude of a torque that is its top: single peaks leave it alone. [1]"""
@@ -80,7 +79,7 @@ class LogScales(msgspec.Struct, frozen=True):
     stroke : distance between the ends of its motion [m]
     torque : rated torque of the machine on the PTO shaft, else the top of the torque [N m]
     idle : torque that zero and noise of its sensor account for [N m]
-    omega, angle : top speed of the shaft [rad/s], and the angle between the ends of its motion [rad]
+    omega : top speed of the shaft [rad/s]
     """
 
     speed: float
@@ -89,7 +88,6 @@ class LogScales(msgspec.Struct, frozen=True):
     torque: float
     idle: float
     omega: float
-    angle: float
 
 
 def not_stated(rig: Rig) -> tuple[str, ...]:
@@ -105,7 +103,7 @@ def not_stated(rig: Rig) -> tuple[str, ...]:
 def is_complete(rig: Rig, channels: Collection[str]) -> bool:
     """Whether a rig states all thresholds that a log with some channels needs: those of the shaft where that is its motion."""
     by_shaft = "velocity" not in channels or rig.phases.source in ("speed", "steps")
-    lacks_onset = math.isnan(rig.phases.rpm_onset + rig.phases.turns_min)
+    lacks_onset = math.isnan(rig.phases.rpm_onset)
     return not not_stated(rig) and not (by_shaft and "speed" in channels and lacks_onset)
 
 
@@ -124,12 +122,10 @@ def with_thresholds(rig: Rig, runs: Sequence[Run]) -> Rig:
 def completed(rig: Rig, scales: LogScales) -> Rig:
     """Complete the thresholds of a rig and of its shaft by some scales; those of a quantity that no log has remain NaN."""
     values = {name: value for name, value in shares_of(scales).items() if name in not_stated(rig)}
-    shaft = {
-        "rpm_onset": RPM_ONSET * scales.omega * 30.0 / math.pi,
-        "turns_min": TURNS_MIN * scales.angle / (2.0 * math.pi),
-    }
-    shaft = {name: value for name, value in shaft.items() if math.isnan(getattr(rig.phases, name))}
-    return replace(rig, thresholds=replace(rig.thresholds, **values), phases=replace(rig.phases, **shaft))
+    onset = rig.phases.rpm_onset
+    onset = RPM_ONSET * scales.omega * 30.0 / math.pi if math.isnan(onset) else onset
+    phases = replace(rig.phases, rpm_onset=onset)
+    return replace(rig, thresholds=replace(rig.thresholds, **values), phases=phases)
 
 
 def shares_of(scales: LogScales) -> dict[str, float]:
@@ -166,17 +162,19 @@ def log_scales(t: Signal, channels: Mapping[str, Signal], rig: Rig) -> LogScales
         idle = max(idle, MOVES * _noise(read))
     longest = OF_RECORD * float(t[-1] - t[0]) if t.size > 1 else math.nan
     line, shaft = _line_motion(t, channels), _moving(t, channels["speed"]) if "speed" in channels else None
-    turns = {"omega": math.nan, "angle": math.nan}
+    if shaft is not None and shaft.stroke < 2.0 * math.pi * rig.phases.turns_min:
+        shaft = None
+    omega = math.nan
     if "speed" in channels:
-        turns = {"omega": shaft.speed, "angle": shaft.stroke} if shaft is not None else dict.fromkeys(turns, math.inf)
+        omega = math.inf if shaft is None else shaft.speed
     if line is not None:
-        return LogScales(line.speed, line.ramp, line.stroke, torque, idle, **turns)
+        return LogScales(line.speed, line.ramp, line.stroke, torque, idle, omega)
     radius = math.nan if rig.r_drum is None else rig.r_drum
     if shaft is not None:
         ramp = min(shaft.ramp, longest)
-        return LogScales(shaft.speed * radius, ramp, shaft.stroke * radius, torque, idle, **turns)
+        return LogScales(shaft.speed * radius, ramp, shaft.stroke * radius, torque, idle, omega)
     rests = math.nan if channels.keys().isdisjoint({"velocity", "displacement"}) else math.inf
-    return LogScales(rests, longest, rests, torque, idle, **turns)
+    return LogScales(rests, longest, rests, torque, idle, omega)
 
 
 def rated_torque(rig: Rig) -> float:

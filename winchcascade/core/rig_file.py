@@ -51,8 +51,9 @@ class PhaseRule(
     rpm_onset: Positive = math.nan
     """The shaft turns from this speed on, with `speed`, `steps` and with `waves` of a shaft: above ripple and noise of usual
     encoders, below any operating point; by default a share of its top speed in the log. [rpm]"""
-    turns_min: Positive = math.nan
-    """Motions that turn the shaft less are no payout, with `speed`; by default a share of its motion, as `stroke_min`. [rev]"""
+    turns_min: Positive = 0.25
+    """Motions that turn the shaft less are no payout, with `speed`; an angle has no dimension: on any drum, a rope that is let
+    out by less than twice its radius. [rev]"""
     step_min: Positive = 2.0
     """A step lasts at least this long beyond its settling, with `steps`: some revolutions at 100 rpm. [s]"""
     settle: Annotated[float, Meta(ge=0.0, lt=1e9)] = 0.5

@@ -31,8 +31,14 @@ TOP = 0.9
 RAMP = (0.1, 0.9)
 """Shares of the top speed between which a ramp lasts, as rise times are given. [1]"""
 
-SHORTEST = 1 / 40
+SHORT = 0.25
+"""Quantile of the ramps of a log that is resolved: as many are shorter, single stops among them. [1]"""
+
+SHORTEST = 1 / 80
 """Shortest ramp as a share of the time of a stroke: a step of the velocity is no time to resolve. [1]"""
+
+CREEPS = 0.05
+"""A payout is faster than this share of the haul-in: less is noise about rest. [1]"""
 
 NO_RAMP = 0.1
 """Ramp of a line that never stops, as a share of the time of a stroke. [1]"""
@@ -50,7 +56,7 @@ class MotionScale(msgspec.Struct, frozen=True):
     Parameters
     ----------
     speed : largest top speed of a payout, without any that of a haul-in [m/s]
-    ramp : median time in which the line passes from a tenth to nine tenths of its top speed, or back [s]
+    ramp : time in which the line passes from a tenth to nine tenths of its top speed, or back, where it is quick [s]
     stroke : median distance that it moves in one direction [m]
     """
 
@@ -84,8 +90,9 @@ def motion_of_log(t: Signal, v: Signal) -> MotionScale | None:
         return None
     stroke = max(_stroke(t, v, top), 1e-9 * top * float(t[-1] - t[0]))
     times = _ramps(t, np.abs(v) / top)
-    ramp = median(times) if times.size else NO_RAMP * stroke / top
-    return MotionScale(payout if payout > MOVES * top else top, max(ramp, SHORTEST * stroke / top), stroke)
+    ramp = float(np.sort(times)[int(SHORT * (times.size - 1))]) if times.size else NO_RAMP * stroke / top
+    speed = payout if payout > CREEPS * top else top
+    return MotionScale(speed, max(ramp, SHORTEST * stroke / top), stroke)
 
 
 def _top(speed: Signal) -> float:

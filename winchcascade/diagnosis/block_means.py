@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
 
-BLOCK = 0.56
+BLOCK = 1.03
 """Length of a block over the ramp of the motion, unless samples are few: about a period of the ringing tether. [1]"""
 
 MIN_SAMPLES = 4.0

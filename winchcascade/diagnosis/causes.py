@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.undetermined import Direction
     from winchcascade.rig.effects.effect import Effect
 
 ALIKE = 0.3
@@ -61,7 +62,7 @@ class LookAlike(NamedTuple):
     short: float
 
 
-def causes_of(data: Fitted, found: Found) -> tuple[NamedCause, ...]:
+def causes_of(data: Fitted, found: Found, directions: Sequence[Direction]) -> tuple[NamedCause, ...]:
     """Every cause of the best set: wrong entries first, then the most important.
 
     The posterior of a cause is no larger than its look-alikes leave: a prior or the exact form of a law must not hide them.
@@ -69,7 +70,7 @@ def causes_of(data: Fitted, found: Found) -> tuple[NamedCause, ...]:
     best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(data, found)
     without = {name: _without(found, name) for name in best.names}
     chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
-    product_of = partial(_product, data, posterior)
+    product_of = partial(_product, data, directions, posterior)
     causes = [
         NamedCause(
             effect=name,
@@ -156,9 +157,11 @@ def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, 
     return reported
 
 
-def _product(data: Fitted, posterior: Posterior, effect: Effect, name: str) -> dict[str, Reported]:
+def _product(
+    data: Fitted, directions: Sequence[Direction], posterior: Posterior, effect: Effect, name: str
+) -> dict[str, Reported]:
     """The product of two numbers that the logs know together alone, where a cause changes one of them by a share of it."""
-    for direction in data.undetermined:
+    for direction in directions:
         pair = direction.product
         if pair is None or effect.path not in pair or effect.fields[0].operation != "scale":
             continue

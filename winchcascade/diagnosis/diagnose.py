@@ -51,6 +51,7 @@ from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Found, gone_on, search, weighing
 from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
+from winchcascade.diagnosis.undetermined import Direction, alike, undetermined
 from winchcascade.diagnosis.validation import Validated, validation_of
 from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, NAMED, OPEN
 from winchcascade.rig.simulate import read_by
@@ -61,7 +62,6 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.suspects import Suspects
-    from winchcascade.diagnosis.undetermined import Direction
     from winchcascade.rig.effects.effect import ActiveEffect
 
 
@@ -148,8 +148,9 @@ def diagnose(
             "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
             "[columns]."
         )
-    held_out = HeldOut(data, seed)
-    found = concluded(data, search(RigProblem(data, suspects), on_progress), held_out, on_progress)
+    directions, held_out = undetermined(data), HeldOut(data, seed)
+    problem = RigProblem(data, suspects, exclusive=alike(directions, suspects))
+    found = concluded(data, search(problem, on_progress), held_out, on_progress)
     nothing = np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
     as_found = ModelDiagnosis(
@@ -169,7 +170,7 @@ def diagnose(
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(found),
         singles=_singles(found, held_out),
-        undetermined=data.undetermined,
+        undetermined=directions,
     )
     return judged(_with_causes(as_found, held_out, windows, on_progress), on_progress)
 
@@ -258,7 +259,7 @@ def _with_causes(
     left_out = withheld or judging(data)
     closure = close(data, found, found.best, withheld, result.seed) if withheld else held_out.of(found, found.best)
     on_progress("looking for alternative explanations")
-    fitted = with_stability(data, found, causes_of(data, found))
+    fitted = with_stability(data, found, causes_of(data, found, result.undetermined))
     on_progress("splitting the difference among the causes")
     predictions = {} if by_cycles(data, left_out) else closure.predictions
     contributions, changes, inputs = contributions_of(data, found, fitted, windows, predictions)

@@ -178,7 +178,7 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
     return found
 
 
-SAMPLES = 20.0
+SAMPLES = 11.0
 """Samples of a ramp with which stages are compared: more of them in a block tell no more of its mean. [1]"""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property, partial
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -26,7 +26,6 @@ from winchcascade.diagnosis.entries import price_of
 from winchcascade.diagnosis.marginal import WILD, Columns
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, MAX_KEPT, Course
-from winchcascade.diagnosis.undetermined import Direction, alike, undetermined
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
@@ -144,11 +143,6 @@ class Fitted:
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
         self.local = self.whitener @ self._local_columns()
-
-    @cached_property
-    def undetermined(self) -> tuple[Direction, ...]:
-        """Directions in which the stated numbers of the rig change nothing in the logs that take part."""
-        return undetermined(self)
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
         """Nuisances of some kinds that move, and by how much, in their own unit."""
@@ -345,12 +339,14 @@ LOCAL = ("zero", "discrepancy")
 class RigProblem(msgspec.Struct, frozen=True):
     """The logs of a rig as a `Problem`: which effects explain what the model of the rig file leaves.
 
-    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all.
+    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all. `exclusive` are suspects that change
+    numbers which the logs know together alone.
     """
 
     data: Fitted
     suspects: Suspects
     rows: Signal | None = None
+    exclusive: tuple[frozenset[str], ...] = ()
 
     @property
     def groups(self) -> NDArray[np.intp]:
@@ -362,11 +358,6 @@ class RigProblem(msgspec.Struct, frozen=True):
         """Usual multiples of wrong entries, and simplifications as a whole."""
         usual = {name: effect.fields[0].usual for name, effect in self.suspects.items()}
         return usual | {name: (1.0,) for name in self.suspects if name in SIMPLIFICATIONS}
-
-    @property
-    def exclusive(self) -> tuple[frozenset[str], ...]:
-        """Suspects that change numbers which the logs know together alone."""
-        return alike(self.data.undetermined, self.suspects)
 
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CHANNELS = READ
 """Channels that are compared, in the order of the columns of every block array."""
 
-GRID = 1 / 80
+GRID = 1 / 43
 """Solutions are kept at this spacing over the ramp of the motion. [1]"""
 
 SEEN = ("clutch", "vdc")

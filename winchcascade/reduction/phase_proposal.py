@@ -98,7 +98,7 @@ def other_source(phased: PhasedRun, results: Sequence[CycleResult]) -> list[Find
     payouts.
     """
     run, cycles, found = phased.run, phased.cycles, ""
-    left_open = replace(phased.rig.phases, rpm_onset=math.nan, turns_min=math.nan) == PhaseRule()
+    left_open = replace(phased.rig.phases, rpm_onset=math.nan) == PhaseRule()
     if not left_open or not cycles:
         return []
     derived = any(f.kind == "derived_channel" and f.channel == "velocity" for f in run.findings)

@@ -18,7 +18,7 @@ from winchcascade.rig.physics import RPM
 SLOW_SHARE = 0.28
 """The regression begins at this share of the largest speed of the log: 1000 rpm of the 3570 rpm of the paper (Sec. 4.2). [1]"""
 
-BLOCK = 0.56
+BLOCK = 1.03
 """Length of a block of time whose samples share their error, over the ramp: noise of the smoothed velocity, gusts. [1]"""
 
 COVERED = 1.96

@@ -11,9 +11,9 @@ from winchcascade.core.integrate import GAUSS, median, white_noise
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.core.smooth import evenly_stamped, local_quadratic, smoothing_weights
 
-SMOOTHING = 0.56
+SMOOTHING = 1.03
 """Width of the local quadratic over the ramp of the motion: it removes the noise of an encoder, and braking keeps its
-edges (0.46 to 0.66 do). A width in samples would blur the motion of a coarse log. [1]"""
+edges (0.85 to 1.2 do). A width in samples would blur the motion of a coarse log. [1]"""
 
 INDEPENDENT = 0.15
 """A displacement is used if its white noise is below this share of that of the velocity times the interval. One that a logger

@@ -50,7 +50,7 @@ def motion_of(run: Run, step: float, scale: MotionScale) -> LineMotion:
     return motion._replace(x=motion.x + np.interp(motion.t, run.t, drift))
 
 
-DRIFT = 2.5
+DRIFT = 4.6
 """Width over which the difference of displacement and integrated velocity is drift, not noise, over the ramp. [1]"""
 
 

@@ -10,21 +10,22 @@ from winchcascade.rig import physics
 from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import RPM
 
-RESOLVED = 2.5
-"""Product of a step and the fastest rate of the rotor up to which the energy of a simulation closes within 0.1 %; with 6 a
-tenth of it is lost. That of the rig of the paper is 1.4 with the coarse step of a fit. [1]"""
+RESOLVED = 2.0
+"""Product of a step and the fastest rate of the rotor up to which the energy of a simulation closes within 0.1 %, and a small
+change of a number changes little; with 6 a tenth of the energy is lost. That of the rig of the paper is 1.9 with the coarse
+step of a fit. [1]"""
 
-STEP = 1 / 800
+STEP = 1 / 430
 """Step of a simulation over the ramp of its motion: half of it changes no channel by more than 0.05 % of its plateau. [1]"""
 
-COARSE = 1 / 320
+COARSE = 1 / 172
 """The same of the solutions that a fit compares with one another, and of a design. [1]"""
 
 FINEST = 8
 """Parts of that step at most: a rotor that needs more is lighter than any that turns with such a machine. [1]"""
 
-SLOW_LINE = 0.3
-"""Share of the top speed of the line at which the reactance of the machine counts. [1]"""
+SLOW_LINE = 0.1
+"""Share of the top speed of the line at which the reactance of the machine counts: heavy loads are run so slowly. [1]"""
 
 
 def resolving(model: Model, motion: MotionScale, share: float = STEP) -> float:
