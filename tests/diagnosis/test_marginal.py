@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal, truncnorm
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.causes import Posterior, parameters_of, posterior_of
-from winchcascade.diagnosis.marginal import Columns, Marginal, huber
+from winchcascade.diagnosis.marginal import Columns, Marginal, Together, huber
 from winchcascade.diagnosis.search import (
     Fit,
     Found,
@@ -55,7 +55,7 @@ class Linear:
         return sum(len(self.suspects[other].fields) for other in NAMES[: NAMES.index(name)])
 
     @property
-    def exclusive(self) -> tuple[frozenset[str], ...]:
+    def exclusive(self) -> tuple[Together, ...]:
         return ()
 
     @property

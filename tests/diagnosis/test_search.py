@@ -18,7 +18,7 @@ from winchcascade.diagnosis.adequacy import improbable
 from winchcascade.diagnosis.causes import Posterior, parameters_of, posterior_of
 from winchcascade.diagnosis.closure import HeldOut, close, judging
 from winchcascade.diagnosis.diagnose import diagnose, judged, predicting_best
-from winchcascade.diagnosis.marginal import WILD, Columns, Marginal
+from winchcascade.diagnosis.marginal import WILD, Columns, Marginal, Together
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.search import (
     Evidence,
@@ -67,7 +67,7 @@ class Hidden:
         return np.where(np.array(NAMES) == HIDDEN, np.maximum(2.0 * size - 1.0, 0.0), size)
 
     @property
-    def exclusive(self) -> tuple[frozenset[str], ...]:
+    def exclusive(self) -> tuple[Together, ...]:
         return ()
 
     @property

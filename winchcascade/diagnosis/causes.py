@@ -13,7 +13,7 @@ from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.closure import share_closed
 from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Names, Reported, Spot
 from winchcascade.diagnosis.entries import is_entry, same_in_logs
-from winchcascade.diagnosis.marginal import weights
+from winchcascade.diagnosis.marginal import are_together, weights
 from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Evidence, Fit, Found, columns_of, covariance_of, inside_of, usual_gain
@@ -249,7 +249,7 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
     same = [other for other in others if same_in_logs(suspects, name, other)]
     confused = [other for other in others if are_confused(data, suspects[name], suspects[other])]
     entries = [other for other in others if is_entry(name) or is_entry(other)]
-    together = [other for other in others if any({name, other} <= group for group in found.problem.exclusive)]
+    together = [other for other in others if are_together(found.problem.exclusive, name, other)]
 
     def foreseen(other: str) -> float:
         swapped = swap(best.names, name, other)
@@ -322,7 +322,7 @@ def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float
     best = found.best
     gone, new = (sorted(set(a) - set(b)) for a, b in ((best.names, other.names), (other.names, best.names)))
     effect = new[min(gone.index(name), len(new) - 1)]
-    if any({name, effect} <= group for group in found.problem.exclusive):
+    if are_together(found.problem.exclusive, name, effect):
         return Alternative(effect, probability, None)
     clearest: Spot | None = None
     difference = (best.z - other.z).reshape(-1, len(CHANNELS))

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from winchcascade.core.run import Run, Signal
+    from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
@@ -330,16 +330,19 @@ def block_rms(data: Fitted, z: Signal) -> dict[tuple[str, str], float]:
     return found
 
 
-def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[str, float]:
+FINER = 0.5
+"""Part of the usual width over which the velocity is smoothed where its fast motion is sought. [1]"""
+
+
+def scatter(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, float]:
     """Scatter within blocks of payout over that of noise of sensors and velocity and of the model, the worst log, by channel.
 
-    The effect of the noise of the velocity is found by adding as much of it again and simulating. The force is left out: its
-    tether rings. This shows a ripple that the means of blocks do not contain. Fast motion that the smoothed velocity lacks
-    moves a channel by as much at any load: the model's part is that of the log with the highest level.
+    What noise and fast motion of the line move, which the smoothed velocity lacks, is the change of the simulation where the
+    velocity is smoothed over `FINER` of the width. The force is left out: its tether rings. This shows a ripple that the means
+    of blocks do not contain. Fast motion moves a channel by as much at any load: the model's part is that of the log with the
+    highest level.
     """
     models, skew = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu)
-    rng = np.random.default_rng(seed)
-    noisy = [_with_noise(log.run, rng) for log in data.logs]
     share = data.rig.model.discrepancy
     deviation = np.max(np.sqrt(np.sum(data.discrepancies() ** 2, axis=2)), axis=0)
     found: dict[str, float] = {}
@@ -349,7 +352,9 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[s
         if number in data.withheld or np.count_nonzero(payout) < FEW // 2:
             continue
         grid = log.course.on_grid(model, skew=skew)
-        again = Course(noisy[number], blocks, log.course.step, log.course.scale).on_grid(model, skew=skew) - grid
+        scale = msgspec.structs.replace(log.course.scale, ramp=FINER * log.course.scale.ramp)
+        finer = Course(log.run, blocks, log.course.step, scale)
+        lively = finer.on_grid(model, skew=skew)
         for k, channel in enumerate(CHANNELS):
             here = payout & log.noise.seen[:, k]
             if channel == "force" or not here.any():
@@ -357,17 +362,12 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[s
             logged = log.run.channels[channel]
             predicted = np.interp(log.run.t, coarse, grid[:, k])
             residual = blocks.scatter(logged - predicted)[here]
-            floor = np.hypot(white_noise(logged), blocks.scatter(np.interp(log.run.t, coarse, again[:, k]))[here])
+            moved = np.interp(log.run.t, finer.coarse.t, lively[:, k]) - predicted
+            floor = np.hypot(white_noise(logged), blocks.scatter(moved)[here])
             of_model = np.hypot(WITHIN * share * blocks.scatter(predicted)[here], deviation[k])
             ratio = float(np.sqrt(np.mean(residual**2) / np.mean(floor**2 + of_model**2)))
             found[channel] = max(found.get(channel, 0.0), ratio)
     return found
-
-
-def _with_noise(run: Run, rng: np.random.Generator) -> Run:
-    v = run.channels["velocity"]
-    noisy = v + rng.normal(0.0, max(white_noise(v), 1e-12), v.size)
-    return msgspec.structs.replace(run, channels={**run.channels, "velocity": noisy})
 
 
 def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, str], float]:

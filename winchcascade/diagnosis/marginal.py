@@ -76,6 +76,16 @@ class Columns(NamedTuple):
         return Columns(self.dense * rows[:, None], self.local.multiply(rows[:, None]).tocsr())
 
 
+Together = tuple[frozenset[str], ...]
+"""Suspects by the number that each changes, where residuals show these numbers only together."""
+
+
+def are_together(exclusive: Sequence[Together], one: str, other: str) -> bool:
+    """Whether two suspects change the two numbers of which the residuals know one combination alone."""
+    pairs = (groups for groups in exclusive if len(groups) == 2)
+    return any(all({one, other} & group for group in groups) for groups in pairs)
+
+
 class Problem(Protocol):
     """Measured numbers that effects may explain."""
 
@@ -92,8 +102,8 @@ class Problem(Protocol):
         """Values of the only field of some suspects from which a fit may begin, far from where they are absent."""
 
     @property
-    def exclusive(self) -> Sequence[frozenset[str]]:
-        """Groups of suspects of which a set holds one at most: the residuals know them together alone."""
+    def exclusive(self) -> Sequence[Together]:
+        """Groups of suspects of which no set holds one of each: the residuals know them together alone."""
 
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""

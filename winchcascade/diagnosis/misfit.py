@@ -23,7 +23,7 @@ from winchcascade.diagnosis.block_means import (
 )
 from winchcascade.diagnosis.block_noise import Noise, noise_of, with_extra
 from winchcascade.diagnosis.entries import price_of
-from winchcascade.diagnosis.marginal import WILD, Columns
+from winchcascade.diagnosis.marginal import WILD, Columns, Together
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline, stated_effects
@@ -339,14 +339,14 @@ LOCAL = ("zero", "discrepancy")
 class RigProblem(msgspec.Struct, frozen=True):
     """The logs of a rig as a `Problem`: which effects explain what the model of the rig file leaves.
 
-    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all. `exclusive` are suspects that change
-    numbers which the logs know together alone.
+    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all. `exclusive` are suspects that
+    change numbers which the logs know together alone.
     """
 
     data: Fitted
     suspects: Suspects
     rows: Signal | None = None
-    exclusive: tuple[frozenset[str], ...] = ()
+    exclusive: tuple[Together, ...] = ()
 
     @property
     def groups(self) -> NDArray[np.intp]:

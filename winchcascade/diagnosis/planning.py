@@ -19,6 +19,7 @@ from winchcascade.diagnosis.block_means import PAYOUT, PHASES, blocks_of
 from winchcascade.diagnosis.causes import are_confused, swap
 from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause
 from winchcascade.diagnosis.entries import LOAD, same_in_logs
+from winchcascade.diagnosis.marginal import are_together
 from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.diagnosis.suspects import varied
 
@@ -89,8 +90,7 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     seen = usual(data)
 
     def alike(one: str, other: str) -> bool:
-        together = any({one, other} <= group for group in found.problem.exclusive)
-        return together or same_in_logs(suspects, one, other)
+        return are_together(found.problem.exclusive, one, other) or same_in_logs(suspects, one, other)
 
     if not causes or not others or seen is None:
         return None

@@ -463,7 +463,7 @@ class Found(msgspec.Struct, frozen=True):
 
     def allowed(self, names: Names) -> bool:
         """Whether a set may be the best."""
-        together = any(len(group.intersection(names)) > 1 for group in self.problem.exclusive)
+        together = any(all(group.intersection(names) for group in groups) for groups in self.problem.exclusive)
         return not together and names not in self.rejected and self.imitators.isdisjoint(names)
 
     def sets(self) -> dict[Names, Fit]:

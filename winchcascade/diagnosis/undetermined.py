@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.marginal import Together
     from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.suspects import Suspects
-    from winchcascade.rig.effects.effect import Effect
 
 STEP = 1e-3
 """Relative change of a number on either side by which its derivative is taken. [1]"""
@@ -44,7 +44,8 @@ ENGAGED = 0.5
 GEAR_KNOWN = 0.005
 """Relative standard uncertainty of a gear ratio by logged speeds, at least: slip and encoder of the line. [1]"""
 
-GEAR = "drivetrain.gear"
+GEAR, RATED = "drivetrain.gear", "generator.i_rated"
+"""Paths of the gear ratio, and of the rated current, which no log shows."""
 
 
 class Direction(msgspec.Struct, frozen=True):
@@ -65,23 +66,19 @@ class Direction(msgspec.Struct, frozen=True):
         first, second = (self.powers[path] for path in self.leading)
         return (self.leading[0], self.leading[1]) if abs(first + second) < TAKES_PART * abs(first) else None
 
-    def holds(self, effect: Effect) -> bool:
-        """Whether an effect changes one of the leading numbers, alike in every run."""
-        return effect.path in self.leading and effect.over_runs is None
+    def suspects(self, suspects: Suspects) -> tuple[frozenset[str], ...]:
+        """Suspects that change each of the leading numbers alone and alike in every run, by name."""
+        alone = {n: e.path for n, e in suspects.items() if e.law is None and e.over_runs is None}
+        return tuple(frozenset(n for n, path in alone.items() if path == one) for one in self.leading)
 
 
 def undetermined(data: Fitted) -> tuple[Direction, ...]:
-    """Directions in which the stated numbers of a rig change nothing in some logs, at the rig as its file states it.
+    """Directions in which the stated numbers of a rig change nothing in some logs, with sensors as they are.
 
     The logs of the largest and of the smallest resistance are asked: what neither of them shows, none between them does.
     """
-    model = data.nominal
-    paths = [
-        path
-        for section in SECTIONS
-        for path in (f"{section}.{name}" for name in in_rig_file(section))
-        if path != "generator.i_rated" and number_of(model, path) != 0.0
-    ]
+    stated = (f"{section}.{name}" for section in SECTIONS for name in in_rig_file(section))
+    paths = [path for path in stated if path != RATED and number_of(data.nominal, path) != 0.0]
     columns = np.array([_moved(data, path) for path in paths]).T
     ratio = measured_gear(data.rig, [log.run for log in data.logs])
     if ratio is not None and GEAR in paths:
@@ -149,7 +146,6 @@ def measured_gear(rig: Rig, runs: Sequence[Run]) -> tuple[float, float] | None:
     return ratio, max(u / ratio, GEAR_KNOWN)
 
 
-def alike(directions: Sequence[Direction], suspects: Suspects) -> tuple[frozenset[str], ...]:
-    """Suspects of each direction, by name: the logs know what they change only together."""
-    sets = (frozenset(n for n, e in suspects.items() if one.holds(e)) for one in directions)
-    return tuple(several for several in sets if len(several) > 1)
+def alike(directions: Sequence[Direction], suspects: Suspects) -> tuple[Together, ...]:
+    """Suspects of each direction by the number that they change: the logs know these numbers only together."""
+    return tuple(groups for one in directions if all(groups := one.suspects(suspects)))

@@ -19,7 +19,7 @@ from winchcascade.core.jobs import Nobody, Watch, all_at_once
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
 from winchcascade.core.scales import MotionScale, scales_of
-from winchcascade.diagnosis.marginal import Columns
+from winchcascade.diagnosis.marginal import Columns, Together
 from winchcascade.diagnosis.search import neighbours, search
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.rig.baseline import baseline
@@ -209,7 +209,7 @@ class TableProblem:
         self.speeds = [row.speed for row in rows]
         self.groups = np.repeat(np.arange(len(rows)), len(ETAS))
         self.begins: Mapping[str, Sequence[float]] = {}
-        self.exclusive: Sequence[frozenset[str]] = ()
+        self.exclusive: Sequence[Together] = ()
         self.curves: dict[str, list[PchipInterpolator | None]] = {}
 
     def active(self, names: Sequence[str], x: Signal) -> list[ActiveEffect]:

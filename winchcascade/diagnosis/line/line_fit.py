@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.causes import posterior_of
 from winchcascade.diagnosis.line.line_data import coefficients_of
-from winchcascade.diagnosis.marginal import Columns, weights
+from winchcascade.diagnosis.marginal import Columns, Together, weights
 from winchcascade.diagnosis.search import Fit, Found, columns_of, search
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class LineProblem(msgspec.Struct, frozen=True):
         return {}
 
     @property
-    def exclusive(self) -> tuple[frozenset[str], ...]:
+    def exclusive(self) -> tuple[Together, ...]:
         """None."""
         return ()
 
