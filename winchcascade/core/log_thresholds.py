@@ -34,7 +34,7 @@ SHARES: Mapping[str, tuple[str, float, str]] = {
     "gap_max": ("ramp", 2.35, "s"),
 }
 """Scale, share of it, and unit of each threshold with a dimension: the crane of the paper, with a top speed of 0.9 m/s, a ramp
-of 0.43 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published rules."""
+of 0.42 s, a stroke of 9.65 m and a rated torque of 265 N m, gets the published rules."""
 
 RPM_ONSET = 1 / 50
 """Share of the top speed of a shaft from which it turns: a test plan has operating points at a twentieth of it. [1]"""
