@@ -63,7 +63,7 @@ from winchcascade.report.results.diagnosis_parts import (
 from winchcascade.report.results.line_diagnosis import line_report
 from winchcascade.report.results.validation_report import validation_section
 from winchcascade.report.wording import banner, load_words
-from winchcascade.rig.effects.effect import Display
+from winchcascade.rig.effects.effect import Display, Parameter
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -330,6 +330,17 @@ def _speed(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
     )  # fmt: skip
 
 
+RANGE_COLUMNS: list[Column[tuple[str, Parameter]]] = [
+    Column("effect", lambda row: row[0]),
+    Column("field", lambda row: row[1].name),
+    Column("plausible", lambda row: f"{row[1].low:.3g} to {row[1].high:.3g}"),
+    Column("unit", lambda row: row[1].unit),
+    Column("share", lambda row: "{:.3g} to {:.3g}".format(*row[1].share or (0.0, 0.0))),
+    Column("of", lambda row: row[1].scale.replace("_", " ")),
+]
+"""Plausible range of a field of a suspect."""
+
+
 def _considered(found: ModelDiagnosis) -> Section:
     files = files_of(found)
     pulls = sorted(zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True), key=lambda pair: -abs(pair[1]))
@@ -348,6 +359,13 @@ def _considered(found: ModelDiagnosis) -> Section:
                 Column("closes alone", lambda one: share_words(one.closure) if math.isfinite(one.closure) else ""),
             ],
             found.singles,
+            brief=False,
+        ),
+        table(
+            "ranges",
+            "Plausible ranges of effects with a size of their own: in units, and as a share of a scale of the campaign.",
+            RANGE_COLUMNS,
+            [(name, field) for name, effect in found.suspects.items() for field in effect.fields if field.share],
             brief=False,
         ),
         table(
