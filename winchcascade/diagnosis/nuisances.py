@@ -33,7 +33,11 @@ OF_THE_MODEL = {
 }
 """Standard uncertainty of a number due to the model, as a share of it, beside that of the rig file. Generator: the
 ideal bridge on a stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares
-move as much. Inertias: the acceleration of a smoothed velocity is some hundredths too small where the motion turns."""
+move as much. Inertias: the acceleration of a smoothed velocity is some hundredths too small where the motion turns, and
+more where a ramp has fewer samples than `OF_A_RAMP`."""
+
+OF_A_RAMP = 10.0
+"""Number of samples of a ramp from which more of them make no acceleration more precise. [1]"""
 
 ABSENT = {
     ("winch", "friction"): (8.6e-4, "torque_drum", "N.m"),
@@ -98,7 +102,8 @@ class Nuisance(Parameter, frozen=True, kw_only=True):
 
 def nuisances(rig: Rig, runs: Sequence[Run], scales: Scales) -> tuple[Nuisance, ...]:
     """Every nuisance of some logs on a rig, in a fixed order: rig, laws, loads, gains, timing, zeros, discrepancy."""
-    found = _of_the_rig(rig, scales)
+    coarse = max(OF_A_RAMP / (scales.ramp * min(run.fs for run in runs)), 1.0)
+    found = _of_the_rig(rig, scales, coarse)
     share = rig.dc_link.load_u
     loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
     found += [
@@ -124,14 +129,21 @@ def nuisances(rig: Rig, runs: Sequence[Run], scales: Scales) -> tuple[Nuisance, 
     return tuple(n for n in found if n.sd)
 
 
-def _of_the_rig(rig: Rig, scales: Scales) -> list[Nuisance]:
-    """Numbers that the rig file states, by their names there, and laws of the model that it has not."""
+def _of_the_rig(rig: Rig, scales: Scales, coarse: float) -> list[Nuisance]:
+    """Numbers that the rig file states, by their names there, and laws of the model that it has not.
+
+    Parameters
+    ----------
+    coarse : factor by which coarse samples make inertias less certain [1]
+    """
     found = []
     for section, number, name in ((part, *names) for part in SECTIONS for names in in_rig_file(part).items()):
         value, path = quantity_of(rig, section, name), f"{section}.{number}"
         if value is not None:
             per = IN_RIG.get(path, 1.0)
-            sd = math.hypot(value.u or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
+            of_the_model = OF_THE_MODEL.get((section, name), 0.0) * value.value
+            of_the_model *= coarse if "inertia" in name else 1.0
+            sd = math.hypot(value.u or 0.0, of_the_model)
             found.append(Nuisance(name, value.unit, kind="rig", sd=sd, path=path, per=per, section=section))
     for (part, name), (share, scale, unit) in ABSENT.items():
         if part == "restoring" and not rig.restoring.has_gas:
