@@ -35,8 +35,8 @@ from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import Model
 from winchcascade.rig.stages import STAGES
 
-SAME_STEP = 1e-3
-"""Relative difference between the places of a log alone and among others, whose motion sets the step of all. [1]"""
+OF_NOISE = 0.3
+"""Difference between the places of a log alone and among others over their noise: all motions set step and smoothing. [1]"""
 
 U_PRESSURE = 2942.0
 """Standard uncertainty of the zero of the pressure sensor, as the built-in rig file has it. [Pa]"""
@@ -138,10 +138,12 @@ def test_a_lower_back_emf_lies_in_the_generator_at_all_speeds() -> None:
 
 def test_the_region_is_that_of_the_blocks_that_stand_out() -> None:
     """A Vdc that is off above a speed alone: the region begins there."""
-    data = offset(log_of(), "vdc", np.where(log_of().logs[0].run.channels["velocity"] > 0.6, -8.0, 0.0))
-    found = locate(data, left(data), mapped(data))
+    velocity = log_of().logs[0].run.channels["velocity"]
+    data = offset(log_of(), "vdc", np.where(velocity > 0.6, -8.0, 0.0))
+    found, blocks = locate(data, left(data), mapped(data)), data.logs[0].course.blocks
+    off = blocks.mean(velocity)[blocks.mean((velocity > 0.6).astype(np.float64)) > 0.0]
     assert found.worst.channel == "vdc"
-    assert found.rpm[0] == pytest.approx(0.6 * SPEED, rel=0.12)  # a block averages over 0.44 s
+    assert found.rpm[0] == pytest.approx(np.min(off) * SPEED, rel=0.05)
     assert abs(found.size) == pytest.approx(8.0, abs=0.6)
 
 
@@ -235,9 +237,9 @@ def test_what_another_log_reads_wrong_moves_no_place_of_this_one() -> None:
     runs = campaign(dict.fromkeys(LOADS, baseline(built_in())), 4)
     alone = stagewise(Fitted(runs[:1], built_in()))
     beside = [place for place in stagewise(Fitted(runs, built_in())) if place.log == 0]
-    assert [(place.u_noise, place.bias) for place in beside] == [
-        pytest.approx((place.u_noise, place.bias), rel=SAME_STEP) for place in alone
-    ]
+    for near, place in zip(beside, alone, strict=True):
+        allowed = OF_NOISE * place.u_noise
+        assert (near.u_noise, near.bias) == pytest.approx((place.u_noise, place.bias), abs=allowed)
 
 
 LABELLED = {

@@ -2,7 +2,6 @@
 
 import msgspec
 import numpy as np
-import pytest
 from rigs import suspects_on
 from scipy.ndimage import gaussian_filter1d
 
@@ -21,8 +20,10 @@ NOISE = {"velocity": 0.015, "pressure": 1e3, "force": 4.0, "torque": 0.4, "vdc":
 QUIET = 1e-4
 """Noise of a velocity that moves no inertia. [m/s]"""
 
-UNBIASED = 0.1
-"""Largest change of the inertia that is found by which the noise moves it. [1]"""
+SEEDS = (2, 3, 4)
+
+UNBIASED = 0.2
+"""Largest mean change of the inertia over the seeds; a single log gives it to 0.5. [1]"""
 
 
 def slow_log(seed: int, of_velocity: float = NOISE["velocity"]) -> Run:
@@ -51,10 +52,14 @@ def found_inertia(run: Run) -> float:
     return float(fit_set(problem, marginal, ("rotor_inertia",)).x[0])
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_a_precise_displacement_keeps_noise_of_the_velocity_from_lowering_an_inertia(seed: int) -> None:
-    run = slow_log(seed)
-    without = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != "displacement"})
-    quiet = found_inertia(slow_log(seed, QUIET))
-    assert abs(found_inertia(run) - quiet) < UNBIASED
-    assert found_inertia(without) < quiet - 2.0 * UNBIASED  # the acceleration and the residual contain the same noise
+def without_displacement(run: Run) -> Run:
+    return msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != "displacement"})
+
+
+def test_a_precise_displacement_keeps_noise_of_the_velocity_from_lowering_an_inertia() -> None:
+    runs = [slow_log(seed) for seed in SEEDS]
+    quiet = found_inertia(slow_log(SEEDS[0], QUIET))
+    found = np.mean([found_inertia(run) for run in runs])
+    alone = np.mean([found_inertia(without_displacement(run)) for run in runs])
+    assert abs(found - quiet) < UNBIASED
+    assert alone < quiet - 1.5 * UNBIASED  # the acceleration and the residual contain the same noise

@@ -76,7 +76,8 @@ def test_stages_of_a_simulation_give_it_back(load: float) -> None:
     on = plateaus(run)
     for output in stage_outputs(run, model):
         seen = run.channels[output.channel][on]
-        exact = 1e-6 if output.stage in ("restoring", "transmission", "load") else 5e-3
+        # the torque of an inertia follows from a smoothed acceleration
+        exact = 1e-6 if output.stage in ("restoring", "transmission", "load") else 1e-2
         assert rms(output.predicted[on] - seen) < exact * float(np.mean(seen)), output.stage
 
 

@@ -313,9 +313,11 @@ def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:
     )
 
 
-def made_worse(closure: ModelClosure) -> list[Alarm]:
-    """Channels that the held-out predictions with the causes make worse by more than their noise."""
-    grown = {name: (x.after**2 - x.before**2) / x.noise**2 for name, x in closure.channels.items() if x.noise > 0.0}
+def made_worse(data: Fitted, closure: ModelClosure) -> list[Alarm]:
+    """Channels that the held-out predictions with the causes make worse by more than noise and the deviation of the model."""
+    allowed = np.where(data.seen & np.isfinite(closure.residual), data.noise**2, np.nan)
+    mean = {name: float(np.nanmean(allowed[:, CHANNELS.index(name)])) for name in closure.channels}
+    grown = {name: (x.after**2 - x.before**2) / mean[name] for name, x in closure.channels.items() if mean[name] > 0.0}
     return [Alarm("worse", Spot(name), math.sqrt(size), WORSE) for name, size in grown.items() if size > WORSE]
 
 

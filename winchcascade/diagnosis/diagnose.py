@@ -293,7 +293,7 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         *drifts(result.fitted),
         *improbable(result.causes),
         *result.cancelling,
-        *(made_worse(closure) if closure is not None else []),
+        *(made_worse(data, closure) if closure is not None else []),
         *unbalanced(result.energies),
         *left_over(result.contributions, result.energies, data.rig.model),
     ]

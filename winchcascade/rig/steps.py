@@ -21,7 +21,7 @@ STEP = 1 / 430
 COARSE = 1 / 172
 """The same of the solutions that a fit compares with one another, and of a design. [1]"""
 
-FINEST = 8
+FINEST = 32
 """Parts of that step at most: a rotor that needs more is lighter than any that turns with such a machine. [1]"""
 
 SLOW_LINE = 0.1
