@@ -26,7 +26,7 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.effects.effect import Parameter
 
-FEW = settings(max_examples=max(settings().max_examples // 25, 1))
+FEW = settings(max_examples=max(settings().max_examples // 100, 1))
 """A fit takes about a second: fewer examples than of other laws."""
 
 PAIR = ("copper_heating", "ke_rolloff")

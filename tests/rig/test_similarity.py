@@ -106,6 +106,7 @@ def test_so_is_that_of_a_counterweight_where_gravity_stays(nature: Nature) -> No
 
 
 @pytest.mark.parametrize("name", EFFECTS)
+@FEW
 @example(BENCH)
 @given(natures())
 def test_the_range_of_an_effect_has_the_unit_of_its_field(name: str, nature: Nature) -> None:
