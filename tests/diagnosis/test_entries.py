@@ -63,8 +63,11 @@ def test_a_wrong_entry_is_named_alone_with_its_number(name: str, value: float, t
     result = found(name, value)
     (cause,) = result.causes
     assert (cause.effect, cause.stage, result.verdict) == (name, "entry", "explained")
-    (number,) = cause.parameters.values()
+    number, *product = cause.parameters.values()
     assert number.value == pytest.approx(truth, rel=0.01)
+    assert list(cause.parameters)[1:] == ([] if name == "drum_radius" else ["k_e_x_gear_ratio"])
+    k_e, gear = (truth * 0.062, 50.0) if name == "k_e_convention" else (0.062, truth)
+    assert all(known.value == pytest.approx(k_e * gear, rel=0.01) for known in product)
     record = as_json(result)["causes"][0]
     assert record["sentence"].startswith(sentence)
     assert "check the entry" in " ".join(terminal_text(diagnosis_report(result)).split())

@@ -17,8 +17,9 @@ RATES = (5.0, 10.0, 25.0, 50.0, 100.0)
 LIMITS = {"force": 19613.3, "torque": 500.0}
 """Ends of the ranges of the sensors of the paper, in the unit of the file: a log of the twin may exceed them."""
 
-DESERVED = {"rig_assumed", "phase_source", "incomplete_cycle", "load_mismatch"}
-"""Findings that campaigns with labels deserve: some name no rig, one has waves without a rest, one states a wrong load."""
+DESERVED = {"rig_assumed", "thresholds_assumed", "phase_source", "incomplete_cycle", "load_mismatch"}
+"""Findings that campaigns with labels deserve: some name no rig, one states no thresholds of its rig, one has waves without a
+rest, one states a wrong load."""
 
 Named = Iterator[tuple[str, Result, Result | None, Mapping[str, Signal]]]
 """Name, result, result of the same motion at a high rate if that is known, and the channels in the units of the file."""

@@ -24,8 +24,7 @@ SAME_TIME = 1 / 6
 all times here: energies change by more than 0.5 %. [1]"""
 
 OF_THE_MACHINE = 7 / 12
-"""The same between velocity and Vdc: rotor and capacitor lag by up to a third, and a back-EMF that falls with the current
-changes Vdc like a quarter. [1]"""
+"""The same between velocity and Vdc, beside what the shaft winds up: rotor and capacitor lag by up to a half. [1]"""
 
 SLOPE = 1 / 3
 """Time on either side over which slopes are taken, or one sample where samples are farther apart. [1]"""
@@ -94,7 +93,7 @@ def pairs_of(log: PhasedLog, k: int) -> Iterator[Pair]:
     """The pairs that a log has in one payout.
 
     Displacement and the integral of the velocity, whose zero makes it drift; Vdc and Idc at a resistor; while the clutch
-    drives, velocity and Vdc; torque and line tension, whose rest grows with the displacement.
+    drives, velocity and Vdc, which reactance bends; torque and line tension, whose rest grows with the displacement.
     """
     run, limits, cycle, plateau = log.run, log.rig.thresholds, log.phased.cycles[k], log.phased.plateaus[k]
     blur, channels, v = limits.smoothing, {"time": run.t, **run.channels}, log.phased.v_smooth
@@ -115,11 +114,20 @@ def pairs_of(log: PhasedLog, k: int) -> Iterator[Pair]:
         yield of
     if {"vdc", "idc"} <= channels.keys() and not run.open_circuit:
         yield pair("vdc", "idc", SAME_TIME, 1, cycle.onset - blur, end + blur)
-        channels |= {"velocity": v}
-        yield pair("velocity", "vdc", OF_THE_MACHINE, 0, cycle.onset - blur, braking)
+        channels |= {"velocity": v, "square": v * v}
+        limit = OF_THE_MACHINE + wound(log) / blur
+        yield pair("velocity", "vdc", limit, 0, cycle.onset - blur, braking, "square")
     if {"torque", "force"} <= channels.keys():  # at the onset the friction of the restoring module reverses
         along = next(name for name in ("pressure", "displacement", "time") if name in channels)
         yield pair("torque", "force", SAME_TIME, 2, cycle.onset + blur, braking, along)
+
+
+def wound(log: PhasedLog) -> float:
+    """Time by which the twist of the loaded shaft delays the generator, 0 where torque or shaft are unknown. [s]"""
+    stiffness, radius, torque = log.rig.drivetrain.k_shaft, log.rig.r_drum, log.run.channels.get("torque")
+    if stiffness is None or radius is None or torque is None:
+        return 0.0
+    return largest(torque) / stiffness.value * radius / largest(log.phased.v_smooth)
 
 
 def fit(columns: Signal, y: Signal) -> Fitted | None:
