@@ -116,6 +116,19 @@ def middles(blocks: Blocks, here: NDArray[np.bool_]) -> NDArray[np.intp]:
     return 1 + np.flatnonzero(here[:-2] & here[1:-1] & here[2:] & blocks.joined[1:-1] & blocks.joined[2:])
 
 
+CHANGING = 0.03
+"""The motion changes where the mean speed differs by more than this share of the largest in its phase from that of the block
+before, and of the block after. [1]"""
+
+
+def changing(blocks: Blocks, speed: Signal) -> NDArray[np.bool_]:
+    """Blocks within a ramp of several, (m,), by the mean speed of the line in each, (m,) [m/s]."""
+    steps = np.abs(np.diff(speed, prepend=speed[:1], append=speed[-1:]))
+    top = np.zeros(len(PHASES))
+    np.maximum.at(top, blocks.phase, np.abs(speed))
+    return np.asarray(np.minimum(steps[1:], steps[:-1]) > CHANGING * top[blocks.phase])
+
+
 def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], minimum: int = 1) -> float:
     """Standard deviation of block means about their smooth course, in the unit of x; NaN with fewer than `minimum` triples.
 

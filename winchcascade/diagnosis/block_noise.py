@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import white_noise
-from winchcascade.diagnosis.block_means import HOLD, PHASES, Blocks, middles, scatter_about_course
+from winchcascade.diagnosis.block_means import HOLD, PHASES, Blocks, changing, middles, scatter_about_course
 from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.line_velocity import line_velocity
@@ -27,7 +27,7 @@ MOVING = 3.0
 """Slower than this multiple of the speed in which friction turns, it only bounds the force. [1]"""
 
 MAX_NOISE = 3.0
-"""Number of standard deviations of its noise that the smoothed velocity reaches occasionally."""
+"""Number of standard deviations of its noise that a signal reaches occasionally."""
 
 CREEPING = 0.2
 """Below this multiple of that speed the noise of the velocity moves nothing. [1]"""
@@ -127,6 +127,20 @@ def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDA
     return seen
 
 
+def without_slack(noise: Noise, model: Model, predicted: Signal) -> Noise:
+    """Leave out the force where the line is slack within its noise: it swings, and a tension is never below zero.
+
+    Parameters
+    ----------
+    predicted : (m, 5) blocks that the model gives
+    """
+    if not model.winch.goes_slack:
+        return noise
+    force, seen = CHANNELS.index("force"), noise.seen.copy()
+    seen[:, force] &= predicted[:, force] > MAX_NOISE * noise.own[:, force]
+    return msgspec.structs.replace(noise, seen=seen)
+
+
 def with_extra(noise: Noise, blocks: Blocks, residual: Signal) -> Noise:
     """Add other scatter from block to block that the noise of the sensors does not contain: ringing, gusts.
 
@@ -137,6 +151,30 @@ def with_extra(noise: Noise, blocks: Blocks, residual: Signal) -> Noise:
     found, expected = np.moveaxis(unsteadiness_of(noise, blocks, residual), -1, 0)
     extra = np.where(found > expected, found**2 - expected**2, 0.0)
     return msgspec.structs.replace(noise, own=np.sqrt(noise.own**2 + extra[blocks.phase]))
+
+
+RESTLESS = 1.5
+"""Scatter of the blocks within slow ramps over their noise from which it is noise too. [1]"""
+
+
+def with_ramps(noise: Noise, blocks: Blocks, residual: Signal, speed: Signal) -> Noise:
+    """Add the scatter that the best fit leaves within slow ramps: resonances that they cross, which no effect explains.
+
+    Parameters
+    ----------
+    residual : (m, 5) measured minus predicted blocks
+    speed : (m,) mean speed of the line in each [m/s]
+    """
+    inside = changing(blocks, speed)
+    ramps = inside | np.append(inside[1:], False) | np.append(False, inside[:-1])
+    extra = np.zeros((len(PHASES), len(CHANNELS)))
+    for phase, k in np.ndindex(extra.shape):
+        of = middles(blocks, noise.seen[:, k] & (blocks.phase == phase) & inside)
+        if of.size >= MIN_BLOCKS:
+            found = np.mean((residual[of - 1, k] - 2.0 * residual[of, k] + residual[of + 1, k]) ** 2) / 6.0
+            expected = np.mean(noise.total[of, k] ** 2)
+            extra[phase, k] = found - expected if found > RESTLESS**2 * expected else 0.0
+    return msgspec.structs.replace(noise, own=np.sqrt(noise.own**2 + extra[blocks.phase] * ramps[:, None]))
 
 
 def unsteadiness_of(noise: Noise, blocks: Blocks, residual: Signal) -> Signal:

@@ -148,9 +148,15 @@ def diagnose(
             "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
             "[columns]."
         )
-    directions, held_out = undetermined(data), HeldOut(data, seed)
+    directions = undetermined(data)
     problem = RigProblem(data, suspects, exclusive=alike(directions, suspects))
-    found = concluded(data, search(problem, on_progress), held_out, on_progress)
+    found = search(problem, on_progress)
+    calmed = data.with_ramps(data.measured - data.predict(found.best.nu, found.best.effects(suspects)))
+    if calmed is not None:
+        data = calmed
+        found = search(msgspec.structs.replace(problem, data=data), on_progress)
+    held_out = HeldOut(data, seed)
+    found = concluded(data, found, held_out, on_progress)
     nothing = np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
     as_found = ModelDiagnosis(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ from winchcascade.diagnosis.block_means import (
     blocks_of,
     in_a_row,
 )
-from winchcascade.diagnosis.block_noise import Noise, noise_of, with_extra
+from winchcascade.diagnosis.block_noise import Noise, noise_of, with_extra, with_ramps, without_slack
 from winchcascade.diagnosis.entries import price_of
 from winchcascade.diagnosis.marginal import WILD, Columns, Together
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
@@ -61,9 +62,8 @@ class Log(msgspec.Struct, frozen=True):
     """One log of a fit.
 
     `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one of the fit, at the stamps
-    `offset_at_stamps` (n, 5), `step` the fine one [s], `whitener` (m, 5, 5) turns a block's residuals into independent ones
-    of unit variance. `courses` (m, 5, 3) are what a discrepancy of the model of 1 moves along each of `nuisances.COURSES`.
-    SI units, columns of `predict.CHANNELS`.
+    `offset_at_stamps` (n, 5), `step` the fine one [s]. `courses` (m, 5, 3) are what a discrepancy of the model of
+    1 moves along each of `nuisances.COURSES`. SI units, columns of `predict.CHANNELS`.
     """
 
     run: Run
@@ -73,7 +73,6 @@ class Log(msgspec.Struct, frozen=True):
     offset_at_stamps: Signal
     step: float
     noise: Noise
-    whitener: Signal
     courses: Signal
 
     @property
@@ -133,16 +132,34 @@ class Fitted:
         self.rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self.sizes]).tolist())]
         self.blocks = in_a_row([log.course.blocks for log in self.logs])
         self.measured = np.concatenate([log.measured for log in self.logs])
-        self.seen = np.concatenate([log.noise.seen for log in self.logs])
-        self.noise = np.concatenate([log.noise.total for log in self.logs])
-        self.logged_noise = np.concatenate([log.noise.logged for log in self.logs])
-        self.whitener = self._whitener_of(np.concatenate([log.whitener for log in self.logs]))
         self.simulated = sum(n.kind not in LOCAL for n in self.nuisances)
         self._of_kind: dict[str, list[tuple[int, Nuisance]]] = {}
         for j, n in enumerate(self.nuisances):
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
+        self._take_noise()
+
+    def _take_noise(self) -> None:
+        """Take the noise of the logs."""
+        self.seen = np.concatenate([log.noise.seen for log in self.logs])
+        self.noise = np.concatenate([log.noise.total for log in self.logs])
+        self.logged_noise = np.concatenate([log.noise.logged for log in self.logs])
+        self.whitener = self._whitener_of(np.concatenate([_whitener(log.noise) for log in self.logs]))
         self.local = self.whitener @ self._local_columns()
+
+    def with_ramps(self, residual: Signal) -> Fitted | None:
+        """The logs with the scatter of a residual within slow ramps, (M, 5), as noise; None where it is no more than noise."""
+        logs = []
+        for log, rows in zip(self.logs, self.rows, strict=True):
+            blocks = log.course.blocks
+            speed = blocks.mean(log.run.channels["velocity"])
+            logs.append(msgspec.structs.replace(log, noise=with_ramps(log.noise, blocks, residual[rows], speed)))
+        if all(np.array_equal(new.noise.own, old.noise.own) for new, old in zip(logs, self.logs, strict=True)):
+            return None
+        found = copy(self)
+        found.logs = logs
+        found._take_noise()
+        return found
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
         """Nuisances of some kinds that move, and by how much, in their own unit."""
@@ -294,7 +311,7 @@ class Fitted:
         return Columns(self.whiten(moved if used is None else moved * used[:, None]), self.local)
 
     def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal) -> Signal:
-        """What one tolerance of each nuisance but zeros and discrepancies moves, (M, 5, `simulated`), SI units.
+        """What one tolerance of each nuisance that is simulated moves, (M, 5, `simulated`), SI units.
 
         Parameters
         ----------
@@ -309,31 +326,29 @@ class Fitted:
         return columns
 
     def _local_columns(self) -> csr_array:
-        """What one tolerance of each zero and of each discrepancy of the model moves, (M * 5, q), SI units."""
-        from scipy.sparse import csr_array
+        """What one tolerance of each nuisance that is not simulated moves, (M * 5, q), SI units."""
+        from scipy.sparse import csr_array, hstack
 
-        phase, load = self.blocks.phase, np.repeat([log.load for log in self.logs], self.sizes)
-        courses = np.concatenate([log.courses for log in self.logs])
-        places, values = [np.zeros((2, 0), dtype=np.intp)], [np.zeros(0)]
-        for j, n in enumerate(self.nuisances[self.simulated :]):
-            k, moved = CHANNELS.index(n.name), np.ones(phase.size)
-            if n.kind == "zero":
-                here = np.arange(phase.size)[self.rows[n.log]]
-            else:
-                concerned = (load == n.load) | math.isnan(n.load)
-                here = np.flatnonzero(concerned & (phase == PHASES.index(n.phase)))
-                moved = courses[:, k, COURSES.index(n.course)]
-            places.append(np.array([len(CHANNELS) * here + k, np.full(here.size, j)]))
-            values.append(n.sd * moved[here])
-        shape = (self.measured.size, len(self.nuisances) - self.simulated)
-        return csr_array((np.concatenate(values), tuple(np.hstack(places))), shape=shape)
+        columns = [csr_array((n.sd * self._moved_by(n)).reshape(-1, 1)) for n in self.nuisances[self.simulated :]]
+        return csr_array(hstack(columns, format="csr")) if columns else csr_array((self.measured.size, 0))
+
+    def _moved_by(self, n: Nuisance) -> Signal:
+        """What a nuisance of 1 that is not simulated moves, (M, 5), SI units."""
+        moved, k = np.zeros_like(self.measured), CHANNELS.index(n.name)
+        for number, (log, rows) in enumerate(zip(self.logs, self.rows, strict=True)):
+            if n.kind == "zero" and number == n.log:
+                moved[rows, k] = 1.0
+            elif n.kind == "discrepancy" and (log.load == n.load or math.isnan(n.load)):
+                here = log.course.blocks.phase == PHASES.index(n.phase)
+                moved[rows, k] = log.courses[:, k, COURSES.index(n.course)] * here
+        return moved
 
 
 PART = 0.2
 """Share of a tolerance by which derivatives are taken: wide tolerances are not linear as a whole."""
 
 LOCAL = ("zero", "discrepancy")
-"""Kinds of nuisances that are not simulated and concern some rows alone; they come last."""
+"""Kinds of nuisances that are not simulated; they come last."""
 
 
 class RigProblem(msgspec.Struct, frozen=True):
@@ -496,6 +511,7 @@ def _log(rig: Rig, nominal: Model, scale: MotionScale, run: Run, blocks: Blocks,
     at_stamps = course.at_stamps(grid)
     measured = means_over(blocks, run)
     noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
+    noise = without_slack(noise, nominal, fine)
     level = _levels(blocks, fine)
     deviation = rig.model.discrepancy * _in_a_block(blocks, at_stamps, level[blocks.phase])
     noise = msgspec.structs.replace(noise, model=deviation, repeats=repeats)
@@ -507,7 +523,6 @@ def _log(rig: Rig, nominal: Model, scale: MotionScale, run: Run, blocks: Blocks,
         offset_at_stamps=finely.at_stamps(fine_grid) - at_stamps,
         step=finely.step,
         noise=noise,
-        whitener=_whitener(noise),
         courses=_courses(course, fine, level),
     )
 
