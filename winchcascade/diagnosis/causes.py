@@ -18,8 +18,7 @@ from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import Evidence, Fit, Found, columns_of, covariance_of, inside_of, usual_gain
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
-from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, SAME_ORDER, UNCONFUSED
-from winchcascade.rig.effects.run_order import warming
+from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, UNCONFUSED
 from winchcascade.rig.parts import IN_RIG, number_of, path_in_rig
 
 if TYPE_CHECKING:
@@ -39,9 +38,6 @@ ENTRIES = "entry"
 
 TRIED = 4
 """Maximum number of alternatives of each cause that are refitted, nearest first by the closed form."""
-
-ORDER_ALONE = (1e6, 0.0)
-"""Time constant and share by the current with which warming follows the order of the runs alone. [1]"""
 
 COVERED = 1.96
 """Standard deviations on either side of a 95 % interval."""
@@ -67,7 +63,7 @@ def causes_of(data: Fitted, found: Found, directions: Sequence[Direction]) -> tu
 
     The posterior of a cause is no larger than its look-alikes leave: a prior or the exact form of a law must not hide them.
     """
-    best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(data, found)
+    best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(found)
     without = {name: _without(found, name) for name in best.names}
     chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
     product_of = partial(_product, data, directions, posterior)
@@ -88,9 +84,9 @@ def causes_of(data: Fitted, found: Found, directions: Sequence[Direction]) -> tu
     return tuple(sorted(causes, key=lambda cause: (cause.stage != ENTRIES, -cause.weight)))
 
 
-def look_alikes_of(data: Fitted, found: Found) -> dict[str, list[LookAlike]]:
+def look_alikes_of(found: Found) -> dict[str, list[LookAlike]]:
     """Look-alikes of each cause of the best set, best first; fits that they need are kept."""
-    return {name: _look_alikes(data, found, name, _without(found, name)) for name in found.best.names}
+    return {name: _look_alikes(found, name, _without(found, name)) for name in found.best.names}
 
 
 def _without(found: Found, name: str) -> Fit:
@@ -234,20 +230,18 @@ def slope_of_reported(effect: Effect, values: Signal) -> Signal:
 
 
 # --------------------------------------------------------------------------------------------------------- look-alikes
-def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[LookAlike]:
+def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
     """Sets of equal size without one cause that are about as good, best first.
 
     Where one of the two is a wrong entry only the fit counts, as a prior must not hide that the logs cannot distinguish them.
     Suspects that change numbers which the logs know together alone always explain each other: the logs are the same with the
     other numbers of that direction moved too.
-    Two whose laws are nearly the same explain each other if the fit keeps most of what the cause explains. A change with the
-    order of the runs and one with the load always do where these are the same sequence: only the exact form of both
-    distinguishes them.
+    Two of one class explain each other if the fit keeps most of what the cause explains: the exact form of their laws is not
+    known so well.
     """
     best, evidence, suspects, linear = found.best, found.evidence, found.problem.suspects, found.expansion
     others = [other for other in suspects if other not in best.names]
-    same = [other for other in others if same_in_logs(suspects, name, other)]
-    confused = [other for other in others if are_confused(data, suspects[name], suspects[other])]
+    same = [other for other in others if same_in_logs(name, other)]
     entries = [other for other in others if is_entry(name) or is_entry(other)]
     together = [other for other in others if are_together(found.problem.exclusive, name, other)]
 
@@ -259,7 +253,7 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
     short = {other: foreseen(other) for other in others if other not in same}
     near = sorted((other for other in short if short[other] < 4.0 * AS_GOOD), key=lambda other: short[other])[:TRIED]
     alike = []
-    for other in dict.fromkeys((*near, *same, *together, *confused)):
+    for other in dict.fromkeys((*near, *same, *together)):
         fit = found.fit(swap(best.names, name, other), _start(found, name, other) if other in same else None)
         lost, by_evidence = fit.loss - best.loss, evidence.of(best) - evidence.of(fit)
         if other in entries:
@@ -267,7 +261,7 @@ def _look_alikes(data: Fitted, found: Found, name: str, without: Fit) -> list[Lo
             odd = -min(usual, 0.0) if suspects[other].fields[0].usual_share == 1.0 else 0.0
             by_evidence = lost / found.scale - min(usual, 0.0)
             by_evidence = min(by_evidence, AS_GOOD + odd) if other in together else by_evidence
-        elif other in confused or (other in same and lost < UNCONFUSED * (without.loss - best.loss)):
+        elif other in same and lost < UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale:
             by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
     several = [fit for fit in found.sets().values() if len(fit.names) == len(best.names) and name not in fit.names]
@@ -292,21 +286,6 @@ def _start(found: Found, name: str, other: str) -> dict[str, Signal]:
         [[*kept, with_values(suspects[other], change)] for change in changes], found.marginal.place
     )
     return {other: changes[int(np.argmin(np.sum(z**2, axis=0)))]}
-
-
-def are_confused(data: Fitted, one: Effect, other: Effect) -> bool:
-    """Whether of two effects one changes with the order of the runs and the other with the current, and these are the same."""
-    return {one.name, other.name} == {"heating", "ke_rolloff"} and abs(order_of_loads(data)) > SAME_ORDER
-
-
-def order_of_loads(data: Fitted) -> float:
-    """Rank correlation (Spearman 1904) of the conductance of the loads with the warming of the machine over the runs. [1]"""
-    from scipy.stats import rankdata
-
-    taking = [k for k in range(len(data.logs)) if k not in data.withheld]
-    rise = warming(data.order, *ORDER_ALONE)
-    ranks = np.array([rankdata([rise[k] for k in taking]), rankdata([1.0 / data.logs[k].load for k in taking])])
-    return float(np.corrcoef(ranks)[0, 1]) if np.all(np.ptp(ranks, axis=1) > 0.0) else 0.0
 
 
 def swap(names: Names, name: str, other: str) -> Names:

@@ -53,7 +53,7 @@ from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
 from winchcascade.diagnosis.undetermined import Direction, alike, undetermined
 from winchcascade.diagnosis.validation import Validated, validation_of
-from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, NAMED, OPEN
+from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, HINTS, OPEN
 from winchcascade.rig.simulate import read_by
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def concluded(data: Fitted, found: Found, held_out: HeldOut, on_progress: Callab
     """
     for _ in range(RESUMED):
         found = predicting_best(without_imitators(data, found), held_out)
-        look_alikes_of(data, found)
+        look_alikes_of(found)
         further = gone_on(found, on_progress)
         if further.best.names == found.best.names:
             break
@@ -290,7 +290,7 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
 
     Explained needs more than a residual without structure: numbers that agree between runs and are plausible, no causes that
     cancel each other, no channel that a prediction makes worse, energies and efficiencies within their uncertainty.
-    Unexplained: less than half is closed; then no cause is named, as any may imitate what acts. Partly explained in between.
+    Unexplained: less than half is closed. Partly explained in between. What may imitate something else is a candidate.
     """
     data, suspects, found, closure = result.data, result.suspects, result.found, result.closure
     residual = alarms_of(data, suspects, found.best)
@@ -308,11 +308,9 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         return msgspec.structs.replace(result, closure=None)
     share = 0.0 if closure is None else closure.share
     verdict: Verdict = "explained" if not signs else "unexplained" if share < HALF else "partly_explained"
-    if verdict == "unexplained":
-        causes = ()
-    elif verdict == "partly_explained":
-        kept = causes[:NAMED] if residual else causes
-        causes = tuple(msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in kept)
+    candidates: tuple[NamedCause, ...] = ()
+    if verdict != "explained":
+        causes, candidates = parted(causes, signs, verdict)
     on_progress("planning the next run")
     own, lead = arises(result.stages), causes[0].stage if causes else None
     stage = lead if verdict == "explained" else deviating_stage(own) or lead
@@ -322,6 +320,7 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         result,
         verdict=verdict,
         causes=causes,
+        candidates=candidates,
         contributions=without(result.contributions, gone | minor, among="residual" if gone else "tolerances"),
         where=locate(data, without_zeros(data, data.measured - result.predicted), result.places, stage, own),
         remainder=Remainder(
@@ -329,8 +328,15 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
             alarms=tuple(signs),
             worst=shown[0].about if shown else None,
         ),
-        experiment=plan_run(data, found, causes or result.causes),
+        experiment=plan_run(data, found, causes or candidates),
     )
+
+
+def parted(
+    causes: Sequence[NamedCause], signs: Sequence[Alarm], verdict: Verdict
+) -> tuple[tuple[NamedCause, ...], tuple[NamedCause, ...]]:
+    """Causes and candidates of a gap that is not explained."""
+    return (), tuple(msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in causes)
 
 
 def _minor(
@@ -392,7 +398,7 @@ def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
     ]
     gains = {fit.names: evidence.of(fit) - evidence.of(best) for fit in near}
     hints = []
-    for fit in sorted((fit for fit in near if gains[fit.names] > 0.0), key=lambda fit: -gains[fit.names])[:NAMED]:
+    for fit in sorted((fit for fit in near if gains[fit.names] > 0.0), key=lambda fit: -gains[fit.names])[:HINTS]:
         name = next(n for n in fit.names if n not in best.names)
         _, largest = _largest(data, (), moved_by(data, suspects, fit)[name])
         if largest is not None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 
 from winchcascade.core.campaign_file import check_held_out
-from winchcascade.core.errors import CampaignError
+from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.viewed import Viewed
 
 if TYPE_CHECKING:
@@ -176,6 +176,34 @@ class NamedCause(msgspec.Struct, frozen=True):
     def rivals(self) -> tuple[Alternative, ...]:
         """The first of its look-alikes, at most `RIVALS`."""
         return self.look_alikes[:RIVALS]
+
+
+class Judgement(msgspec.Struct, frozen=True):
+    """What a diagnosis knows of its rig, for all that uses its numbers: causes and candidates by name, and of each that has
+    some, the effects that explain the logs as well.
+    """
+
+    verdict: Verdict
+    causes: Names = ()
+    candidates: Names = ()
+    look_alikes: dict[str, Names] = {}
+
+    def check(self, purpose: str, *, force: bool) -> None:
+        """Refuse to use a rig whose gap is not explained, unless that is forced.
+
+        Parameters
+        ----------
+        purpose : option or command that uses the rig, as the message names it
+
+        Raises
+        ------
+        OptionError : the verdict is `unexplained`
+        """
+        if self.verdict == "unexplained" and not force:
+            raise OptionError(
+                f"{purpose}: the gap of this diagnosis is unexplained, so that the corrected rig is wrong by as much; find its "
+                "cause first, or give --force, which states the verdict with every result."
+            )
 
 
 class SingleEffect(msgspec.Struct, frozen=True):
@@ -370,6 +398,7 @@ class DiagnosisResult(Viewed, frozen=True, kw_only=True):
     where : the stages that deviate, None where there is no gap
     chosen : effects of the fit
     causes : those of them that are named, with value, interval, probability and look-alikes
+    candidates : those that may as well imitate what acts: listed, and neither entered nor priced
     fitted : numbers of all effects of the fit
     minor : effects that are significant but too small to matter, and hints
     closure : share of the gap that the causes close on held-out logs, None where no cause is named
@@ -388,6 +417,7 @@ class DiagnosisResult(Viewed, frozen=True, kw_only=True):
     where: Where | None = None
     chosen: Names
     causes: tuple[NamedCause, ...] = ()
+    candidates: tuple[NamedCause, ...] = ()
     fitted: tuple[NamedCause, ...] = ()
     minor: tuple[Minor, ...] = ()
     closure: GapClosure | None = None
@@ -401,6 +431,17 @@ class DiagnosisResult(Viewed, frozen=True, kw_only=True):
         """Effects of the fit that are not named as causes."""
         named = {cause.effect for cause in self.causes} | {one.effect for one in self.minor}
         return [name for name in self.chosen if name not in named]
+
+    @property
+    def judgement(self) -> Judgement:
+        """What travels with every number of the corrected rig."""
+        listed = (*self.causes, *self.candidates)
+        return Judgement(
+            self.verdict,
+            tuple(cause.effect for cause in self.causes),
+            tuple(cause.effect for cause in self.candidates),
+            {cause.effect: tuple(one.effect for one in cause.look_alikes) for cause in listed if cause.look_alikes},
+        )
 
 
 class Entries(msgspec.Struct, frozen=True):

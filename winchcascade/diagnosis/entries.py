@@ -11,11 +11,11 @@ import msgspec
 from winchcascade.diagnosis.nuisances import quantity_of
 from winchcascade.diagnosis.verdict_limits import AGREES, MIN_RUNS, RARER
 from winchcascade.rig.baseline import missing_part
-from winchcascade.rig.effects.catalogue import ENTRIES, OF_THE_RIG, SHARED_RADIUS
-from winchcascade.rig.effects.effect import Effect, Stated, Values
+from winchcascade.rig.effects.catalogue import CLASSES, ENTRIES, OF_THE_RIG, SHARED_RADIUS
+from winchcascade.rig.effects.effect import Effect, LookAlikes, Stated, Values
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
@@ -119,7 +119,13 @@ def price_of(suspect: str) -> float:
     return math.log(len(OF_THE_RIG)) + (RARER if is_entry(suspect) else 0.0)
 
 
-def same_in_logs(suspects: Suspects, one: str, other: str) -> bool:
+def class_of(suspect: str, alike: Collection[str]) -> LookAlikes | None:
+    """The class of look-alikes of a suspect: that of those that explain the logs as well, or one of what no catalogue holds."""
+    own = [one for one in CLASSES if suspect in one.members]
+    shared = (one for one in own if not set(alike).isdisjoint(one.members))
+    return next(shared, None) or next((one for one in own if one.beyond), None)
+
+
+def same_in_logs(one: str, other: str) -> bool:
     """Whether the logs hardly distinguish two suspects, as their laws are the same or nearly so."""
-    pair = (suspects[one], suspects[other])
-    return any(b.name in a.same_as for a, b in (pair, pair[::-1]))
+    return any({one, other} <= set(those.members) for those in CLASSES)

@@ -16,7 +16,7 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.block_means import PAYOUT, PHASES, blocks_of
-from winchcascade.diagnosis.causes import are_confused, swap
+from winchcascade.diagnosis.causes import swap
 from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause
 from winchcascade.diagnosis.entries import LOAD, same_in_logs
 from winchcascade.diagnosis.marginal import are_together
@@ -90,7 +90,7 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     seen = usual(data)
 
     def alike(one: str, other: str) -> bool:
-        return are_together(found.problem.exclusive, one, other) or same_in_logs(suspects, one, other)
+        return are_together(found.problem.exclusive, one, other) or same_in_logs(one, other)
 
     if not causes or not others or seen is None:
         return None
@@ -108,7 +108,7 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     loads = sorted({log.load for log in data.logs})
     tried = dict.fromkeys([loads[0], loads[len(loads) // 2], loads[-1]])
     options = [(load, share * seen.fastest_at(load)) for load in tried for share in SPEEDS]
-    repeats = bool(drifting) or are_confused(data, suspects[lead.effect], suspects[other])
+    repeats = bool(drifting) or (suspects[lead.effect].over_runs is None) != (suspects[other].over_runs is None)
     if repeats:  # a light load again, after all others
         options = [(load, seen.fastest_at(load)) for load in loads[-2:]]
     both = {load: explanations_of(data, found, (found.best, fit), load) for load, _ in options}

@@ -13,11 +13,8 @@ AS_GOOD = 3.0
 """Evidence by which a set may fall short of the best and still be an alternative: odds of twenty to one."""
 
 UNCONFUSED = 0.1
-"""Two suspects of nearly the same law explain each other if one in place of the other loses less than this share of what that
-explains: the exact form of neither is known so well. [1]"""
-
-SAME_ORDER = 0.9
-"""Rank correlation from which the order of the runs is that of their loads: one pair of neighbours of seven may be swapped."""
+"""Two suspects of one class of look-alikes explain each other if one in place of the other loses less than this share of what
+that explains: the exact form of neither is known so well. [1]"""
 
 LAW = 0.01
 """No rig follows the law of an effect exactly: minimum standard uncertainty of what an effect does, as a share of it. Assumed;
@@ -82,8 +79,8 @@ LIKELY = 0.5
 """Minimum posterior of each cause for a verdict of `explained`: below it, the cause is more likely another one. [1]"""
 
 # ------------------------------------------------------------------------------------------------- the verdict
-NAMED = 2
-"""Maximum number of causes that are named where much stays unexplained."""
+HINTS = 2
+"""Maximum number of hints: effects with some evidence, though less than a cause needs."""
 
 HALF = 0.5
 """Share of the gap that must be closed for a structured residual not to make it unexplained."""

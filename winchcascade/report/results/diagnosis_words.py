@@ -15,7 +15,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Spot,
 )
-from winchcascade.diagnosis.entries import effect_name
+from winchcascade.diagnosis.entries import class_of, effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
@@ -205,9 +205,12 @@ def certainty_words(found: DiagnosisResult) -> str:
     if found.causes:
         rivals = {cause.effect: [rival.effect for rival in cause.look_alikes] for cause in found.causes}
         pairs = [f"{cause} from {' or '.join(names)}" for cause, names in rivals.items() if names]
-        effects = [found.suspects[cause.effect] for cause in found.causes]
         apart = [f"these logs do not distinguish {', nor '.join(pairs)}"] if pairs else []
-        apart += [f"{effect.unlisted} would look like {effect.name}" for effect in effects if effect.unlisted]
+        classes = {cause.effect: class_of(cause.effect, rivals[cause.effect]) for cause in found.causes}
+        for name, own in classes.items():
+            if own is not None:
+                apart += [f"{' or '.join(own.beyond)} would look like {name}"] if own.beyond else []
+                apart.append(f"what tells them apart: {own.broken_by}")
         return upper(f"{'; '.join(apart)}.") if apart else ""
     if found.verdict == "unexplained" or _shared_words(found):
         return ""

@@ -15,7 +15,7 @@ import msgspec
 from winchcascade.core.arguments import NUMBER, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.core.scales import Scales
-from winchcascade.rig.effects.effect import ActiveEffect, Effect
+from winchcascade.rig.effects.effect import ActiveEffect, Effect, LookAlikes
 from winchcascade.rig.effects.laws import ACTS, shared_radius
 
 ENTRY, SIMPLIFICATION = "entry", "simplification"
@@ -35,15 +35,24 @@ DEFAULTS: Mapping[str, Mapping[str, object]] = {
 """What the fields of a kind of effects have unless a declaration says otherwise."""
 
 
+def _texts(table: dict[str, object]) -> dict[str, object]:
+    """A table whose texts have blanks for line breaks."""
+    return {key: " ".join(value.split()) if isinstance(value, str) else value for key, value in table.items()}
+
+
 def _declared(kind: str, name: str, table: dict[str, object], fields: list[dict[str, object]]) -> Effect:
-    """Make an effect of its table: stage and name are its place, line breaks of a text are blanks."""
-    texts = {key: " ".join(value.split()) if isinstance(value, str) else value for key, value in table.items()}
+    """Make an effect of its table: stage and name are its place."""
     own = [{**DEFAULTS.get(kind, {}), **field} for field in fields]
-    effect: Effect = msgspec.convert({"stage": kind, **texts, "name": name, "fields": own}, Effect)
+    effect: Effect = msgspec.convert({"stage": kind, **_texts(table), "name": name, "fields": own}, Effect)
     return msgspec.structs.replace(effect, **ACTS.get(name, {}))
 
 
 _TABLES = tomllib.loads(Path(__file__).with_name("catalogue.toml").read_text(encoding="utf-8"))
+
+CLASSES = tuple(
+    msgspec.convert({**_texts(table), "name": name}, LookAlikes) for name, table in _TABLES.pop("class").items()
+)
+"""Classes of look-alikes; an effect belongs to the first class that has it with another of its members."""
 
 _ALL = {
     kind: {name: _declared(kind, name, table, table["fields"]) for name, table in tables.items()}
@@ -69,7 +78,6 @@ SHARED_RADIUS = msgspec.structs.replace(
     shows_as="force alone, by the same share in every phase.",
     taken_for="a gain error of the force cell (force_gain), which looks the same.",
     law=shared_radius,
-    same_as=("force_gain", "load_proportional_loss"),
 )
 """The drum radius where encoder and logger share it: a second form of `drum_radius`, no effect of its own in the catalogue."""
 

@@ -163,8 +163,6 @@ class Effect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     beside : further fields that are reported beside the parameter
     over_runs : of an effect that changes from run to run, the values with which it acts in one of them; without a place
         among the runs it acts as in the run that shows it most
-    same_as : effects that look the same in most logs, as the laws hardly differ
-    unlisted : what is not in the catalogue and looks the same
     entry : of a wrong entry, the number that is stated
     """
 
@@ -185,8 +183,6 @@ class Effect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reported_at: ScaledReport | None = None
     beside: tuple[str, ...] = ()
     over_runs: InRun | None = None
-    same_as: tuple[str, ...] = ()
-    unlisted: str = ""
     entry: Stated | None = None
 
     def __post_init__(self) -> None:
@@ -252,3 +248,20 @@ class ActiveEffect(msgspec.Struct, frozen=True):
         """Parameter that a diagnosis reports, in the unit of the effect."""
         reported_from = self.effect.reported_from
         return self.values[0] if reported_from is None else reported_from(self.values)
+
+
+class LookAlikes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A class of effects that the channels of a rig hardly distinguish, at any number of logs, as their laws nearly agree.
+
+    Parameters
+    ----------
+    name : of the class
+    members : suspects by name
+    beyond : what is not in the catalogue and looks the same
+    broken_by : the observation that distinguishes them
+    """
+
+    name: str
+    members: tuple[str, ...]
+    broken_by: str
+    beyond: tuple[str, ...] = ()
