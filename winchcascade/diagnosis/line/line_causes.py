@@ -25,7 +25,7 @@ from winchcascade.diagnosis.line.line_data import POWER, Lines, power_columns
 from winchcascade.diagnosis.line.line_fit import FOLDS, LineFit, LineNoise, LineProblem, noise_of
 from winchcascade.diagnosis.search import columns_of, marginal_about
 from winchcascade.diagnosis.stability import trends_of
-from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW
+from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, OPEN
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -56,14 +56,17 @@ def line_causes(fit: LineFit) -> tuple[NamedCause, ...]:
     for name in found.best.names:
         without = found.fit(tuple(n for n in found.best.names if n != name))
         ablation, alike = 1.0 - float(np.sum(fit.residual(without) ** 2)) / gap, _look_alikes(fit, name)
+        stability, numbers = _stability(fit, noise, name), parameters_of(posterior, suspects[name], name)
+        doubtful = stability.trends or any(number.beyond_range for number in numbers.values())
+        most = OPEN if doubtful else AMBIGUOUS if alike else 1.0
         causes.append(
             NamedCause(
                 effect=name,
                 stage=suspects[name].stage,
-                probability=min(share_with(fit, name), AMBIGUOUS if alike else 1.0),
-                parameters=parameters_of(posterior, suspects[name], name),
+                probability=min(share_with(fit, name), most),
+                parameters=numbers,
                 weight=closed - ablation,
-                stability=_stability(fit, noise, name),
+                stability=stability,
                 look_alikes=alike,
                 ablation=ablation,
             )

@@ -50,6 +50,7 @@ from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import (
     bias_cell,
+    candidates_table,
     causes_table,
     first_points,
     made_from,
@@ -93,7 +94,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         ),
         points=_points(found),
         sections=[
-            section("causes", "Causes", causes_table(found)),
+            section("causes", "Causes", causes_table(found), candidates_table(found)),
             _own_simulation(found),
             section("next", "Next run", note_of(words.experiment_words(found))),
             section(
@@ -144,7 +145,8 @@ def _tiles(found: ModelDiagnosis) -> list[Tile]:
 
 def _points(found: ModelDiagnosis) -> list[Note | None]:
     """What a reader must know first."""
-    hidden = ", ".join(found.unnamed)
+    listed = {one.effect for one in found.candidates}
+    hidden = ", ".join(name for name in found.unnamed if name not in listed)
     return [
         *first_points(found),
         Note(f"The fit used {hidden} too: it may only imitate what acts." if hidden else "", "Not named", "warn"),

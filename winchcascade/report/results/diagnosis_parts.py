@@ -60,18 +60,41 @@ class CauseRow(NamedTuple):
     first: bool
 
 
+def _rows(found: DiagnosisResult, several: Sequence[NamedCause]) -> list[CauseRow]:
+    """Numbers of some causes or candidates."""
+    return [
+        CauseRow(one, shown_as(found, one, name), value, first=k == 0)
+        for one in several
+        for k, (name, value) in enumerate(one.parameters.items())
+    ]
+
+
+def candidates_table(found: DiagnosisResult) -> Table[CauseRow] | None:
+    """A line for each candidate: number, interval, closure without it, and look-alikes; it has no cost and no action."""
+    return table(
+        "candidates", "Candidates: the fit uses them, but each may imitate something that the catalogue lacks.",
+        [
+            Column("effect", lambda row: row.cause.effect if row.first else ""),
+            *number_columns(),
+            Column("without", _closed_without),
+            Column("look-alikes", _alike),
+        ],
+        _rows(found, found.candidates),
+        note="Candidates are neither entered nor priced. Without: share of the gap that is closed without the candidate.",
+    )  # fmt: skip
+
+
+def _closed_without(row: CauseRow) -> str:
+    return share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""
+
+
+def _alike(row: CauseRow) -> str:
+    return ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""
+
+
 def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
     """A line for each cause: number, interval, probability, cost, closure without it, look-alikes, and what to do."""
     costs, model = mean_costs(found), isinstance(found, ModelDiagnosis)
-    rows = [
-        CauseRow(cause, shown_as(found, cause, name), value, first=k == 0)
-        for cause in found.causes
-        for k, (name, value) in enumerate(cause.parameters.items())
-    ]
-
-    def closed_without(row: CauseRow) -> str:
-        return share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""
-
     place = "" if costs is None else f"Cost: change of {costs.metric}, mean over the loads. "
     without = "Without: share of the gap that is closed without the cause. " if model else ""
     free = "Sensors and entries cost no energy: they change what is read or stated." if model else ""
@@ -84,11 +107,11 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
             Column("range", lambda row: range_words(row.value)),
             Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
             Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
-            Column("without", closed_without),
-            Column("look-alikes", lambda row: ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""),
+            Column("without", _closed_without),
+            Column("look-alikes", _alike),
             Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
         ],
-        rows,
+        _rows(found, found.causes),
         note=f"{place}{without}Probability: posterior within the catalogue. {free}".rstrip(),
     )  # fmt: skip
 
@@ -139,6 +162,8 @@ def verdict_tile(found: DiagnosisResult) -> Tile:
     """The verdict and how many causes are named."""
     count = len(found.causes)
     named = f"{count} cause{'s' * (count > 1)} named" if count else "no cause named"
+    listed = len(found.candidates)
+    named += f", {listed} candidate{'s' * (listed > 1)}" if listed else ""
     return Tile("Verdict", "", words.VERDICTS[found.verdict], named)
 
 
@@ -209,15 +234,15 @@ def numbers(found: DiagnosisResult) -> Section:
 
 
 def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
-    """Effects that are significant but too small to matter, and hints, each with its number and what it changes most."""
+    """Effects that are significant but too small to matter, and undecided ones, with number and what each changes most."""
     rows = []
     for one in found.minor:
         (name, value), largest = next(iter(one.parameters.items())), one.largest
         changed = largest.name if largest.phase is None else f"{NAMES[largest.name]}, {phase_words(largest.phase)}"
-        kind = "significant" if math.isnan(one.hint) else "hint"
+        kind = "too small to matter" if math.isnan(one.hint) else "undecided"
         role = f"{kind}: changes {changed} by {number_text(100.0 * largest.change, 2, signed=True)} %"
         rows.append(EffectNumber(one.effect, display_of(one.effect, name, value.unit), value, role))
-    caption = "Effects that are significant but too small to matter; a hint has less evidence than a cause needs."
+    caption = "Effects that are significant but too small to matter, and undecided ones: too little evidence for a cause."
     return effects_table("minor", caption, rows)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -104,10 +105,22 @@ def verdict_words(found: DiagnosisResult) -> str:
                 f"The {gap} is larger than noise and the uncertainties of the rig, but no effect of the catalogue explains it: "
                 "its cause lies outside the catalogue."
             )
+        undecided = [one.effect for one in found.minor if math.isfinite(one.hint)]
+        if undecided:
+            return (
+                f"No {gap} is significant against noise and the uncertainties of the rig, but {' or '.join(undecided)} is "
+                "undecided: these logs neither show nor exclude it."
+            )
         if found.minor:
             return "What these logs show beyond noise and uncertainties is too small to matter: no cause is named."
         return f"No {gap} is significant against noise and the uncertainties of the rig: no cause is named."
     share = share_words(max(closure.share, 0.0)).replace(">", "more than")
+    listed = " + ".join(one.effect for one in found.candidates)
+    if listed and not count and found.verdict == "partly_explained":
+        return (
+            f"No cause is named: a fit of {listed} closes {share} of the {gap} {judged_words(found)}, but something else acts "
+            f"too, which these may only imitate; {_residual_words(found)}."
+        )
     if not count:
         share = f"only {share}" if closure.share > NONE_CLOSED else "none"
         tried = (

@@ -33,6 +33,7 @@ from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import (
     EffectNumber,
     bias_cell,
+    candidates_table,
     causes_table,
     effects_table,
     first_points,
@@ -66,7 +67,7 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
         tiles=[verdict_tile(found), *step_tile(found)],
         points=first_points(found),
         sections=[
-            section("causes", "Causes", causes_table(found), _others_table(found), minor_table(found)),
+            section("causes", "Causes", causes_table(found), candidates_table(found), _others_table(found), minor_table(found)),
             section("energies", "Energies by phase", _energies_table(found)),
             section("next", "Next run", note_of(words.experiment_words(found))),
             residual(found),
@@ -82,7 +83,7 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
 
 def _others_table(found: LineDiagnosis) -> Table[EffectNumber] | None:
     """Numbers of the effects that were fitted and are not named."""
-    named = {cause.effect for cause in found.causes}
+    named = {cause.effect for cause in (*found.causes, *found.candidates)}
     rows = [
         EffectNumber(one.effect, shown_as(found, one), next(iter(one.parameters.values())), "in the fit, not named")
         for one in found.fitted
