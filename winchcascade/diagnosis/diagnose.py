@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -53,7 +54,7 @@ from winchcascade.diagnosis.stability import stabilities, with_stability
 from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
 from winchcascade.diagnosis.undetermined import Direction, alike, undetermined
 from winchcascade.diagnosis.validation import Validated, validation_of
-from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, HINTS, OPEN
+from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, HINTS, MARGIN, MOSTLY, OPEN
 from winchcascade.rig.simulate import read_by
 
 if TYPE_CHECKING:
@@ -310,7 +311,7 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
     verdict: Verdict = "explained" if not signs else "unexplained" if share < HALF else "partly_explained"
     candidates: tuple[NamedCause, ...] = ()
     if verdict != "explained":
-        causes, candidates = parted(causes, signs, verdict)
+        causes, candidates = parted(causes, signs, share)
     on_progress("planning the next run")
     own, lead = arises(result.stages), causes[0].stage if causes else None
     stage = lead if verdict == "explained" else deviating_stage(own) or lead
@@ -333,10 +334,18 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
 
 
 def parted(
-    causes: Sequence[NamedCause], signs: Sequence[Alarm], verdict: Verdict
+    causes: Sequence[NamedCause], signs: Sequence[Alarm], share: float
 ) -> tuple[tuple[NamedCause, ...], tuple[NamedCause, ...]]:
-    """Causes and candidates of a gap that is not explained."""
-    return (), tuple(msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in causes)
+    """Causes and candidates of a gap that is not explained: a name is a cause where little is left, and candidate otherwise.
+
+    Parameters
+    ----------
+    share : of the gap that is closed [1]
+    """
+    little = share >= MOSTLY and all(one.size <= MARGIN * one.limit for one in signs if one.kind != "range")
+    listed = [msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in causes]
+    steady = [little and not (one.stability and one.stability.trends) for one in listed]
+    return tuple(compress(listed, steady)), tuple(one for one, is_cause in zip(listed, steady, strict=True) if not is_cause)
 
 
 def _minor(

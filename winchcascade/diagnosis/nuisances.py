@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SECTIONS = ("winch", "restoring", "drivetrain", "generator", "dc_link")
 
 OF_THE_MODEL = {
-    ("generator", "v_diode"): 0.08,
+    ("generator", "v_diode"): 0.06,
     ("generator", "r_s"): 0.008,
     ("generator", "l_s"): 0.012,
     ("winch", "inertia"): 0.07,
@@ -35,6 +35,9 @@ OF_THE_MODEL = {
 ideal bridge on a stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares
 move as much. Inertias: the acceleration of a smoothed velocity is some hundredths too small where the motion turns, and
 more where a ramp has fewer samples than `OF_A_RAMP`."""
+
+OF_THE_BRIDGE = 1.4e-4
+"""What the ideal bridge leaves of Vdc that a drop of the diodes takes up, as a share of the back-EMF at the top speed. [1]"""
 
 OF_A_RAMP = 10.0
 """Number of samples of a ramp from which more of them make no acceleration more precise. [1]"""
@@ -143,7 +146,8 @@ def _of_the_rig(rig: Rig, scales: Scales, coarse: float) -> list[Nuisance]:
             per = IN_RIG.get(path, 1.0)
             of_the_model = OF_THE_MODEL.get((section, name), 0.0) * value.value
             of_the_model *= coarse if "inertia" in name else 1.0
-            sd = math.hypot(value.u or 0.0, of_the_model)
+            of_the_bridge = OF_THE_BRIDGE * scales.voltage if name == "v_diode" else 0.0
+            sd = math.hypot(value.u or 0.0, of_the_model, of_the_bridge)
             found.append(Nuisance(name, value.unit, kind="rig", sd=sd, path=path, per=per, section=section))
     for (part, name), (share, scale, unit) in ABSENT.items():
         if part == "restoring" and not rig.restoring.has_gas:

@@ -86,4 +86,8 @@ HALF = 0.5
 """Share of the gap that must be closed for a structured residual not to make it unexplained."""
 
 MOSTLY = 0.9
-"""Share of the gap that must be closed for a verdict of `explained` while a residual without structure remains."""
+"""Share of the gap that must be closed for a verdict of `explained` while a residual without structure remains, and for a cause
+to be more than a candidate while one remains."""
+
+MARGIN = 1.5
+"""Multiple of its limit up to which a sign leaves a cause more than a candidate. [1]"""
