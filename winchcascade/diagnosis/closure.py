@@ -19,7 +19,6 @@ from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.diagnosis.search import Fit, Found, located, minimum_within
 from winchcascade.diagnosis.suspects import places_of
 from winchcascade.diagnosis.verdict_limits import (
-    DISPENSABLE,
     MIN_EXCESS,
     PULLED,
     REACH,
@@ -141,8 +140,7 @@ def closes_more(data: Fitted, one: ModelClosure, other: ModelClosure, seed: int)
     """Whether a set closes more of the gap on the same held-out logs than another, beyond what another choice of cycles changes
     with a probability of 95 %.
     """
-    gained = one.share - other.share
-    if gained < DISPENSABLE:
+    if one.share <= other.share:
         return False
     return bool(np.quantile(_draws(data, one, seed) - _draws(data, other, seed), 0.025) > 0.0)
 

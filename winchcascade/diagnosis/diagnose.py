@@ -39,6 +39,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Place,
     Remainder,
     SingleEffect,
+    Spot,
     StageEnergy,
     Verdict,
 )
@@ -198,16 +199,24 @@ def concluded(data: Fitted, found: Found, held_out: HeldOut, on_progress: Callab
 
 
 def predicting_best(found: Found, held_out: HeldOut) -> Found:
-    """A search without a best set of several causes of which fewer, or another effect alone, predict held-out logs better."""
-    best = found.best
+    """A search without a best set of several causes of which fewer, or another effect alone, predict held-out logs better; or
+    as well, where causes of the set cancel each other.
+    """
+    best, data = found.best, held_out.data
     if len(best.names) < 2:
         return found
     fewer = [found.fit(tuple(n for n in best.names if n != name)) for name in best.names]
     tried = {fit.names: fit for fit in (best, *fewer, *found.singles()) if found.allowed(fit.names)}
     closures = {names: held_out.of(found, fit) for names, fit in tried.items()}
     names = max(closures, key=lambda names: closures[names].share)
-    if not closes_more(held_out.data, closures[names], closures[best.names], held_out.seed):
-        return found
+    better = closes_more(held_out.data, closures[names], closures[best.names], held_out.seed)
+    if not better:
+        if not cancelling(data, moved_by(data, found.problem.suspects, best)):
+            return found
+        del closures[best.names]
+        names = max(closures, key=lambda names: closures[names].share)
+        if closures[names].share < held_out.of(found, best).share - DISPENSABLE:
+            return found
     worth, least = weighing(found).worth, weighing(found).worth(tried[names])
     larger = {other for other, fit in found.fits.items() if len(other) > len(names) and worth(fit) > least}
     smaller = msgspec.structs.replace(found, rejected=found.rejected | larger)
@@ -344,7 +353,8 @@ def parted(
     """
     little = share >= MOSTLY and all(one.size <= MARGIN * one.limit for one in signs if one.kind != "range")
     listed = [msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in causes]
-    steady = [little and not (one.stability and one.stability.trends) for one in listed]
+    undone = {name for one in signs if one.kind == "cancelling" and isinstance(one.about, Spot) for name in one.about.effects}
+    steady = [little and one.effect not in undone and not (one.stability and one.stability.trends) for one in listed]
     return tuple(compress(listed, steady)), tuple(one for one, is_cause in zip(listed, steady, strict=True) if not is_cause)
 
 
