@@ -254,7 +254,7 @@ def confused(found: ModelDiagnosis, name: str, among: Collection[str] = EFFECTS)
     """An effect with another that explains the logs in its place, both of some that are asked for."""
     pairs = [(cause.effect, one.effect) for cause in found.causes for one in cause.look_alikes]
     for pair in pairs:
-        known = found.suspects[pair[1]].name != LOAD and not same_in_logs(found.suspects, *pair)
+        known = found.suspects[pair[1]].name != LOAD and not same_in_logs(*pair)
         if name in pair and known and all(one in among for one in pair):
             return pair
     return None

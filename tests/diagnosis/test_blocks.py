@@ -11,15 +11,16 @@ from rigs import blocks_on, course_of, scale_of
 
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import Run
+from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.diagnosis.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES
-from winchcascade.diagnosis.block_noise import NOISELESS, noise_of, with_extra
+from winchcascade.diagnosis.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES, Blocks, changing
+from winchcascade.diagnosis.block_noise import MAX_NOISE, NOISELESS, noise_of, with_extra, with_ramps, without_slack
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.line_velocity import SMOOTHING, line_velocity
+from winchcascade.rig.parts import with_part
 
 RIG = built_in()
 
@@ -144,3 +145,52 @@ def test_a_simulation_without_noise_counts_as_known_to_a_share_and_a_measured_lo
     predicted = course.predict(model)
     own = noise_of(course, model, predicted).own[:, 0] / (NOISELESS * np.max(predicted[:, 0]))
     assert np.all(own >= 1.0) if simulated else np.all(own < 1e-2)
+
+
+@pytest.mark.parametrize("goes_slack", [True, False])
+def test_the_force_of_a_slack_line_says_nothing(goes_slack: bool) -> None:
+    model = with_part(baseline(RIG), "winch", goes_slack=goes_slack)
+    course = course_of(made_log(seed=3), RIG)
+    predicted, k = course.predict(model), CHANNELS.index("force")
+    noise = noise_of(course, model, predicted)
+    slack = course.blocks.phase == HAUL_IN
+    predicted[slack, k] = 0.5 * MAX_NOISE * noise.own[slack, k]
+    seen = without_slack(noise, model, predicted).seen
+    assert noise.seen[slack, k].any()
+    assert seen[slack, k].any() != goes_slack
+    assert np.array_equal(np.delete(seen, k, axis=1), np.delete(noise.seen, k, axis=1))
+    assert np.array_equal(seen[~slack, k], noise.seen[~slack, k])
+
+
+def slow_ramps(blocks: Blocks, length: int) -> Signal:
+    """A speed that rises over some blocks of each payout and is even after them, (m,). [m/s]"""
+    payout = blocks.phase == PHASES.index("payout")
+    first = np.flatnonzero(payout & np.diff(payout.astype(int), prepend=0) > 0)
+    since = np.arange(blocks.size) - first[np.maximum(np.searchsorted(first, np.arange(blocks.size), "right") - 1, 0)]
+    return np.where(payout, np.minimum((since + 1.0) / length, 1.0), 0.0)
+
+
+def test_what_a_fit_leaves_within_slow_ramps_is_noise_there_alone() -> None:
+    run, model = made_log(seed=3, cycles=4), baseline(RIG)
+    course = course_of(run, RIG)
+    blocks = course.blocks
+    noise, speed = noise_of(course, model, course.predict(model)), slow_ramps(blocks, 8)
+    k, ramps = CHANNELS.index("torque"), changing(blocks, speed)
+    smooth = np.linspace(0.0, 200.0, blocks.size)[:, None] * np.ones(len(CHANNELS))
+    assert ramps.any()
+    assert np.array_equal(with_ramps(noise, blocks, smooth, speed).own, noise.own)
+    rough = smooth.copy()
+    rough[ramps, k] += np.random.default_rng(5).normal(0.0, 30.0, int(ramps.sum()))
+    found = with_ramps(noise, blocks, rough, speed)
+    assert np.median(found.total[ramps, k]) == pytest.approx(30.0, rel=0.4)
+    assert np.array_equal(np.delete(found.own, k, axis=1), np.delete(noise.own, k, axis=1))
+    even = (speed == 1.0) & (np.roll(speed, 1) == 1.0) & (np.roll(speed, -1) == 1.0)
+    assert np.array_equal(found.own[even], noise.own[even])
+
+
+def test_a_ramp_of_one_or_two_blocks_shows_no_scatter_of_its_own() -> None:
+    course = course_of(made_log(seed=3, cycles=4), RIG)
+    blocks, model = course.blocks, baseline(RIG)
+    noise = noise_of(course, model, course.predict(model))
+    rough = np.random.default_rng(5).normal(0.0, 30.0, (blocks.size, len(CHANNELS)))
+    assert np.array_equal(with_ramps(noise, blocks, rough, slow_ramps(blocks, 2)).own, noise.own)

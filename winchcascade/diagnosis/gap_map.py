@@ -296,16 +296,12 @@ def locate(
     Parameters
     ----------
     residual : (M, 5) measured minus simulated blocks, zeros taken off
-    places : the map of the gap; of those that are significant the largest counts, as a share of the plateau of its channel
+    places : the map of the gap
     stage : of its main cause, or the one that deviates by itself, where either is known; else the one of the largest deviation
     own : where it arises stage by stage
     """
     channels = {p.channel for p in places if abs(p.z) > STANDS_OUT and STAGE_OF[p.channel] == stage}
-    own_places = [p for p in places if not channels or p.channel in channels]
-    significant = [p for p in own_places if abs(p.z) > STANDS_OUT]
-    worst = max(own_places, key=lambda p: abs(p.z))
-    if significant:
-        worst = max(significant, key=lambda p: abs(p.bias) / _plateau(data, p))
+    worst = max((p for p in places if not channels or p.channel in channels), key=lambda p: abs(p.z))
     k, phase = CHANNELS.index(worst.channel), PHASES.index(worst.phase)
     here = data.seen[:, k] & (data.blocks.phase == phase)
     far = here & (np.abs(residual[:, k]) > STANDS_OUT * data.noise[:, k])
@@ -316,12 +312,6 @@ def locate(
     side = math.copysign(1.0, worst.bias)
     size = float(side * np.quantile(side * gaps, LARGEST))
     return Where(stage or STAGE_OF[worst.channel], worst, _span(speed[far]), _span(current[far]), size, own)
-
-
-def _plateau(data: Fitted, place: Place) -> float:
-    """Plateau of the channel of a place over all logs, in the unit of the channel."""
-    k = CHANNELS.index(place.channel)
-    return max(*(float(np.max(log.courses[:, k, 0], initial=0.0)) for log in data.logs), 1e-300)
 
 
 def _span(values: Signal) -> tuple[float, float]:
