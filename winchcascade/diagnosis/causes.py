@@ -144,7 +144,7 @@ def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, 
     own = posterior.fit.place[name]
     x, reported = posterior.fit.x[own], {}
     value, absent = (with_values(effect, at).reported for at in (x, freedom(effect).absent))
-    law = LAW * abs(value - absent) if effect.entry is None else 0.0
+    law = max(LAW, effect.law_u) * abs(value - absent) if effect.entry is None else 0.0
     reported[effect.parameter] = _interval(posterior, own, slope_of_reported(effect, x), (value, law), effect.unit)
     for k, field in enumerate(effect.fields):
         if field.name in effect.beside:

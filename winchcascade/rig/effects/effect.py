@@ -163,6 +163,7 @@ class Effect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     beside : further fields that are reported beside the parameter
     over_runs : of an effect that changes from run to run, the values with which it acts in one of them; without a place
         among the runs it acts as in the run that shows it most
+    law_u : standard uncertainty of what it does beyond that of every law, as a share, where rigs differ in the shape of it [1]
     entry : of a wrong entry, the number that is stated
     """
 
@@ -183,6 +184,7 @@ class Effect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reported_at: ScaledReport | None = None
     beside: tuple[str, ...] = ()
     over_runs: InRun | None = None
+    law_u: float = 0.0
     entry: Stated | None = None
 
     def __post_init__(self) -> None:
