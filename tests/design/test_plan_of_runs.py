@@ -26,6 +26,10 @@ PAIR = ("copper_heating", "ke_rolloff")
 PLAN = ("plan", "hsu2026", "--loads", "9,27", "--speeds", "0.3,0.6")
 
 
+OF_SCALES = 0.01
+"""Share by which a run differs as one of several: these have the scales of their motion in common. [1]"""
+
+
 @cache
 def basis() -> Basis:
     """What is known of the rig of the paper before any run."""
@@ -52,7 +56,7 @@ def test_every_run_separates_two_effects_further() -> None:
 def test_the_first_run_of_a_plan_is_the_best_single_one() -> None:
     options = basis().options
     alone = [separate(basis()._replace(options=[one]), PAIR, EFFECTS, 1).expected[0] for one in options]
-    assert separated(5).expected[0] == pytest.approx(max(alone))
+    assert separated(5).expected[0] == pytest.approx(max(alone), rel=OF_SCALES)
     assert separated(5).runs[0] == options[alone.index(max(alone))]
 
 
@@ -82,7 +86,7 @@ def test_every_run_leaves_a_metric_less_uncertain(copper: ModelDiagnosis) -> Non
     assert all(more > less > 0.0 for more, less in pairwise((found.before, *found.expected)))
     assert found.expected[-1] < found.random
     known = after(copper, [9.0], [0.6])
-    stated = before(copper.rig, [9.0], [0.6], known.length)
+    stated = before(copper.rig, [9.0], [0.6], known.setting.length)
     assert determine(known, "p_gen_w", 1e-9, 1).before < determine(stated, "p_gen_w", 1e-9, 1).before
 
 
@@ -106,6 +110,8 @@ def test_a_plan_ends_where_its_aim_is_reached_or_at_its_length(plan_of: Callable
         ((*PLAN, "--separate", "copper_heating", "nothing"), "nothing"),
         ((*PLAN, "--separate", "line_drag", "line_drag"), "--separate"),
         ((*PLAN, "--separate", *PAIR, "--length", "-1"), "--length"),
+        ((*PLAN, "--separate", *PAIR, "--length", "1e9"), "0.3 m/s"),
+        ((*PLAN, "--separate", *PAIR, "--loads", ",".join(map(str, range(1, 102)))), "--loads"),
         ((*PLAN, "--separate", *PAIR, "--speeds", "0.5,nan"), "--speeds"),
         ((*PLAN, "--separate", *PAIR, "--loads", "-9"), "-9"),
         (("plan", "hsu2026", "--separate", *PAIR), "--loads"),
