@@ -110,13 +110,18 @@ def diagnosed(
     twin: Twin, rng: np.random.Generator, logs: Sequence[str], extra: Sequence[Run], folder: Path
 ) -> tuple[ModelDiagnosis, list[Solved]]:
     """Make and diagnose a campaign of drawn logs and of further runs, each at the load and in the motion of one."""
-    at = {load: log for log, load in STATED_LOADS.items()}
+    at, stated = {load: log for log, load in STATED_LOADS.items()}, dict(STATED_LOADS)
     motions = [(log, draw_motion(log, rng)) for log in logs]
-    motions += [(at[run.load or 0.0], (*on_grid(run.t, run.channels["velocity"]), 0.0)) for run in extra]
+    for run in extra:
+        load = run.load or 0.0
+        log = at.setdefault(load, f"planned{len(at)}")
+        stated[log] = load
+        twin = msgspec.structs.replace(twin, loads={log: load} | twin.loads)
+        motions.append((log, (*on_grid(run.t, run.channels["velocity"]), 0.0)))
     loads, solved = {}, [solve_twin(twin, log, *motion) for log, motion in motions]
     for k, ((log, _), one) in enumerate(zip(motions, solved, strict=True), 1):
         write_log(folder / f"run{k}_{log}.csv", read_log(twin, one, rng, CRANE_LOGGER))
-        loads[f"run{k}_{log}"] = STATED_LOADS[log]
+        loads[f"run{k}_{log}"] = stated[log]
     (folder / "campaign.toml").write_text(campaign_toml("case", loads))
     found = diagnose_listed(load_campaign(folder), EFFECTS)
     assert isinstance(found, ModelDiagnosis)
@@ -240,7 +245,7 @@ def pair_case(k: int, folder: Path) -> Result:
         options = options_after(found.data)
         assert options is not None
         basis = after(found)._replace(options=[PlannedRun(run.load, run.speed, place="last")])
-        promised = determine(basis, "eta_pto", SMALL, 1)
+        promised = determine(basis, "eta_pto", SMALL, 1) if run.load < math.inf else None
         time, (_, others) = basis.setting.time, options
         random = others[int(rng.integers(len(others)))]
         for of, load, speed in (("proposed run", run.load, run.speed), ("random run", random.load, random.speed)):
@@ -248,7 +253,7 @@ def pair_case(k: int, folder: Path) -> Result:
             again, _ = diagnosed(twin, rng, logs, [planned(load, speed, run.length, time, 1.0 / GRID)], folder)
             clear = "" if run.expected_z > CLEAR else ", not clear"
             rows.append(Row(of + clear, is_apart(again, run.separates), run.expected_z, (*run.separates, load, speed)))
-            if of == "proposed run" and promised.expected:
+            if of == "proposed run" and promised is not None:
                 left = determine(after(again, [load], [speed]), "eta_pto", SMALL, 1).before
                 error = promised.expected[0] / left - 1.0
                 rows.append(Row("promised u within 10 %", abs(error) <= PROMISED, error, (promised.before, left)))

@@ -27,6 +27,7 @@ from winchcascade.diagnosis.planning import (
     explanation_of,
     foresee,
     foresee_pair,
+    listed,
     options_after,
     prospect_of,
 )
@@ -34,6 +35,7 @@ from winchcascade.diagnosis.posterior import OF_THE_RIG, RigPosterior, posterior
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.baseline import baseline
+from winchcascade.rig.steps import RESOLVED, rate_of_the_rotor
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
@@ -64,7 +66,8 @@ class RunPlan(Viewed, frozen=True, kw_only=True):
 
     `measure` is what counts: `z` of the separation of `pair` or `u` of `metric`; `expected` is its value after each run,
     `before` that without any, `wanted` that to be reached, `random` the mean over random plans of the same length,
-    `random_share` the share of these that reach what is wanted.
+    `random_share` the share of these that reach what is wanted. `together` are pairs that the diagnosis lists and no run can
+    separate: the logs know their numbers as one combination alone.
     """
 
     title: str
@@ -79,6 +82,7 @@ class RunPlan(Viewed, frozen=True, kw_only=True):
     random: float
     random_share: float
     length: float
+    together: tuple[tuple[str, str], ...] = ()
 
     @property
     def reached(self) -> bool:
@@ -106,7 +110,7 @@ def after(found: ModelDiagnosis, loads: Sequence[float] = (), speeds: Sequence[f
     options = options_after(found.data, loads, speeds)
     if options is None:
         raise OptionError(f"{found.title}: no log has a payout; expected one at least.")
-    return Basis(found.title, *options, found)
+    return _checked(Basis(found.title, *options, found))
 
 
 def before(rig: Rig, loads: Sequence[float], speeds: Sequence[float], length: float) -> Basis:
@@ -129,19 +133,30 @@ def before(rig: Rig, loads: Sequence[float], speeds: Sequence[float], length: fl
     _require(loads, speeds)
     require_positive("--length", [length])
     time = length / max(speeds)
-    path_of(planned_cycle(min(speeds), length, RAMP * time), baseline(rig))
+    shortest = RESOLVED / rate_of_the_rotor(baseline(rig), max(speeds))
+    if RAMP * time < shortest:
+        raise OptionError(
+            f"--length {length:g}: the line speeds up in {RAMP * time:.2g} s; expected {shortest:.2g} s at least."
+        )
     options = [PlannedRun(load, speed) for load in sorted(loads) for speed in sorted(speeds)]
-    return Basis(rig.title or rig.name, Setting(rig, length, time, SAMPLES / time), options)
+    return _checked(Basis(rig.title or rig.name, Setting(rig, length, time, SAMPLES / time), options))
 
 
 def _require(loads: Sequence[float], speeds: Sequence[float]) -> None:
-    """Raise OptionError for speeds, and loads but open circuits, that are not finite and above 0, and for too many of them."""
+    """Raise OptionError for speeds, and loads but open circuits, that are not finite and above 0."""
     require_positive("--loads", [load for load in loads if load != math.inf])
     require_positive("--speeds", speeds)
-    if len(loads) * max(len(speeds), 1) > MOST_OPTIONS:
+
+
+def _checked(basis: Basis) -> Basis:
+    """A basis; OptionError for too many runs, or too long ones."""
+    if len(basis.options) > MOST_OPTIONS:
         raise OptionError(
-            f"--loads, --speeds: {len(loads)} loads and {len(speeds)} speeds; expected {MOST_OPTIONS} runs."
+            f"--loads, --speeds: {len(basis.options)} runs; expected {MOST_OPTIONS} at most to choose from."
         )
+    setting, slowest = basis.setting, min(one.speed for one in basis.options)
+    path_of(planned_cycle(slowest, setting.length, RAMP * setting.time), baseline(setting.rig))
+    return basis
 
 
 # ------------------------------------------------------------------------------------------------------ two explanations
@@ -206,8 +221,21 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     if not fastest:
         raise OptionError(f"--uncertainty {metric}: expected a finite load at least among --loads.")
     prospect = prospect_of(basis.setting, basis.options)
-    known, posterior, places = _known(basis, prospect)
-    foreseen = foresee(prospect, known, scale=1.0 if basis.found is None else basis.found.found.scale)
+    numbers = [(j, n) for j, n in enumerate(prospect.runs.nuisances) if n.kind in OF_THE_RIG]
+    if basis.found is None:
+        nothing = np.zeros(len(prospect.runs.nuisances))
+        known, scale, fields = Explanation({}, nothing, np.eye(nothing.size)), 1.0, []
+        covariance = np.diag([n.sd**2 for _, n in numbers])
+        stated, moves = prospect.runs.nominal.physics, (0.0,) * len(numbers)
+        posterior = RigPosterior(stated, tuple(n for _, n in numbers), moves, (), covariance)
+    else:
+        found, posterior = basis.found.found, posterior_of_rig(basis.found)
+        known, scale = explanation_of(found, found.best), found.scale
+        kept = [found.best.place[name] for name, effect in known.effects.items() if effect in posterior.effects]
+        fields = [k for own in kept for k in range(own.start, own.stop)]
+    foreseen = foresee(prospect, known, scale=scale)
+    count = len(foreseen.root) - len(prospect.runs.nuisances)
+    places = [*(count + j for j, _ in numbers), *fields]
     sd = np.sqrt(np.diag(posterior.covariance))
     moved = [posterior.model(posterior.best + way) for way in np.diag(sd)]
     laws = [posterior.model(without=one.effect.name) for one in posterior.effects if one.effect.entry is None]
@@ -215,31 +243,14 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     paths = {load: path_of(planned_cycle(speed, length, ramp), best) for load, speed in fastest.items()}
     each = [points([best, *moved, *laws], [path], [load])[:, 0, 0, PLACE[metric]] for load, path in paths.items()]
     change = np.transpose([values[1:] - values[0] for values in each])
-    gradient, by_laws = np.zeros((len(known.covariance), len(paths))), change[sd.size :]
-    unit = np.sqrt(np.diag(known.covariance))[places]
+    gradient, unit = np.zeros((len(foreseen.root), len(paths))), np.linalg.norm(foreseen.root[places], axis=1)
     gradient[places] = change[: sd.size] / np.where(unit > 0.0, unit, math.inf)[:, None]
+    of_laws = np.sum((LAW * change[sd.size :]) ** 2, axis=0)
 
     def u_of(chosen: Sequence[int]) -> float:
-        return math.sqrt(float(np.max(foreseen.variance(chosen, gradient) + np.sum((LAW * by_laws) ** 2, axis=0))))
+        return math.sqrt(float(np.max(foreseen.variance(chosen, gradient) + of_laws)))
 
     return _greedy(basis, u_of, "u", most, wanted, metric=metric)
-
-
-def _known(basis: Basis, prospect: Prospect) -> tuple[Explanation, RigPosterior, list[int]]:
-    """What is known of the rig: of all that a fit knows, of its own numbers, and the places of these among all."""
-    if basis.found is None:
-        nuisances = prospect.runs.nuisances
-        known = Explanation({}, np.zeros(len(nuisances)), np.eye(len(nuisances)))
-        chosen = [j for j, n in enumerate(nuisances) if n.kind in OF_THE_RIG]
-        numbers = tuple(nuisances[j] for j in chosen)
-        covariance = np.diag([n.sd**2 for n in numbers])
-        moves = (0.0,) * len(numbers)
-        return known, RigPosterior(prospect.runs.nominal.physics, numbers, moves, (), covariance), chosen
-    found, posterior = basis.found.found, posterior_of_rig(basis.found)
-    best, known = found.best, explanation_of(found, found.best)
-    chosen = [best.x.size + j for j, n in enumerate(basis.found.data.nuisances) if n.kind in OF_THE_RIG]
-    kept = [name for name, effect in known.effects.items() if effect in posterior.effects]
-    return known, posterior, [*chosen, *(k for name in kept for k in range(best.x.size)[best.place[name]])]
 
 
 # ---------------------------------------------------------------------------------------------------------------- choice
@@ -285,4 +296,5 @@ def _greedy(
         random=float(np.mean(draws)) if draws else expected[0],
         random_share=float(np.mean([_better(measure, value, wanted) for value in draws])) if draws else 1.0,
         length=basis.setting.length,
+        together=() if basis.found is None else listed(basis.found.found, basis.found.causes).together,
     )

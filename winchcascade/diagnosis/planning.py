@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import msgspec
 import numpy as np
 
+from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run, Signal
@@ -25,22 +26,27 @@ from winchcascade.diagnosis.entries import LOAD
 from winchcascade.diagnosis.marginal import WILD, are_together
 from winchcascade.diagnosis.misfit import Fitted, Variant
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import Fit
+from winchcascade.diagnosis.search import ROUNDING, Fit
 from winchcascade.diagnosis.suspects import varied
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.effect import ActiveEffect
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace
+from winchcascade.rig.physics import RPM
 from winchcascade.rig.simulate import Simulation, simulate
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
+    from winchcascade.core.scales import Scales
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.search import Found
     from winchcascade.rig.effects.effect import Values
 
 SPEEDS, LOADS = (0.6, 1.0), 5
-"""Plateau speeds that are tried, as shares of the fastest that was reached at the load, and maximum number of loads. [1]"""
+"""Plateau speeds that are tried, as shares of the fastest at the load, and maximum number of loads. [1]"""
+
+FEW, AWAY = 3, 2.0
+"""Number of loads of a campaign below which other ones are tried, and the factor by which these lie outside. [1]"""
 
 STEP = 0.02
 """Share of the plausible range of a field by which its derivative is taken. [1]"""
@@ -81,7 +87,7 @@ class Setting(NamedTuple):
     rig : with the numbers of its file
     length, time : travel of a payout [m], and time of a stroke at the top speed of the campaign [s]
     rate : samples a second [Hz]
-    noise : of a sample of each channel that is logged, SI units; None for a share of what it reaches
+    noise : of a sample of each channel that is logged, SI units; None for `SAMPLE_NOISE`
     data : logs so far, None before any
     """
 
@@ -94,7 +100,25 @@ class Setting(NamedTuple):
 
 
 SAMPLE_NOISE = 0.002
-"""Noise of a sample before a campaign, as a share of the largest value of the channel in the run. Assumed. [1]"""
+"""Noise of a sample before a campaign, as a share of the largest value of the channel in all runs. Assumed. [1]"""
+
+
+class PlannedRuns(Fitted):
+    """Planned runs as logs of a fit, cut into blocks by the scales of the logs so far; by their own before any."""
+
+    def __init__(self, runs: Sequence[Run], rig: Rig, data: Fitted | None) -> None:
+        self._scales = None if data is None else data.scales
+        super().__init__(runs, rig)
+
+    @property
+    def scales(self) -> Scales:
+        """Scales of the campaign."""
+        assert self._scales is not None
+        return self._scales
+
+    @scales.setter
+    def scales(self, own: Scales) -> None:
+        self._scales = self._scales or own
 
 
 class Prospect(NamedTuple):
@@ -112,6 +136,13 @@ class Prospect(NamedTuple):
         """Nuisances of the runs (q,), and the effects as they act there, by name."""
         return self.carried @ one.nu, {name: self.placed(effect) for name, effect in one.effects.items()}
 
+    def carried_beside(self, fields: int) -> Signal:
+        """Fields of an explanation, and then nuisances of the runs, over those of the logs so far."""
+        count, known = self.carried.shape
+        carried = np.eye(fields + count, fields + known)
+        carried[fields:, fields:] = self.carried
+        return carried
+
     def placed(self, effect: ActiveEffect) -> ActiveEffect:
         """An effect as it acts in the planned runs, which are each made at their own place."""
         over_runs, places = effect.effect.over_runs, self.places
@@ -125,18 +156,25 @@ class Prospect(NamedTuple):
 
 
 def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
-    """Lay out runs that may be made."""
+    """Lay out runs that may be made.
+
+    Raises
+    ------
+    OptionError : in none of them the generator delivers anything
+    """
     made = [one.run for one in simulated(setting, options)]
-    runs = Fitted([_with_noise(setting, one) for one in made], setting.rig)
+    noise = setting.noise or {
+        name: SAMPLE_NOISE * max(float(np.max(np.abs(run.channels[name]))) for run in made) for name in made[0].channels
+    }
+    if noise.get("vdc", 1.0) == 0.0:
+        raise OptionError("no planned run is fast enough for a voltage at the DC link; expected faster ones.")
     data = setting.data
+    runs = PlannedRuns([_with_noise(run, noise, setting.rig) for run in made], setting.rig, data)
     known = runs if data is None else data
-    carried, own = (
-        np.zeros((len(runs.nuisances), len(known.nuisances))),
-        {_key(n): i for i, n in enumerate(known.nuisances)},
-    )
+    carried = np.zeros((len(runs.nuisances), len(known.nuisances)))
+    own = {_key(n): i for i, n in enumerate(known.nuisances) if n.kind != "zero"}
     for j, n in enumerate(runs.nuisances):
-        i = own.get(_key(n))
-        if i is not None and n.kind != "zero":
+        if (i := own.get(_key(n))) is not None:
             carried[j, i] = known.nuisances[i].sd / n.sd
     found = Prospect(runs, carried, [_place(data, one) for one in options])
     runs.stated_by_run = [found.placed(effect) for effect in runs.stated_by_run]
@@ -151,24 +189,23 @@ def simulated(setting: Setting, options: Sequence[PlannedRun]) -> list[Simulatio
 
 def _key(n: Nuisance) -> tuple[str, ...]:
     """What a nuisance is, whatever its tolerance."""
-    return (n.kind, n.section, n.name, n.phase, n.course, f"{n.load:g}", f"{n.log}")
+    return (n.kind, n.section, n.name, n.phase, n.course, f"{n.load:g}")
 
 
-def _is_rated(rig: Rig, run: Simulation) -> bool:
-    """Whether the generator stays within its rated speed and current, where these are stated."""
-    speed, current = rig.generator.speed_rated, rig.generator.i_rated
-    fast = speed is not None and float(np.max(run.rpm_gen)) > speed.value
-    return not fast and (current is None or float(np.max(run.i_s)) <= current.value)
+def _rated(rig: Rig, run: Simulation) -> float:
+    """Share of the speed of a run at which the generator is within its rated speed and current, where these are stated. [1]"""
+    reached = (
+        (rig.generator.speed_rated, float(np.max(run.rpm_gen)) / RPM),
+        (rig.generator.i_rated, float(np.max(run.i_s))),
+    )
+    return min(1.0, *(limit.value / most for limit, most in reached if limit is not None and most > 0.0))
 
 
-def _with_noise(setting: Setting, run: Run) -> Run:
-    """A simulated run as it would be logged."""
-    rng, noise = np.random.default_rng(SEED), setting.noise
-    channels = {name: x for name, x in run.channels.items() if noise is None or name in noise}
-    for name, x in channels.items():
-        sd = SAMPLE_NOISE * float(np.max(np.abs(x))) if noise is None else noise[name]
-        channels[name] = x + rng.normal(0.0, sd, x.size)
-    return msgspec.structs.replace(run, channels=channels, simulated=False, rig=setting.rig)
+def _with_noise(run: Run, noise: Mapping[str, float], rig: Rig) -> Run:
+    """A simulated run as it would be logged: with the channels whose noise of a sample is known."""
+    rng = np.random.default_rng(SEED)
+    channels = {name: x + rng.normal(0.0, noise[name], x.size) for name, x in run.channels.items() if name in noise}
+    return msgspec.structs.replace(run, channels=channels, simulated=False, rig=rig)
 
 
 def _place(data: Fitted | None, option: PlannedRun) -> RunPlace:
@@ -200,29 +237,24 @@ def explanation_of(found: Found, fit: Fit) -> Explanation:
 class Foreseen(NamedTuple):
     """What each of R planned runs will tell, beside unit priors of p numbers that are open.
 
-    `apart` (R,) is the squared distance of another explanation in whitened blocks, `pull` (R, p) that of the open numbers
-    towards it, and `information` (R, p, p) what the blocks tell of these. `root` (k + n, p) are fields and nuisances of the
-    explanation over the open numbers.
+    `told` (R, 1 + p, 1 + p) are what the blocks tell of another explanation and of the open numbers: the squared distance of
+    the explanation, that of the numbers towards it, and their information. `root` (k + q, p) are fields of the explanation and
+    nuisances of the runs over the open numbers.
     """
 
-    apart: Signal
-    pull: Signal
-    information: Signal
+    told: Signal
     root: Signal
-
-    def _known(self, chosen: Sequence[int]) -> Signal:
-        return np.asarray(np.eye(self.root.shape[1]) + self.information[list(chosen)].sum(axis=0))
 
     def separation(self, chosen: Sequence[int]) -> float:
         """Standard deviations between the two explanations after some runs, to which the one has adapted."""
-        pull = self.pull[list(chosen)].sum(axis=0)
-        adapted = float(pull @ np.linalg.solve(self._known(chosen), pull))
-        return math.sqrt(max(float(self.apart[list(chosen)].sum()) - adapted, 0.0))
+        told = self.told[list(chosen)].sum(axis=0)
+        pull, known = told[1:, 0], np.eye(len(told) - 1) + told[1:, 1:]
+        return math.sqrt(max(float(told[0, 0] - pull @ np.linalg.solve(known, pull)), 0.0))
 
     def variance(self, chosen: Sequence[int], gradient: Signal) -> Signal:
-        """Variance of numbers after some runs, (m,), by their derivative over fields and nuisances, (k + n, m)."""
-        ways = self.root.T @ gradient
-        return np.asarray(np.sum(ways * np.linalg.solve(self._known(chosen), ways), axis=0))
+        """Variance of numbers after some runs, (m,), by their derivative over fields and nuisances, (k + q, m)."""
+        told, ways = self.told[list(chosen)].sum(axis=0), self.root.T @ gradient
+        return np.asarray(np.sum(ways * np.linalg.solve(np.eye(len(ways)) + told[1:, 1:], ways), axis=0))
 
 
 def foresee(prospect: Prospect, known: Explanation, true: Explanation | None = None, scale: float = 1.0) -> Foreseen:
@@ -234,13 +266,9 @@ def foresee(prospect: Prospect, known: Explanation, true: Explanation | None = N
     ----------
     scale : square by which the noise exceeds its estimate [1]
     """
-    runs, carried = prospect.runs, prospect.carried
-    nu, acting = prospect.acting(known)
+    runs, (nu, acting) = prospect.runs, prospect.acting(known)
     at, laws = _of_laws(runs, nu, acting)
-    apart = np.zeros(at.size)
-    if true is not None:
-        there, more = _of_laws(runs, *prospect.acting(true))
-        apart, laws = runs.whiten(there - at), np.hstack([laws, more])
+    there, others = (at, laws[:, :0]) if true is None else _of_laws(runs, *prospect.acting(true))
     fields = [
         ((nu, [*_without(acting, name), moved]), step)
         for name, effect in acting.items()
@@ -249,21 +277,14 @@ def foresee(prospect: Prospect, known: Explanation, true: Explanation | None = N
     columns = runs.columns(nu, list(acting.values())).usable()
     nuisances = np.hstack([columns.dense, columns.local.toarray()])
     zero = np.array([n.kind == "zero" for n in runs.nuisances])
-    new = nuisances[:, ~carried.any(axis=1) & ~zero]
-    seen = np.concatenate([np.ones(len(fields), dtype=bool), carried.any(axis=0)])
-    inner = _root_of(known.covariance[np.ix_(seen, seen)])
-    root = np.zeros((seen.size, inner.shape[1] + new.shape[1]))
-    root[seen, : inner.shape[1]] = inner
-    shared = np.hstack([_moved(runs, fields, at), nuisances @ carried])
-    open_ = shared @ root
-    open_[:, inner.shape[1] :] = new
-    own = np.hstack([nuisances[:, zero], laws])
-    every = [
-        _integrated(np.column_stack([apart, open_])[rows] / math.sqrt(scale), own[rows] / math.sqrt(scale))
-        for rows in (slice(len(CHANNELS) * one.start, len(CHANNELS) * one.stop) for one in runs.rows)
-    ]
-    told = np.array(every)
-    return Foreseen(told[:, 0, 0], told[:, 1:, 0], told[:, 1:, 1:], root)
+    carried = prospect.carried_beside(len(fields))
+    new = ~(carried.any(axis=1) | np.append(np.zeros(len(fields), dtype=bool), zero))
+    root = _root_of(carried @ known.covariance @ carried.T + np.diag(new.astype(np.float64)))
+    open_ = np.hstack([_moved(runs, fields, at), nuisances]) @ root
+    both = np.column_stack([runs.whiten(there - at), open_]) / math.sqrt(scale)
+    own = np.hstack([nuisances[:, zero], laws, others]) / math.sqrt(scale)
+    rows = [slice(len(CHANNELS) * one.start, len(CHANNELS) * one.stop) for one in runs.rows]
+    return Foreseen(np.array([_integrated(both[one], own[one]) for one in rows]), root)
 
 
 def _without(acting: Mapping[str, ActiveEffect], name: str) -> list[ActiveEffect]:
@@ -293,11 +314,12 @@ def _integrated(columns: Signal, own: Signal) -> Signal:
 
 
 def _root_of(covariance: Signal) -> Signal:
-    """A root of a covariance, (k, k), of which some numbers may be known exactly."""
+    """A root of a covariance, (k, p), of which some numbers may be known exactly."""
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    scaled = covariance / np.outer(*2 * [np.where(sd > 0.0, sd, 1.0)])
-    square, ways = np.linalg.eigh(scaled)
-    return np.asarray(sd[:, None] * ways * np.sqrt(np.maximum(square, 0.0)))
+    unit = np.where(sd > 0.0, sd, 1.0)
+    square, ways = np.linalg.eigh(covariance / np.outer(unit, unit))
+    open_ = square > ROUNDING
+    return np.asarray(sd[:, None] * ways[:, open_] * np.sqrt(square[open_]))
 
 
 # ----------------------------------------------------------------------------------------------- the next run of a campaign
@@ -306,30 +328,36 @@ def options_after(
 ) -> tuple[Setting, list[PlannedRun]] | None:
     """Runs that may follow those of a campaign, each after all others; None where no log has a payout.
 
-    At loads of the campaign, from the smallest to the largest, up to the fastest speed that was reached there and within the
-    rating of the machine unless all are beyond it, where no other loads [ohm] or speeds [m/s] are named.
+    At loads of the campaign, and where these are few at other ones, from the smallest to the largest, up to the fastest speed
+    that was reached there and to the rating of the machine, where no other loads [ohm] or speeds [m/s] are named.
     """
     seen = usual(data)
     if seen is None:
         return None
-    run_at = sorted({log.load for log in data.logs})
-    evenly = np.linspace(0.0, len(run_at) - 1.0, min(len(run_at), LOADS)).round().astype(int).tolist()
-    options = [
-        PlannedRun(load, speed, place="last")
-        for load in sorted(loads) or [run_at[k] for k in evenly]
-        for speed in speeds or [share * seen.fastest_at(load) for share in SPEEDS]
-    ]
     setting = Setting(data.rig, seen.length, data.scales.motion.time, data.logs[0].run.fs, _noise_of(data), data)
+    run_at = {log.load for log in data.logs}
+    finite = [load for load in run_at if load < math.inf]
+    few = {math.inf, AWAY * max(finite), min(finite) / AWAY} if 0 < len(finite) < FEW else set()
+    tried = sorted(loads) or sorted(run_at | few)
+    evenly = np.linspace(0.0, len(tried) - 1.0, min(len(tried), len(loads) or LOADS)).round().astype(int).tolist()
+    fastest = [PlannedRun(tried[k], seen.fastest_at(tried[k])) for k in evenly]
     if speeds:
-        return setting, options
-    made = zip(options, simulated(setting, options), strict=True)
-    return setting, [one for one, run in made if _is_rated(data.rig, run)] or options
+        return setting, [PlannedRun(one.load, speed, place="last") for one in fastest for speed in speeds]
+    rated = [one.speed * _rated(data.rig, run) for one, run in zip(fastest, simulated(setting, fastest), strict=True)]
+    every = [(one.load, share * most) for one, most in zip(fastest, rated, strict=True) for share in SPEEDS]
+    return setting, [PlannedRun(*one, place="last") for one in every]
+
+
+MOTION = ("velocity", "displacement")
+"""Channels of the motion of the line."""
 
 
 def _noise_of(data: Fitted) -> dict[str, float]:
     """Noise of a sample of each channel of a campaign that makes its blocks as uncertain as they are, SI units."""
-    of_v = [white_noise(log.run.channels["velocity"]) for log in data.logs]
-    found = {"velocity": float(np.median(of_v))}
+    moves = {
+        name: [white_noise(log.run.channels[name]) for log in data.logs if name in log.run.channels] for name in MOTION
+    }
+    found = {name: float(np.median(each)) for name, each in moves.items() if each}
     for k, name in enumerate(CHANNELS):
         each = [
             log.noise.own[log.noise.seen[:, k], k] * np.sqrt(log.course.blocks.count[log.noise.seen[:, k]])
@@ -381,7 +409,7 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     assert best is not None
     z, run, pair = best
     drifts = any(found.problem.suspects[name].over_runs is not None for name in pair)
-    again = next(log.run.name for log in data.logs if log.load == run.load) if drifts else ""
+    again = next((log.run.name for log in data.logs if log.load == run.load), "") if drifts else ""
     return Experiment(
         "cycle", run.speed, pair, z, load=run.load, length=setting.length, time=setting.time, repeats=again
     )
@@ -414,8 +442,10 @@ class Usual(NamedTuple):
     ramp: float
 
     def fastest_at(self, load: float) -> float:
-        """Fastest plateau of the logs at a load, or at that whose current is nearest to it. [m/s]"""
-        return self.fastest[min(self.fastest, key=lambda other: abs(1.0 / other - 1.0 / load))]
+        """Fastest plateau of the logs at a load; at one that was not run, within the speed and the current of all. [m/s]"""
+        top, current = max(self.fastest.values()), max(v / other for other, v in self.fastest.items())
+        within = min(top, current * load) if current > 0.0 and load < math.inf else top
+        return self.fastest.get(load, within)
 
 
 PLATEAU, WITHIN_RAMP = 0.97, (0.05, 0.95)
