@@ -242,7 +242,7 @@ def pair_case(k: int, folder: Path) -> Result:
     pairs, run = listed(found.found, found.causes).pairs, found.experiment
     if run is not None and run.separates in pairs:
         assert run.load is not None
-        options = options_after(found.data)
+        options = options_after(found.data, found.found)
         assert options is not None
         basis = after(found)._replace(options=[PlannedRun(run.load, run.speed, place="last")])
         promised = determine(basis, "eta_pto", SMALL, 1) if run.load < math.inf else None

@@ -111,7 +111,7 @@ def test_runs_after_a_campaign_stay_within_what_was_reached_and_within_the_ratin
     per_speed = data.nominal.drivetrain.gear / data.nominal.winch.r_drum
     assert all(one.speed * per_speed <= rated.value * OVERSHOOT for one in options)
     half = with_quantity(data.rig, "generator", "speed_rated", Quantity(0.5 * rated.value, "rpm"))
-    slow = options_after(with_rig(data, half))
+    slow = options_after(with_rig(data, half), copper.found)
     assert slow is not None
     assert all(one.speed * per_speed <= 0.5 * rated.value * OVERSHOOT for one in slow[1])
 

@@ -107,7 +107,7 @@ def after(found: ModelDiagnosis, loads: Sequence[float] = (), speeds: Sequence[f
     OptionError : a speed that is none, or no log has a payout
     """
     _require(loads, speeds)
-    options = options_after(found.data, loads, speeds)
+    options = options_after(found.data, found.found, loads, speeds)
     if options is None:
         raise OptionError(f"{found.title}: no log has a payout; expected one at least.")
     return _checked(Basis(found.title, *options, found))
@@ -132,14 +132,14 @@ def before(rig: Rig, loads: Sequence[float], speeds: Sequence[float], length: fl
         )
     _require(loads, speeds)
     require_positive("--length", [length])
-    time = length / max(speeds)
-    shortest = RESOLVED / rate_of_the_rotor(baseline(rig), max(speeds))
+    time, model = length / max(speeds), baseline(rig)
+    shortest = RESOLVED / rate_of_the_rotor(model, max(speeds))
     if RAMP * time < shortest:
         raise OptionError(
             f"--length {length:g}: the line speeds up in {RAMP * time:.2g} s; expected {shortest:.2g} s at least."
         )
     options = [PlannedRun(load, speed) for load in sorted(loads) for speed in sorted(speeds)]
-    return _checked(Basis(rig.title or rig.name, Setting(rig, length, time, SAMPLES / time), options))
+    return _checked(Basis(rig.title or rig.name, Setting(rig, model, length, time, SAMPLES / time), options))
 
 
 def _require(loads: Sequence[float], speeds: Sequence[float]) -> None:
@@ -155,7 +155,7 @@ def _checked(basis: Basis) -> Basis:
             f"--loads, --speeds: {len(basis.options)} runs; expected {MOST_OPTIONS} at most to choose from."
         )
     setting, slowest = basis.setting, min(one.speed for one in basis.options)
-    path_of(planned_cycle(slowest, setting.length, RAMP * setting.time), baseline(setting.rig))
+    path_of(planned_cycle(slowest, setting.length, RAMP * setting.time), setting.model)
     return basis
 
 

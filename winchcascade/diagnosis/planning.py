@@ -29,7 +29,6 @@ from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.search import ROUNDING, Fit
 from winchcascade.diagnosis.suspects import varied
 from winchcascade.diagnosis.verdict_limits import LAW
-from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.effect import ActiveEffect
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace
 from winchcascade.rig.physics import RPM
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.search import Found
     from winchcascade.rig.effects.effect import Values
+    from winchcascade.rig.parts import Model
 
 SPEEDS, LOADS = (0.6, 1.0), 5
 """Plateau speeds that are tried, as shares of the fastest at the load, and maximum number of loads. [1]"""
@@ -84,7 +84,7 @@ class Setting(NamedTuple):
 
     Parameters
     ----------
-    rig : with the numbers of its file
+    rig, model : with the numbers of its file, and the model that best describes it
     length, time : travel of a payout [m], and time of a stroke at the top speed of the campaign [s]
     rate : samples a second [Hz]
     noise : of a sample of each channel that is logged, SI units; None for `SAMPLE_NOISE`
@@ -92,6 +92,7 @@ class Setting(NamedTuple):
     """
 
     rig: Rig
+    model: Model
     length: float
     time: float
     rate: float
@@ -182,8 +183,8 @@ def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
 
 
 def simulated(setting: Setting, options: Sequence[PlannedRun]) -> list[Simulation]:
-    """Runs as the rig of the file would make them."""
-    model, motion = baseline(setting.rig).physics, (setting.length, setting.time, setting.rate)
+    """Runs as the rig would make them, by sensors without errors."""
+    motion, model = (setting.length, setting.time, setting.rate), setting.model.physics
     return all_at_once([partial(simulate, planned(one.load, one.speed, *motion), model) for one in options])
 
 
@@ -324,7 +325,7 @@ def _root_of(covariance: Signal) -> Signal:
 
 # ----------------------------------------------------------------------------------------------- the next run of a campaign
 def options_after(
-    data: Fitted, loads: Sequence[float] = (), speeds: Sequence[float] = ()
+    data: Fitted, found: Found, loads: Sequence[float] = (), speeds: Sequence[float] = ()
 ) -> tuple[Setting, list[PlannedRun]] | None:
     """Runs that may follow those of a campaign, each after all others; None where no log has a payout.
 
@@ -334,7 +335,8 @@ def options_after(
     seen = usual(data)
     if seen is None:
         return None
-    setting = Setting(data.rig, seen.length, data.scales.motion.time, data.logs[0].run.fs, _noise_of(data), data)
+    model, time = data.model(found.best.nu, found.best.effects(found.problem.suspects)), data.scales.motion.time
+    setting = Setting(data.rig, model, seen.length, time, data.logs[0].run.fs, _noise_of(data), data)
     run_at = {log.load for log in data.logs}
     finite = [load for load in run_at if load < math.inf]
     few = {math.inf, AWAY * max(finite), min(finite) / AWAY} if 0 < len(finite) < FEW else set()
@@ -393,7 +395,7 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     suspect with the most evidence in its place.
     """
     pairs = listed(found, causes).pairs[:PAIRS] or _unlisted(found, causes)
-    choice = options_after(data) if pairs else None
+    choice = options_after(data, found) if pairs else None
     if choice is None:
         return None
     setting, options = choice
