@@ -239,7 +239,7 @@ def pair_case(k: int, folder: Path) -> Result:
     twin = draw_twin(draw_hidden({name: STRENGTHS[k % 2]}, None, rng), rng)
     logs, state, rows = (SINGLE, FITTED[1:])[k % 2], rng.bit_generator.state, []
     found, _ = diagnosed(twin, rng, logs, (), folder)
-    pairs, run = listed(found.found, found.causes).pairs, found.experiment
+    pairs, run = listed(found.found, found.causes)[0], found.experiment
     if run is not None and run.separates in pairs:
         assert run.load is not None
         options = options_after(found.data, found.found)
@@ -252,7 +252,7 @@ def pair_case(k: int, folder: Path) -> Result:
             rng.bit_generator.state = state  # the same logs again
             again, _ = diagnosed(twin, rng, logs, [planned(load, speed, run.length, time, 1.0 / GRID)], folder)
             clear = "" if run.expected_z > CLEAR else ", not clear"
-            rows.append(Row(of + clear, is_apart(again, run.separates), run.expected_z, (*run.separates, load, speed)))
+            rows.append(Row(of + clear, is_apart(again, run.separates, name), run.expected_z, (*run.separates, load, speed)))
             if of == "proposed run" and promised is not None:
                 left = determine(after(again, [load], [speed]), "eta_pto", SMALL, 1).before
                 error = promised.expected[0] / left - 1.0
@@ -264,10 +264,11 @@ SMALL, PROMISED = 1e-9, 0.1
 """Uncertainty that no plan reaches, and by how much a promised one may be wrong, as a share. [1]"""
 
 
-def is_apart(found: ModelDiagnosis, pair: tuple[str, str]) -> bool:
-    """Whether one effect of a pair is named and the other does not explain the logs in its place."""
+def is_apart(found: ModelDiagnosis, pair: tuple[str, str], true: str) -> bool:
+    """Whether one effect of a pair is named, the true one if it is of the pair, and the other does not explain the logs too."""
     named = {cause.effect: {one.effect for one in cause.look_alikes} for cause in found.causes if cause.effect in pair}
-    return len(named) == 1 and not any(set(pair) & alike for alike in named.values())
+    right = len(named) == 1 and (true in named or true not in pair)
+    return right and not any(set(pair) & alike for alike in named.values())
 
 
 # ----------------------------------------------------------------------------------------------------------------- scores

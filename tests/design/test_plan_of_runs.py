@@ -20,8 +20,9 @@ from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_toml import built_in
 from winchcascade.design.run_plan import Basis, RunPlan, after, before, determine, separate
 from winchcascade.diagnosis.diagnose import diagnose
+from winchcascade.diagnosis.diagnosis_result import Alternative
 from winchcascade.diagnosis.nuisances import with_quantity
-from winchcascade.diagnosis.planning import options_after, planned, prospect_of, usual
+from winchcascade.diagnosis.planning import listed, options_after, plan_run, planned, prospect_of, usual
 from winchcascade.report.results.plan_report import plan_record
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
@@ -147,6 +148,22 @@ def test_a_plan_keeps_what_the_logs_know_of_a_nuisance(copper: ModelDiagnosis) -
     own = {n.kind for n, row in zip(prospect.runs.nuisances, prospect.carried, strict=True) if not row.any()}
     assert own == {"zero"}
     assert {n.kind for n, _ in shared} == {"rig", "law", "load", "gain", "timing", "discrepancy"}
+
+
+def test_a_listed_pair_that_the_logs_know_together_alone_is_not_planned_for(copper: ModelDiagnosis) -> None:
+    found = copper.found
+    groups = (frozenset({"copper_heating"}), frozenset({"line_drag"}))
+    known = msgspec.structs.replace(found.problem, exclusive=(groups,))
+    evidence = msgspec.structs.replace(found.evidence, problem=known)
+    together = msgspec.structs.replace(found, expansion=msgspec.structs.replace(found.expansion, evidence=evidence))
+    alike = tuple(Alternative(name, 0.3, None) for name in ("line_drag", "ke_rolloff"))
+    (cause,) = copper.fitted
+    causes = [msgspec.structs.replace(cause, look_alikes=alike)]
+    assert listed(together, causes) == ([("copper_heating", "ke_rolloff")], [("copper_heating", "line_drag")])
+    assert listed(found, causes)[1] == []
+    experiment = plan_run(copper.data, together, causes)
+    assert experiment is not None
+    assert experiment.separates == ("copper_heating", "ke_rolloff")
 
 
 PROMISED = 0.1

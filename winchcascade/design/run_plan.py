@@ -296,5 +296,5 @@ def _greedy(
         random=float(np.mean(draws)) if draws else expected[0],
         random_share=float(np.mean([_better(measure, value, wanted) for value in draws])) if draws else 1.0,
         length=basis.setting.length,
-        together=() if basis.found is None else listed(basis.found.found, basis.found.causes).together,
+        together=() if basis.found is None else tuple(listed(basis.found.found, basis.found.causes)[1]),
     )

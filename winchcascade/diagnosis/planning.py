@@ -370,22 +370,22 @@ def _noise_of(data: Fitted) -> dict[str, float]:
     return found
 
 
-class Listed(NamedTuple):
-    """Pairs of a cause and a look-alike: those that runs can distinguish, and those that no run can, in the order of a page."""
-
-    pairs: tuple[tuple[str, str], ...]
-    together: tuple[tuple[str, str], ...]
+Pairs = list[tuple[str, str]]
+"""Pairs of a cause and a look-alike."""
 
 
-def listed(found: Found, causes: Sequence[NamedCause]) -> Listed:
-    """The pairs of some causes. Whether a load of one run is wrong is checked on the rig, not by a run."""
+def listed(found: Found, causes: Sequence[NamedCause]) -> tuple[Pairs, Pairs]:
+    """Pairs that a page lists: those that runs may distinguish, and those of which the logs know one combination alone.
+
+    Whether a load of one run is wrong is checked on the rig, not by a run.
+    """
     suspects, pairs = (
         found.problem.suspects,
         [(one.effect, other.effect) for one in causes for other in one.look_alikes],
     )
     pairs = [pair for pair in pairs if all(suspects[name].name != LOAD for name in pair)]
-    together = tuple(pair for pair in pairs if are_together(found.problem.exclusive, *pair))
-    return Listed(tuple(pair for pair in pairs if pair not in together), together)
+    together = [pair for pair in pairs if are_together(found.problem.exclusive, *pair)]
+    return [pair for pair in pairs if pair not in together], together
 
 
 def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experiment | None:
@@ -394,7 +394,7 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     The pair is the first listed one that a run separates clearly. Without any listed, it is the leading cause and the physical
     suspect with the most evidence in its place.
     """
-    pairs = listed(found, causes).pairs[:PAIRS] or _unlisted(found, causes)
+    pairs = listed(found, causes)[0][:PAIRS] or _unlisted(found, causes)
     choice = options_after(data, found) if pairs else None
     if choice is None:
         return None
@@ -417,16 +417,16 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     )
 
 
-def _unlisted(found: Found, causes: Sequence[NamedCause]) -> Sequence[tuple[str, str]]:
+def _unlisted(found: Found, causes: Sequence[NamedCause]) -> Pairs:
     """The leading cause that a run can test, and the physical suspect with the most evidence in its place."""
     suspects, best = found.problem.suspects, found.best.names
     lead = next((one.effect for one in causes if suspects[one.effect].name != LOAD), None)
     if lead is None:
-        return ()
+        return []
     others = [name for name in suspects if name not in best and suspects[name].stage != "entry"]
     others = [name for name in others if not are_together(found.problem.exclusive, lead, name)]
     near = max(others, key=lambda name: found.expansion.rated(swap(best, lead, name)), default=None)
-    return () if near is None else ((lead, near),)
+    return [] if near is None else [(lead, near)]
 
 
 def foresee_pair(prospect: Prospect, found: Found, pair: tuple[str, str]) -> Foreseen:
