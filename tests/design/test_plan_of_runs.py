@@ -21,6 +21,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.design.run_plan import Basis, RunPlan, after, before, determine, separate
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.diagnosis_result import Alternative
+from winchcascade.diagnosis.misfit import RigProblem
 from winchcascade.diagnosis.nuisances import with_quantity
 from winchcascade.diagnosis.planning import listed, options_after, plan_run, planned, prospect_of, usual
 from winchcascade.report.results.plan_report import plan_record
@@ -152,6 +153,7 @@ def test_a_plan_keeps_what_the_logs_know_of_a_nuisance(copper: ModelDiagnosis) -
 
 def test_a_listed_pair_that_the_logs_know_together_alone_is_not_planned_for(copper: ModelDiagnosis) -> None:
     found = copper.found
+    assert isinstance(found.problem, RigProblem)
     groups = (frozenset({"copper_heating"}), frozenset({"line_drag"}))
     known = msgspec.structs.replace(found.problem, exclusive=(groups,))
     evidence = msgspec.structs.replace(found.evidence, problem=known)
