@@ -250,7 +250,9 @@ def pair_case(k: int, folder: Path) -> Result:
             rng.bit_generator.state = state  # the same logs again
             again, _ = diagnosed(twin, rng, logs, [planned(load, speed, run.length, time, 1.0 / GRID)], folder)
             clear = "" if run.expected_z > CLEAR else ", not clear"
-            rows.append(Row(of + clear, is_apart(again, run.separates, name), run.expected_z, (*run.separates, load, speed)))
+            rows.append(
+                Row(of + clear, is_apart(again, run.separates, name), run.expected_z, (*run.separates, load, speed))
+            )
             if load < math.inf:
                 promised = determine(after(found, [load], [speed]), "eta_pto", SMALL, 1)
                 left = determine(after(again, [load], [speed]), "eta_pto", SMALL, 1).before
