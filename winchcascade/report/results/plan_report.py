@@ -54,7 +54,7 @@ def plan_report(found: RunPlan, *, command: str = "") -> Report:
                 f"As many runs at random give {found.random:.3g}; {100.0 * found.random_share:.0f} % of them reach the aim.",
                 "Random",
             ) if found.runs else None,
-            *(Note(f"No run separates {one} from {other}: only their combination acts.", "Together", "warn")
+            *(Note(f"No run separates {one} from {other}: logs show their combination alone.", "Together", "warn")
               for one, other in found.together),
         ],
         sections=[
