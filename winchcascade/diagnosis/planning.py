@@ -1,157 +1,439 @@
-"""How well planned runs distinguish two explanations of the same data, and the run that best distinguishes the leading cause
-from its strongest alternative.
+"""How well planned runs distinguish two explanations of the same data, or determine numbers, and the next run of a campaign.
 
-A planned run is one trapezoid out and one back with the noise of the campaign. The information of several runs adds up.
+A planned run is one trapezoid out and one back with the noise of the campaign. It is laid out as a fit lays out any log, so
+that all nuisances of a fit take part. What the logs so far leave open is their prior; the information of several runs adds up.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 
+from winchcascade.core.errors import OptionError
+from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run, Signal
-from winchcascade.diagnosis.block_means import PAYOUT, PHASES, blocks_of
+from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.causes import swap
+from winchcascade.diagnosis.contributions import joint_covariance
 from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause
-from winchcascade.diagnosis.entries import LOAD, same_in_logs
-from winchcascade.diagnosis.marginal import are_together
-from winchcascade.diagnosis.predict import CHANNELS, Course
+from winchcascade.diagnosis.entries import LOAD
+from winchcascade.diagnosis.marginal import WILD, are_together
+from winchcascade.diagnosis.misfit import Fitted, Variant
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.search import ROUNDING, Fit
 from winchcascade.diagnosis.suspects import varied
+from winchcascade.diagnosis.verdict_limits import LAW
+from winchcascade.rig.effects.effect import ActiveEffect
+from winchcascade.rig.effects.run_order import RunOrder, RunPlace
+from winchcascade.rig.physics import RPM
+from winchcascade.rig.simulate import Simulation, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.search import Fit, Found
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.scales import Scales
+    from winchcascade.diagnosis.nuisances import Nuisance
+    from winchcascade.diagnosis.search import Found
+    from winchcascade.rig.effects.effect import Values
     from winchcascade.rig.parts import Model
 
-SPEEDS = (0.5, 1.0, 1.3)
-"""Plateau speeds that are tried, as shares of the fastest of the campaign at the load."""
+SPEEDS, LOADS = (0.6, 1.0), 5
+"""Plateau speeds that are tried, as shares of the fastest at the load, and maximum number of loads. [1]"""
+
+FEW, AWAY = 3, 2.0
+"""Number of loads of a campaign below which other ones are tried, and the factor by which these lie outside. [1]"""
+
+STEP = 0.02
+"""Share of the plausible range of a field by which its derivative is taken. [1]"""
+
+SEED = 1
+"""Seed of the noise of planned runs, and of random plans."""
+
+CLEAR = 3.0
+"""Standard deviations at which two effects count as separated."""
+
+PAIRS = 3
+"""Maximum number of pairs of look-alikes for which a run is looked for, until one is found that separates them."""
 
 RAMP, HOLD, REST, BACK, SHORTEST = 0.15, 0.4, 0.2, 0.6, 0.01
 """Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke; its haul-in as a share
 of the payout speed, and the shortest plateau or ramp over that time. [1]"""
 
 
-class Explanations(NamedTuple):
-    """Two explanations of the same data as models, and the other with one number moved after the other.
+Place = Literal["first", "any", "last"]
+"""When a run is made: with a machine that is cold, at any time, or after all other runs."""
 
-    Of the other, `tolerances` moves numbers of the rig by one tolerance each and `fields` those of its effects, each by a step.
+
+class PlannedRun(msgspec.Struct, frozen=True):
+    """A run to be made: load [ohm], speed of the plateau [m/s], number of cycles, and its place among the runs."""
+
+    load: float
+    speed: float
+    cycles: int = 1
+    place: Place = "any"
+
+
+# ------------------------------------------------------------------------------------------------------------ planned runs
+class Setting(NamedTuple):
+    """How runs are made on a rig.
+
+    Parameters
+    ----------
+    rig, model : with the numbers of its file, and the model that best describes it
+    length, time : travel of a payout [m], and time of a stroke at the top speed of the campaign [s]
+    rate : samples a second [Hz]
+    noise : of a sample of each channel that is logged, SI units; None for `SAMPLE_NOISE`
+    data : logs so far, None before any
     """
 
-    best: Model
-    other: Model
-    tolerances: Sequence[Model]
-    fields: Sequence[tuple[Model, float]]
+    rig: Rig
+    model: Model
+    length: float
+    time: float
+    rate: float
+    noise: Mapping[str, float] | None = None
+    data: Fitted | None = None
 
 
-class Distinction(msgspec.Struct, frozen=True):
-    """How runs distinguish two explanations, in whitened blocks: squared distance `apart`, and over what may adapt, fields
-    last, the `pull` (k,) towards the first and the `information` (k, k), both beside the priors.
+SAMPLE_NOISE = 0.002
+"""Noise of a sample before a campaign, as a share of the largest value of the channel in all runs. Assumed. [1]"""
+
+
+class PlannedRuns(Fitted):
+    """Planned runs as logs of a fit, cut into blocks by the scales of the logs so far; by their own before any."""
+
+    def __init__(self, runs: Sequence[Run], rig: Rig, data: Fitted | None) -> None:
+        self._scales = None if data is None else data.scales
+        super().__init__(runs, rig)
+
+    @property
+    def scales(self) -> Scales:
+        """Scales of the campaign."""
+        assert self._scales is not None
+        return self._scales
+
+    @scales.setter
+    def scales(self, own: Scales) -> None:
+        self._scales = self._scales or own
+
+
+class Prospect(NamedTuple):
+    """Runs that may be made, as logs of a fit, and what they share with the logs so far.
+
+    `carried` (q, n) are nuisances of the runs, in their units, over those of the logs so far; what concerns one log alone is
+    none of these. `places` are those of the runs among all.
     """
 
-    apart: float
-    pull: Signal
-    information: Signal
+    runs: Fitted
+    carried: Signal
+    places: Sequence[RunPlace]
 
-    def __add__(self, other: Distinction) -> Distinction:
-        """That of these and of further runs."""
-        return Distinction(self.apart + other.apart, self.pull + other.pull, self.information + other.information)
+    def acting(self, one: Explanation) -> tuple[Signal, dict[str, ActiveEffect]]:
+        """Nuisances of the runs (q,), and the effects as they act there, by name."""
+        return self.carried @ one.nu, {name: self.placed(effect) for name, effect in one.effects.items()}
 
-    def separation(self, precision: Signal) -> float:
-        """Standard deviations between the two explanations after adaptation.
+    def carried_beside(self, fields: int) -> Signal:
+        """Fields of an explanation, and then nuisances of the runs, over those of the logs so far."""
+        count, known = self.carried.shape
+        carried = np.eye(fields + count, fields + known)
+        carried[fields:, fields:] = self.carried
+        return carried
 
-        Parameters
-        ----------
-        precision : (p, p) what is known of the fields without these runs; all else has unit priors
-        """
-        prior = np.eye(self.pull.size)
-        prior[self.pull.size - len(precision) :, self.pull.size - len(precision) :] = precision
-        adapted = self.pull @ np.linalg.solve(self.information + prior, self.pull)
-        return math.sqrt(max(self.apart - float(adapted), 0.0))
+    def placed(self, effect: ActiveEffect) -> ActiveEffect:
+        """An effect as it acts in the planned runs, which are each made at their own place."""
+        over_runs, places = effect.effect.over_runs, self.places
+        if over_runs is None:
+            return effect
+
+        def in_run(values: Values, place: RunPlace) -> Values:
+            return over_runs(values, places[place.number])
+
+        return ActiveEffect(msgspec.structs.replace(effect.effect, over_runs=in_run), effect.values)
+
+
+def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
+    """Lay out runs that may be made.
+
+    Raises
+    ------
+    OptionError : in none of them the generator delivers anything
+    """
+    made = [one.run for one in simulated(setting, options)]
+    noise = setting.noise or {
+        name: SAMPLE_NOISE * max(float(np.max(np.abs(run.channels[name]))) for run in made) for name in made[0].channels
+    }
+    if noise.get("vdc", 1.0) == 0.0:
+        raise OptionError("no planned run is fast enough for a voltage at the DC link; expected faster ones.")
+    data = setting.data
+    runs = PlannedRuns([_with_noise(run, noise, setting.rig) for run in made], setting.rig, data)
+    known = runs if data is None else data
+    carried = np.zeros((len(runs.nuisances), len(known.nuisances)))
+    own = {_key(n): i for i, n in enumerate(known.nuisances) if n.kind != "zero"}
+    for j, n in enumerate(runs.nuisances):
+        if (i := own.get(_key(n))) is not None:
+            carried[j, i] = known.nuisances[i].sd / n.sd
+    found = Prospect(runs, carried, [_place(data, one) for one in options])
+    runs.stated_by_run = [found.placed(effect) for effect in runs.stated_by_run]
+    return found
+
+
+def simulated(setting: Setting, options: Sequence[PlannedRun]) -> list[Simulation]:
+    """Runs as the rig would make them, by sensors without errors."""
+    motion, model = (setting.length, setting.time, setting.rate), setting.model.physics
+    return all_at_once([partial(simulate, planned(one.load, one.speed, *motion), model) for one in options])
+
+
+def _key(n: Nuisance) -> tuple[str, ...]:
+    """What a nuisance is, whatever its tolerance."""
+    return (n.kind, n.section, n.name, n.phase, n.course, f"{n.load:g}")
+
+
+def _rated(rig: Rig, run: Simulation) -> float:
+    """Share of the speed of a run at which the generator is within its rated speed and current, where these are stated. [1]"""
+    reached = (
+        (rig.generator.speed_rated, float(np.max(run.rpm_gen)) / RPM),
+        (rig.generator.i_rated, float(np.max(run.i_s))),
+    )
+    return min(1.0, *(limit.value / most for limit, most in reached if limit is not None and most > 0.0))
+
+
+def _with_noise(run: Run, noise: Mapping[str, float], rig: Rig) -> Run:
+    """A simulated run as it would be logged: with the channels whose noise of a sample is known."""
+    rng = np.random.default_rng(SEED)
+    channels = {name: x + rng.normal(0.0, noise[name], x.size) for name, x in run.channels.items() if name in noise}
+    return msgspec.structs.replace(run, channels=channels, simulated=False, rig=rig)
+
+
+def _place(data: Fitted | None, option: PlannedRun) -> RunPlace:
+    """The place of a run among the others; before a campaign it is made cold, or as warm as the machine becomes."""
+    if data is None:
+        return RunPlace(RunOrder((0.0, 1.0), (1.0, 1.0)), int(option.place != "first"))
+    order = data.order
+    known = [heat for heat, log in zip(order.heat, data.logs, strict=True) if log.load == option.load]
+    return RunPlace(order.with_run(float(np.mean(known or order.heat))), len(order.heat))
+
+
+# ----------------------------------------------------------------------------------------------------- what runs will tell
+class Explanation(NamedTuple):
+    """Effects that explain the logs so far, by name, the nuisances that go with them (n,), in units of their tolerance, and the
+    covariance of the fields of the effects and then of the nuisances, (k + n, k + n).
+    """
+
+    effects: Mapping[str, ActiveEffect]
+    nu: Signal
+    covariance: Signal
+
+
+def explanation_of(found: Found, fit: Fit) -> Explanation:
+    """A fit as an explanation."""
+    effects = dict(zip(fit.names, fit.effects(found.problem.suspects), strict=True))
+    return Explanation(effects, fit.nu, joint_covariance(found, fit))
+
+
+class Foreseen(NamedTuple):
+    """What each of R planned runs will tell, beside unit priors of p numbers that are open.
+
+    `told` (R, 1 + p, 1 + p) are what the blocks tell of another explanation and of the open numbers: the squared distance of
+    the explanation, that of the numbers towards it, and their information. `root` (k + q, p) are fields of the explanation and
+    nuisances of the runs over the open numbers.
+    """
+
+    told: Signal
+    root: Signal
+
+    def separation(self, chosen: Sequence[int]) -> float:
+        """Standard deviations between the two explanations after some runs, to which the one has adapted."""
+        told = self.told[list(chosen)].sum(axis=0)
+        pull, known = told[1:, 0], np.eye(len(told) - 1) + told[1:, 1:]
+        return math.sqrt(max(float(told[0, 0] - pull @ np.linalg.solve(known, pull)), 0.0))
+
+    def variance(self, chosen: Sequence[int], gradient: Signal) -> Signal:
+        """Variance of numbers after some runs, (m,), by their derivative over fields and nuisances, (k + q, m)."""
+        told, ways = self.told[list(chosen)].sum(axis=0), self.root.T @ gradient
+        return np.asarray(np.sum(ways * np.linalg.solve(np.eye(len(ways)) + told[1:, 1:], ways), axis=0))
+
+
+def foresee(prospect: Prospect, known: Explanation, true: Explanation | None = None, scale: float = 1.0) -> Foreseen:
+    """What planned runs will tell an explanation: of its numbers, and of itself where another one is true.
+
+    The zeros of the sensors, and by how much an effect deviates from its law, are those of the run alone: integrated out.
+
+    Parameters
+    ----------
+    scale : square by which the noise exceeds its estimate [1]
+    """
+    runs, (nu, acting) = prospect.runs, prospect.acting(known)
+    at, laws = _of_laws(runs, nu, acting)
+    there, others = (at, laws[:, :0]) if true is None else _of_laws(runs, *prospect.acting(true))
+    fields = [
+        ((nu, [*_without(acting, name), moved]), step)
+        for name, effect in acting.items()
+        for moved, step in varied(effect.effect, np.array(effect.values), STEP)
+    ]
+    columns = runs.columns(nu, list(acting.values())).usable()
+    nuisances = np.hstack([columns.dense, columns.local.toarray()])
+    zero = np.array([n.kind == "zero" for n in runs.nuisances])
+    carried = prospect.carried_beside(len(fields))
+    new = ~(carried.any(axis=1) | np.append(np.zeros(len(fields), dtype=bool), zero))
+    root = _root_of(carried @ known.covariance @ carried.T + np.diag(new.astype(np.float64)))
+    open_ = np.hstack([_moved(runs, fields, at), nuisances]) @ root
+    both = np.column_stack([runs.whiten(there - at), open_]) / math.sqrt(scale)
+    own = np.hstack([nuisances[:, zero], laws, others]) / math.sqrt(scale)
+    rows = [slice(len(CHANNELS) * one.start, len(CHANNELS) * one.stop) for one in runs.rows]
+    return Foreseen(np.array([_integrated(both[one], own[one]) for one in rows]), root)
+
+
+def _without(acting: Mapping[str, ActiveEffect], name: str) -> list[ActiveEffect]:
+    return [effect for other, effect in acting.items() if other != name]
+
+
+def _of_laws(runs: Fitted, nu: Signal, acting: Mapping[str, ActiveEffect]) -> tuple[Signal, Signal]:
+    """Blocks of runs, (M, 5) in SI units, and what the deviation of each effect from its law moves, whitened, (M * 5, k)."""
+    at = runs.predict(nu, list(acting.values()))
+    lawful = [name for name, effect in acting.items() if effect.effect.entry is None]
+    return at, _moved(runs, [((nu, _without(acting, name)), 1.0 / LAW) for name in lawful], at)
+
+
+def _moved(runs: Fitted, variants: Sequence[tuple[Variant, float]], at: Signal) -> Signal:
+    """Derivative of runs by variants, each with its step, whitened, (M * 5, k); of one that cannot be simulated none."""
+    if not variants:
+        return np.zeros((at.size, 0))
+    moved = runs.predictions([variant for variant, _ in variants]) - at[:, :, None]
+    whitened = runs.whiten(moved / np.array([step for _, step in variants]))
+    return np.where(np.all(np.abs(whitened) < WILD, axis=0), whitened, 0.0)
+
+
+def _integrated(columns: Signal, own: Signal) -> Signal:
+    """Columns times each other, (k, k), where others, (n, q), with unit priors are integrated out."""
+    across = own.T @ columns
+    return np.asarray(columns.T @ columns - across.T @ np.linalg.solve(np.eye(own.shape[1]) + own.T @ own, across))
+
+
+def _root_of(covariance: Signal) -> Signal:
+    """A root of a covariance, (k, p), of which some numbers may be known exactly."""
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    unit = np.where(sd > 0.0, sd, 1.0)
+    square, ways = np.linalg.eigh(covariance / np.outer(unit, unit))
+    open_ = square > ROUNDING
+    return np.asarray(sd[:, None] * ways[:, open_] * np.sqrt(square[open_]))
+
+
+# ----------------------------------------------------------------------------------------------- the next run of a campaign
+def options_after(
+    data: Fitted, found: Found, loads: Sequence[float] = (), speeds: Sequence[float] = ()
+) -> tuple[Setting, list[PlannedRun]] | None:
+    """Runs that may follow those of a campaign, each after all others; None where no log has a payout.
+
+    At loads of the campaign, and where these are few at other ones, from the smallest to the largest, up to the fastest speed
+    that was reached there and to the rating of the machine, where no other loads [ohm] or speeds [m/s] are named.
+    """
+    seen = usual(data)
+    if seen is None:
+        return None
+    model, time = data.model(found.best.nu, found.best.effects(found.problem.suspects)), data.scales.motion.time
+    setting = Setting(data.rig, model, seen.length, time, data.logs[0].run.fs, _noise_of(data), data)
+    run_at = {log.load for log in data.logs}
+    finite = [load for load in run_at if load < math.inf]
+    few = {math.inf, AWAY * max(finite), min(finite) / AWAY} if 0 < len(finite) < FEW else set()
+    tried = sorted(loads) or sorted(run_at | few)
+    evenly = np.linspace(0.0, len(tried) - 1.0, min(len(tried), len(loads) or LOADS)).round().astype(int).tolist()
+    fastest = [PlannedRun(tried[k], seen.fastest_at(tried[k])) for k in evenly]
+    if speeds:
+        return setting, [PlannedRun(one.load, speed, place="last") for one in fastest for speed in speeds]
+    rated = [one.speed * _rated(data.rig, run) for one, run in zip(fastest, simulated(setting, fastest), strict=True)]
+    every = [(one.load, share * most) for one, most in zip(fastest, rated, strict=True) for share in SPEEDS]
+    return setting, [PlannedRun(*one, place="last") for one in every]
+
+
+MOTION = ("velocity", "displacement")
+"""Channels of the motion of the line."""
+
+
+def _noise_of(data: Fitted) -> dict[str, float]:
+    """Noise of a sample of each channel of a campaign that makes its blocks as uncertain as they are, SI units."""
+    moves = {
+        name: [white_noise(log.run.channels[name]) for log in data.logs if name in log.run.channels] for name in MOTION
+    }
+    found = {name: float(np.median(each)) for name, each in moves.items() if each}
+    for k, name in enumerate(CHANNELS):
+        each = [
+            log.noise.own[log.noise.seen[:, k], k] * np.sqrt(log.course.blocks.count[log.noise.seen[:, k]])
+            for log in data.logs
+        ]
+        if any(one.size for one in each):
+            found[name] = float(np.median(np.concatenate(each)))
+    return found
+
+
+Pairs = list[tuple[str, str]]
+"""Pairs of a cause and a look-alike."""
+
+
+def listed(found: Found, causes: Sequence[NamedCause]) -> tuple[Pairs, Pairs]:
+    """Pairs that a page lists: those that runs may distinguish, and those of which the logs know one combination alone.
+
+    Whether a load of one run is wrong is checked on the rig, not by a run.
+    """
+    suspects, pairs = (
+        found.problem.suspects,
+        [(one.effect, other.effect) for one in causes for other in one.look_alikes],
+    )
+    pairs = [pair for pair in pairs if all(suspects[name].name != LOAD for name in pair)]
+    together = [pair for pair in pairs if are_together(found.problem.exclusive, *pair)]
+    return [pair for pair in pairs if pair not in together], together
 
 
 def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experiment | None:
-    """Choose the run in which a cause and its alternative differ most beyond noise, tolerances and what the latter can adapt.
+    """Choose the run in which a cause and its look-alike differ most beyond what is uncertain and what the latter can adapt.
 
-    The cause is the first with an alternative that a run could distinguish from it, else the leading one, whose alternative is
-    then the physical suspect with the most evidence in its place. A wrong load of one run is checked on the rig, not by a run.
+    The pair is the first listed one that a run separates clearly. Without any listed, it is the leading cause and the physical
+    suspect with the most evidence in its place.
     """
-    suspects = found.problem.suspects
-    others = [name for name in suspects if name not in found.best.names and suspects[name].stage != "entry"]
-    causes = [cause for cause in causes if suspects[cause.effect].name != LOAD]
-    seen = usual(data)
-
-    def alike(one: str, other: str) -> bool:
-        return are_together(found.problem.exclusive, one, other) or same_in_logs(one, other)
-
-    if not causes or not others or seen is None:
+    pairs = listed(found, causes)[0][:PAIRS] or _unlisted(found, causes)
+    choice = options_after(data, found) if pairs else None
+    if choice is None:
         return None
-    apart = {cause.effect: [r.effect for r in cause.look_alikes if suspects[r.effect].name != LOAD] for cause in causes}
-    apart = {name: [other for other in rivals if not alike(name, other)] for name, rivals in apart.items()}
-    drifting = [
-        cause for cause in causes if cause.stability and any(t.along == "order" for t in cause.stability.trends)
-    ]
-    lead = next((cause for cause in causes if apart[cause.effect]), (drifting or causes)[0])
-    near = apart[lead.effect][:1] or [name for name in others if not alike(lead.effect, name)]
-    if not near:
-        return None
-    other = max(near, key=lambda r: found.expansion.rated(swap(found.best.names, lead.effect, r)))
-    fit = found.fit(swap(found.best.names, lead.effect, other))
-    loads = sorted({log.load for log in data.logs})
-    tried = dict.fromkeys([loads[0], loads[len(loads) // 2], loads[-1]])
-    options = [(load, share * seen.fastest_at(load)) for load in tried for share in SPEEDS]
-    repeats = bool(drifting) or (suspects[lead.effect].over_runs is None) != (suspects[other].over_runs is None)
-    if repeats:  # a light load again, after all others
-        options = [(load, seen.fastest_at(load)) for load in loads[-2:]]
-    both = {load: explanations_of(data, found, (found.best, fit), load) for load, _ in options}
-    precision = fit.curve + np.diag(fit.free.sd**-2.0)
-    each = all_at_once(
-        [
-            partial(
-                distinction_of,
-                data,
-                both[load],
-                planned(load, v, seen.length, data.scales.motion.time, data.logs[0].run.fs),
-            )
-            for load, v in options
-        ]
+    setting, options = choice
+    prospect = prospect_of(setting, options)
+    best: tuple[float, PlannedRun, tuple[str, str]] | None = None
+    for pair in pairs:
+        foreseen = foresee_pair(prospect, found, pair)
+        z, k = max((foreseen.separation([k]), -k) for k in range(len(options)))
+        if best is None or z > best[0]:
+            best = z, options[-k], pair
+        if z > CLEAR:
+            break
+    assert best is not None
+    z, run, pair = best
+    drifts = any(found.problem.suspects[name].over_runs is not None for name in pair)
+    again = next((log.run.name for log in data.logs if log.load == run.load), "") if drifts else ""
+    return Experiment(
+        "cycle", run.speed, pair, z, load=run.load, length=setting.length, time=setting.time, repeats=again
     )
-    scores = [one.separation(precision) for one in each]
-    z, (load, v) = max(zip(scores, options, strict=True), key=lambda pair: pair[0])
-    again = next(log.run.name for log in data.logs if log.load == load) if repeats else ""
-    time = data.scales.motion.time
-    pair = (lead.effect, other)
-    return Experiment("cycle", v, pair, z, load=load, length=seen.length, time=time, repeats=again)
 
 
-def explanations_of(data: Fitted, found: Found, fits: tuple[Fit, Fit], load: float) -> Explanations:
-    """The better and the other fit of the same logs in a run with a load [ohm] that is made after all others."""
-    known = [data.order.heat[k] for k, log in enumerate(data.logs) if log.load == load]
-    heat = float(np.mean(known or data.order.heat))
-    suspects, (best, fit) = found.problem.suspects, fits
-    one = np.eye(fit.nu.size)
-    effects = fit.effects(suspects)
-    fields = []
-    for name, effect in zip(fit.names, effects, strict=True):
-        for moved, step in varied(suspects[name], fit.x[fit.place[name]], 0.02):
-            model = data.model_after(fit.nu, [moved if other is effect else other for other in effects], heat)
-            fields.append((model, step))
-    return Explanations(
-        best=data.model_after(best.nu, best.effects(suspects), heat),
-        other=data.model_after(fit.nu, effects, heat),
-        tolerances=[
-            data.model_after(fit.nu + one[k], effects, heat) for k, n in enumerate(data.nuisances) if n.kind == "rig"
-        ],
-        fields=fields,
-    )
+def _unlisted(found: Found, causes: Sequence[NamedCause]) -> Pairs:
+    """The leading cause that a run can test, and the physical suspect with the most evidence in its place."""
+    suspects, best = found.problem.suspects, found.best.names
+    lead = next((one.effect for one in causes if suspects[one.effect].name != LOAD), None)
+    if lead is None:
+        return []
+    others = [name for name in suspects if name not in best and suspects[name].stage != "entry"]
+    others = [name for name in others if not are_together(found.problem.exclusive, lead, name)]
+    near = max(others, key=lambda name: found.expansion.rated(swap(best, lead, name)), default=None)
+    return [] if near is None else [(lead, near)]
+
+
+def foresee_pair(prospect: Prospect, found: Found, pair: tuple[str, str]) -> Foreseen:
+    """What runs will tell of two effects, one in place of the other, where the better one is true and the other adapts."""
+    others = tuple(name for name in found.best.names if name not in pair)
+    better, other = sorted((found.fit((*others, name)) for name in pair), key=lambda fit: fit.loss)
+    return foresee(prospect, explanation_of(found, other), explanation_of(found, better), found.scale)
 
 
 class Usual(NamedTuple):
@@ -162,8 +444,10 @@ class Usual(NamedTuple):
     ramp: float
 
     def fastest_at(self, load: float) -> float:
-        """Fastest plateau of the logs at a load, or at that whose current is nearest to it. [m/s]"""
-        return self.fastest[min(self.fastest, key=lambda other: abs(1.0 / other - 1.0 / load))]
+        """Fastest plateau of the logs at a load; at one that was not run, within the speed and the current of all. [m/s]"""
+        top, current = max(self.fastest.values()), max(v / other for other, v in self.fastest.items())
+        within = min(top, current * load) if current > 0.0 and load < math.inf else top
+        return self.fastest.get(load, within)
 
 
 PLATEAU, WITHIN_RAMP = 0.97, (0.05, 0.95)
@@ -216,40 +500,3 @@ def planned(load: float, speed: float, length: float, time: float, rate: float) 
     corners = cycle_of(speed, length, time)
     t = np.arange(0.0, corners[0][-1], 1.0 / rate)
     return Run(name="planned", t=t, channels={"velocity": np.interp(t, *corners)}, fs=rate, samples=t.size, load=load)
-
-
-def distinction_of(data: Fitted, both: Explanations, run: Run) -> Distinction:
-    """How a planned run distinguishes two explanations; the zeros of its sensors are its own."""
-    scale = data.scales.motion
-    course = Course(run, blocks_of(run, data.rig, scale.ramp), data.logs[0].course.step, scale)
-    predicted = course.predict(both.other)
-    moves = [course.predict(model) - predicted for model in both.tolerances]
-    zeros: list[Signal] = []
-    for k, name in enumerate(CHANNELS):
-        for kind, size, several in (("gain", predicted[:, k], moves), ("zero", np.ones(len(predicted)), zeros)):
-            sd = max((n.sd for n in data.nuisances if n.kind == kind and n.name == name), default=0.0)
-            several.append(np.zeros_like(predicted))
-            several[-1][:, k] = sd * size
-    moves += [(course.predict(model) - predicted) / step for model, step in both.fields]
-    noise = _planned_noise(data, course.blocks.phase)
-    z, j, own = (
-        np.column_stack([(x / noise).ravel() for x in several])
-        for several in ([course.predict(both.best) - predicted], moves, zeros)
-    )
-    shrink = np.linalg.inv(np.eye(own.shape[1]) + own.T @ own)  # the zeros are integrated out
-
-    def joint(one: Signal, other: Signal) -> Signal:
-        return np.asarray(one.T @ other - (one.T @ own) @ shrink @ (own.T @ other))
-
-    return Distinction(float(joint(z, z)[0, 0]), joint(j, z)[:, 0], joint(j, j))
-
-
-def _planned_noise(data: Fitted, phase: NDArray[np.intp]) -> Signal:
-    """Noise of planned blocks, (m, 5): the median of the campaign in the same phase; inf where a channel has no information."""
-    sd = np.full((phase.size, len(CHANNELS)), math.inf)
-    for p in range(len(PHASES)):
-        for k in range(len(CHANNELS)):
-            own = data.noise[data.seen[:, k] & (data.blocks.phase == p), k]
-            if own.size:
-                sd[phase == p, k] = float(np.median(own))
-    return sd

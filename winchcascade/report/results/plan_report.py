@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from winchcascade.core.version import __version__
-from winchcascade.design.run_plan import PlannedRun, RunPlan
-from winchcascade.diagnosis.planning import BACK
+from winchcascade.design.run_plan import RunPlan
+from winchcascade.diagnosis.planning import BACK, PlannedRun
 from winchcascade.report.content import Column, Note, Report, section, table
 from winchcascade.report.results.common import provenance
 from winchcascade.report.wording import load_words
@@ -30,6 +30,7 @@ def plan_record(found: RunPlan) -> dict[str, Any]:
         "without": {found.measure: found.before},
         "wanted": {found.measure: found.wanted},
         "reached": found.reached,
+        "known_together": [list(pair) for pair in found.together],
         "against_random": {found.measure: found.random, "share_that_reaches": found.random_share},
     }
 
@@ -53,6 +54,8 @@ def plan_report(found: RunPlan, *, command: str = "") -> Report:
                 f"As many runs at random give {found.random:.3g}; {100.0 * found.random_share:.0f} % of them reach the aim.",
                 "Random",
             ) if found.runs else None,
+            *(Note(f"No run separates {one} from {other}: logs show their combination alone.", "Together", "warn")
+              for one, other in found.together),
         ],
         sections=[
             section("runs", "Runs", table("runs", _caption(found), _columns(found), list(enumerate(found.runs)))),

@@ -15,16 +15,18 @@ class RunOrder(msgspec.Struct, frozen=True):
 
     `begins` are their beginnings, from that of the first run made, in units of their median spacing [1]; `heat` the mean
     square of the DC current of each over the mean of all, 0 where no current is known [1]; `temperature` that of the machine in
-    each, empty where it is not known of all [K].
+    each, empty where it is not known of all [K]. Shares are those of the first `made` runs, of all where it is None: a run that
+    is only planned does not change them.
     """
 
     begins: tuple[float, ...]
     heat: tuple[float, ...]
     temperature: tuple[float, ...] = ()
+    made: int | None = None
 
     def with_run(self, heat: float) -> RunOrder:
         """The same runs and one more after them, at the usual spacing; its temperature follows from the time constant."""
-        return RunOrder((*self.begins, max(self.begins) + 1.0), (*self.heat, heat))
+        return RunOrder((*self.begins, max(self.begins) + 1.0), (*self.heat, heat), made=self.made or len(self.heat))
 
 
 class RunPlace(msgspec.Struct, frozen=True):
@@ -51,7 +53,7 @@ def warming(order: RunOrder, time_constant: float, by_current: float) -> tuple[f
     """
     level = np.array(order.temperature) if order.temperature else _level(order, time_constant, by_current)
     rise = level - level[int(np.argmin(order.begins))]
-    largest = float(np.max(np.abs(rise), initial=0.0))
+    largest = float(np.max(np.abs(rise[: order.made]), initial=0.0))
     return tuple((rise / largest).tolist()) if largest > 0.0 else (0.0,) * rise.size
 
 
@@ -84,7 +86,7 @@ def passed(order: RunOrder) -> tuple[float, ...]:
     >>> passed(RunOrder((0.0, 1.0, 4.0), (0.0, 0.0, 0.0)))
     (0.0, 0.25, 1.0)
     """
-    span = max(order.begins)
+    span = max(order.begins[: order.made])
     return tuple(begin / span if span > 0.0 else 0.0 for begin in order.begins)
 
 
