@@ -16,6 +16,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.design.design import METRIC, Design, Limits, design
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
+from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.report.results.design_report import design_record, schedule_csv
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.posterior import RigPosterior, Tested
     from winchcascade.rig.parts import Model
+
+BOTH = Judgement("explained", causes=("copper_heating", "line_drag"))
 
 LOADS, SPEEDS = [4.5, 9.0, 18.0], [0.3, 0.8]
 
@@ -42,7 +45,7 @@ RULE = 2e-3
 
 @pytest.fixture(scope="module")
 def found(small: RigPosterior, tested: Tested) -> Design:
-    return design(small, tested, loads=LOADS, speeds=SPEEDS)
+    return design(small, msgspec.structs.replace(tested, judgement=BOTH), loads=LOADS, speeds=SPEEDS)
 
 
 def along(model: Model, tested: Tested, speed: float, loads: list[float]) -> Signal:
@@ -126,7 +129,7 @@ def test_limits_that_allow_nothing_leave_a_record_of_numbers(small: RigPosterior
 def test_a_repair_is_worth_the_difference_of_two_simulations(
     small: RigPosterior, tested: Tested, found: Design
 ) -> None:
-    assert {one.effect for one in found.repairs} == {"copper_heating", "line_drag"}
+    assert {one.effect for one in found.repairs} == set(BOTH.causes)
     for one in found.repairs:
         models = small.model(), small.model(without=one.effect)
         acting, repaired = (delivered(model, tested, SPEEDS[-1], found.repaired_at) for model in models)
@@ -139,7 +142,8 @@ def test_a_year_adds_up_the_cycles_of_each_speed(small: RigPosterior, tested: Te
     table.write_text("speed_mps,cycles_per_year\n0.4,3000\n0.8,1000\n", encoding="utf-8")
     motion, sea = motions_of(table)
     assert (motion, sea) == (None, [(0.4, 3000.0), (0.8, 1000.0)])
-    for one in design(small, tested, loads=[9.0], speeds=[0.8], sea=sea).repairs:
+    covered = msgspec.structs.replace(tested, judgement=BOTH)
+    for one in design(small, covered, loads=[9.0], speeds=[0.8], sea=sea).repairs:
         models = small.model(), small.model(without=one.effect)
         acting, repaired = (
             sum(n * along(model, tested, v, [9.0])[PLACE["e_gen_j"], 0] for v, n in sea) for model in models
@@ -149,7 +153,14 @@ def test_a_year_adds_up_the_cycles_of_each_speed(small: RigPosterior, tested: Te
         assert one.per_year.value == pytest.approx((repaired - acting) / 3.6e6, rel=STEPS)
 
 
-@pytest.mark.parametrize("row", ["0.5,", "0,100", "0.5,-1", "nan,5", "1,2,3", "inf,5"])
+def test_a_candidate_acts_in_the_model_and_has_no_repair(small: RigPosterior, tested: Tested, found: Design) -> None:
+    doubtful = Judgement("partly_explained", causes=("line_drag",), candidates=("copper_heating",))
+    parted = design(small, msgspec.structs.replace(tested, judgement=doubtful), loads=LOADS, speeds=SPEEDS)
+    assert [one.effect for one in parted.repairs] == ["line_drag"]
+    assert parted.rows == found.rows
+
+
+@pytest.mark.parametrize("row", ["0.5,0,100", "0.5,-1", "nan,5", "1,2,3", "inf,5"])
 def test_a_wrong_row_of_a_sea_is_rejected_with_its_line(tmp_path: Path, row: str) -> None:
     table = tmp_path / "sea.csv"
     table.write_text(f"speed_mps,cycles_per_year\n0.4,3000\n{row}\n", encoding="utf-8")
@@ -196,11 +207,15 @@ def test_a_command_writes_the_map_as_json_and_the_schedule_as_csv(record: Path, 
     causes = json.loads(record.read_text())["causes"]
     alike = {one["effect"]: [other["effect"] for other in one["look_alikes"]] for one in causes}
     assert {one["effect"]: one["look_alikes"] for one in found["repairs"]} == alike
+    assert (found["causes"], found["candidates"]) == ([*alike], [])
+    assert found["classes"]["copper_heating"]["name"] == "series_resistance"
     head, *lines = table.read_text().splitlines()
-    assert head == "rpm_low,rpm_high,load_ohm,within_domain"
+    assert head == "rpm_low,rpm_high,load_ohm,within_domain,verdict"
     power = [one for one in found["schedule"] if one["criterion"] == "power" and one["load_ohm"] is not None]
     for line, one in zip(lines, power, strict=True):
-        numbers = {name: json.loads(cell) for name, cell in zip(head.split(","), line.split(","), strict=True)}
+        *cells, verdict = line.split(",")
+        assert verdict == found["verdict"]
+        numbers = {name: json.loads(cell) for name, cell in zip(head.split(",")[:-1], cells, strict=True)}
         assert numbers == pytest.approx({name: one[name] for name in numbers}, rel=1e-3)
 
 
@@ -225,6 +240,25 @@ def test_what_cannot_be_designed_with_is_rejected(
     done = call("design", other, *options)
     assert (done.code, done.out) == (2, "")
     assert place in done.err
+
+
+def test_an_unexplained_diagnosis_is_rejected_and_forced_with_its_verdict(record: Path, tmp_path: Path) -> None:
+    refused, page, table = (tmp_path / name for name in ("refused.json", "design.html", "schedule.csv"))
+    content = json.loads(record.read_text())
+    content["posterior"]["tested"]["judgement"] |= {"verdict": "unexplained", "causes": []}
+    refused.write_text(json.dumps(content), encoding="utf-8")
+    options = "design", refused, "--loads", "9", "--speeds", "0.8", "--csv", table, "--html", page, "--json"
+    done = call(*options, tmp_path / "refused_design.json")
+    assert (done.code, done.out, table.exists(), page.exists()) == (2, "", False, False)
+    assert str(refused) in done.err
+    forced = call(*options, tmp_path / "forced.json", "--force")
+    assert forced.code == 0
+    written = json.loads((tmp_path / "forced.json").read_text())
+    assert (written["verdict"], written["repairs"]) == ("unexplained", [])
+    _, *rows = table.read_text().splitlines()
+    assert {row.rpartition(",")[2] for row in rows} == {"unexplained"}
+    assert "unexplained" in forced.out
+    assert "unexplained" in page.read_text(encoding="utf-8")
 
 
 def test_a_rig_without_a_model_is_rejected(fixtures: Path) -> None:

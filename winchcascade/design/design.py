@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
@@ -120,7 +119,7 @@ class Share(msgspec.Struct, frozen=True):
 class Design(Viewed, frozen=True, kw_only=True):
     """Maps, schedules and repairs of a corrected rig at one motion; `fixed` are the best fixed loads by criterion [ohm].
 
-    `repaired_at` is the load at which the repairs are valued [ohm]. `look_alikes` are, by cause, effects that may act instead.
+    `repaired_at` is the load at which the repairs are valued [ohm]. Only effects that are causes have repairs.
     """
 
     tested: Tested
@@ -131,20 +130,21 @@ class Design(Viewed, frozen=True, kw_only=True):
     fixed: dict[Criterion, float]
     repairs: tuple[Repair, ...]
     repaired_at: float
-    look_alikes: Mapping[str, Sequence[str]] = {}
 
 
 class CorrectedRig:
     """A corrected rig whose operating points have bands: those of the posterior, and of the laws of its effects.
 
     `moved` are the best model and it moved along every direction of the posterior, `repaired` the same without each effect, and
-    `each` are `moved` and the best models without each effect.
+    `each` are `moved` and the best models without each effect. `acting` are all effects of the fit, `causes` those that a
+    repair is valued of.
     """
 
     def __init__(self, posterior: RigPosterior, tested: Tested) -> None:
         self.posterior, self.tested = posterior, tested
         self.moved = posterior.models()
         self.acting = [one.effect.name for one in posterior.effects if one.effect.entry is None]
+        self.causes = [name for name in self.acting if name in tested.judgement.causes]
         self.repaired = {name: posterior.models(name) for name in self.acting}
         self.each = [*self.moved, *(models[0] for models in self.repaired.values())]
 
@@ -199,7 +199,6 @@ def design(
     loads: Sequence[float] = (),
     speeds: Sequence[float] = (),
     limits: Limits = NO_LIMITS,
-    look_alikes: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Design:
     """Design with a corrected rig.
 
@@ -211,7 +210,6 @@ def design(
     loads, speeds : of the map; by default those of the campaign [ohm], and `SPEEDS` up to its fastest [m/s]
     limits : that no operating point may exceed; where the diagnosis found that the machine warms, also the current of its
         warmest run
-    look_alikes : of a cause, effects that explain the logs as well
 
     Raises
     ------
@@ -247,10 +245,9 @@ def design(
         schedule=tuple(one for scheduled, _ in schedules.values() for one in scheduled),
         fixed={criterion: fixed for criterion, (_, fixed) in schedules.items()},
         repairs=tuple(
-            sorted((rig.worth(name, valued, load) for name in rig.acting), key=lambda one: -one.per_cycle.value)
+            sorted((rig.worth(name, valued, load) for name in rig.causes), key=lambda one: -one.per_cycle.value)
         ),
         repaired_at=load,
-        look_alikes={name: others for name, others in look_alikes.items() if name in rig.acting and others},
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.contributions import joint_covariance
+from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.misfit import log_of
 from winchcascade.diagnosis.nuisances import LOAD
 from winchcascade.diagnosis.planning import usual
@@ -117,12 +118,13 @@ class Tested(msgspec.Struct, frozen=True):
     `loads` are those of the runs but open circuits [ohm]. `border` are corners of the convex region of line speed and DC
     current in payout, (k, 2) [m/s, A]. `force` is the largest line tension. `speed`, `length` and `ramp` are those of a usual
     payout with a load: its fastest plateau, its travel and the time of its ramp. `warm` is the DC current (rms over a cycle)
-    that keeps the machine as warm as in its warmest run, repeated at the spacing of the runs; None without heating.
+    that keeps the machine as warm as in its warmest run, repeated at the spacing of the runs; None without heating. The
+    `judgement` is that of the diagnosis.
     """
 
     title: str
     rig: str
-    verdict: str
+    judgement: Judgement
     loads: tuple[float, ...]
     border: tuple[tuple[float, float], ...]
     force: float
@@ -166,7 +168,7 @@ def tested_by(found: ModelDiagnosis) -> Tested | None:
     return Tested(
         title=found.title,
         rig=found.rig.name,
-        verdict=found.verdict,
+        judgement=found.judgement,
         loads=loads,
         border=tuple((float(x), float(y)) for x, y in border),
         force=float(np.fmax.reduce(np.concatenate(force), initial=0.0)),
@@ -200,7 +202,7 @@ RADIUS = "shared_radius"
 def posterior_record(posterior: RigPosterior, tested: Tested) -> dict[str, Any]:
     """A posterior as JSON: numbers of the nominal model by part, what changes them, their covariance, and what was `tested`."""
     return {
-        "tested": msgspec.structs.asdict(tested),
+        "tested": msgspec.to_builtins(tested),
         "nominal": {part: getattr(posterior.nominal, part)._asdict() for part in PARTS},
         "numbers": [
             {"name": n.name, "path": n.path, "operation": n.operation, "per": n.per, "move": move}

@@ -27,6 +27,7 @@ from winchcascade.report.content import (
 from winchcascade.report.diagnosis_names import origins_of
 from winchcascade.report.glossary import short
 from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.judgement import judgement_banner, judgement_note
 from winchcascade.report.wording import banner
 
 FILED = ("power_gen", "eta_trans", "eta_gen", "eta_pto")
@@ -64,6 +65,7 @@ def validation_report(found: ModelDiagnosis, *, command: str = "") -> Report:
         subtitle=f"rig {found.rig.name} · {len(found.runs)} logs",
         points=[
             data_note(origins_of(found)),
+            judgement_note(found.judgement),
             Note(f"The interval of the model error contains 0 in {held['before']} of {len(rows)} comparisons before{after}.",
                  "Result"),
             None if (tested := tested_by(found)) is None else Note(_domain(tested), "Domain"),
@@ -73,7 +75,7 @@ def validation_report(found: ModelDiagnosis, *, command: str = "") -> Report:
             section("terms", "Terms of ASME V&V 20-2009", table("validation-terms", "Symbols.", PAIRS, TERMS)),
             provenance([("Runs", "; ".join(f"{k} {run.name}" for k, run in enumerate(found.runs, 1)))], command),
         ],
-        banner=banner(origins_of(found)),
+        banner=" ".join(filter(None, [banner(origins_of(found)), judgement_banner(found.judgement)])),
     )  # fmt: skip
 
 
