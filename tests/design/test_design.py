@@ -9,14 +9,18 @@ import msgspec
 import numpy as np
 import pytest
 from calls import call
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import ndtr
 
 from winchcascade.batch.campaign_design import motions_of
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.design.design import METRIC, Design, Limits, design
+from winchcascade.design.design import METRIC, Design, Limits, design, mixed
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
 from winchcascade.diagnosis.diagnosis_result import Judgement
+from winchcascade.diagnosis.posterior import RigPosterior
 from winchcascade.report.results.design_report import design_record, schedule_csv
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -26,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.posterior import RigPosterior, Tested
+    from winchcascade.diagnosis.posterior import Tested
     from winchcascade.rig.parts import Model
 
 BOTH = Judgement("explained", causes=("copper_heating", "line_drag"))
@@ -35,6 +39,9 @@ LOADS, SPEEDS = [4.5, 9.0, 18.0], [0.3, 0.8]
 
 SHORT = 1e-3
 """Relative loss of power or efficiency that a scheduled load may have against the best of a fine grid. [1]"""
+
+ROUNDED = 1e-5
+"""Probability beyond 1.96 standard deviations, for which 2.5 % stand. [1]"""
 
 STEPS = 1e-5
 """Relative difference between simulations of a rig and of another one with the step that resolves either. [1]"""
@@ -151,6 +158,43 @@ def test_a_year_adds_up_the_cycles_of_each_speed(small: RigPosterior, tested: Te
         assert one.per_cycle.value == pytest.approx((repaired - acting) / 4000.0, rel=STEPS)
         assert one.per_year is not None
         assert one.per_year.value == pytest.approx((repaired - acting) / 3.6e6, rel=STEPS)
+
+
+def alike(small: RigPosterior, weight: float) -> RigPosterior:
+    """The rig with a look-alike of its stator resistance that is an error of a sensor, of a weight."""
+    keep = np.array([0, 1, 3])
+    sensor = RigPosterior(
+        small.nominal, small.numbers, small.moves, small.effects[1:], small.covariance[np.ix_(keep, keep)], weight
+    )
+    return msgspec.structs.replace(small, weight=1.0 - weight, others=(sensor,))
+
+
+@pytest.mark.parametrize("weight", [0.01, 0.3])
+def test_bands_and_worths_hold_a_look_alike_that_costs_nothing(
+    small: RigPosterior, tested: Tested, found: Design, weight: float
+) -> None:
+    covered = msgspec.structs.replace(tested, judgement=BOTH)
+    mixed_up = design(alike(small, weight), covered, loads=LOADS, speeds=SPEEDS)
+    worths = {one.effect: one for one in mixed_up.repairs}
+    per_cycle = worths["copper_heating"].per_cycle
+    assert per_cycle.low == pytest.approx(0.0, abs=STEPS * per_cycle.value)
+    assert worths["line_drag"].saved.low > 0.0
+    without = small.model(without="copper_heating")
+    for row, alone in zip(mixed_up.rows, found.rows, strict=True):
+        own, band = alone.values["p_gen_w"], row.values["p_gen_w"]
+        other = along(without, tested, row.speed, [row.load])[PLACE["p_gen_w"], 0]
+        assert band.value == own.value
+        assert (band.low < other < band.high) or weight < 0.025
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.05, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 2.0)), min_size=1, max_size=4),
+)
+def test_an_interval_of_a_mixture_leaves_as_much_on_either_side(parts: list[tuple[float, float, float]]) -> None:
+    weights, values, u = np.array(parts).T
+    low, high = mixed(weights / weights.sum(), values, u)
+    for end, left in ((low, 0.025), (high, 0.975)):
+        assert weights @ ndtr((end - values) / u) / weights.sum() == pytest.approx(left, abs=ROUNDED)
 
 
 def test_a_candidate_acts_in_the_model_and_has_no_repair(small: RigPosterior, tested: Tested, found: Design) -> None:

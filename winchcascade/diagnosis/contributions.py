@@ -18,7 +18,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import means_of
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.causes import COVERED, posterior_of
+from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import (
     Contribution,
     ContributionKind,
@@ -29,7 +29,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.misfit import Fitted, Log, log_of
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import inside_of
+from winchcascade.diagnosis.search import columns_of, covariance_of, inside_of
 from winchcascade.diagnosis.suspects import Suspects, varied
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.efficiency import METRICS
@@ -281,15 +281,16 @@ def _by_zeros(data: Fitted, one: WindowedLog, variants: Variants, fitted: Signal
 
 
 # ----------------------------------------------------------------------------------------------- all runs of a campaign
-def joint_covariance(found: Found) -> Signal:
-    """Covariance of all fields of the best fit and then of its nuisances, (k + n, k + n): these follow the fields, and scatter
-    about that as the data and their tolerances leave them.
+def joint_covariance(found: Found, other: Fit | None = None) -> Signal:
+    """Covariance of all fields of the best fit, or another, and then of its nuisances, (k + n, k + n): these follow the fields,
+    and scatter about that as the data and their tolerances leave them.
     """
-    best, marginal = found.best, found.marginal
-    columns, fields = (
-        found.expansion.columns[:, found.expansion.index(best.names)],
-        posterior_of(found, best).covariance,
-    )
+    marginal = found.marginal
+    if other is None:
+        columns = found.expansion.columns[:, found.expansion.index(found.best.names)]
+    else:
+        columns = columns_of(found.problem, marginal, other, other.names)
+    fields = covariance_of(found, other or found.best, columns)
     follow = marginal.spread @ marginal.columns.onto(marginal.undone(columns))
     both = fields @ follow.T
     return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
