@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -20,7 +21,7 @@ from winchcascade.core.run import Run
 from winchcascade.design.design import METRIC, Design, Limits, design, mixed
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.posterior import RigPosterior
+from winchcascade.diagnosis.posterior import NEAR, RigPosterior
 from winchcascade.report.results.design_report import design_record, schedule_csv
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -224,6 +225,22 @@ def test_bands_hold_the_rig_that_the_logs_are_of(fitted: RigPosterior, tested: T
     (repair,) = predicted.repairs
     worth = np.diff([delivered(model, tested, 0.8, predicted.repaired_at) for model in (truth, stated)])[0]
     assert repair.per_cycle.low < worth < repair.per_cycle.high
+
+
+def test_a_repair_beyond_the_currents_of_the_logs_is_outside_the_domain(small: RigPosterior, tested: Tested) -> None:
+    load, speed = LOADS[1], SPEEDS[-1]
+    acting, repaired = (
+        along(model, tested, speed, [load])[PLACE["i_dc_a"], 0]
+        for model in (small.model(), small.model(without="copper_heating"))
+    )
+    assert repaired > acting
+    for largest, within in ((2.0 * repaired, True), (0.5 * (acting + repaired), False)):
+        border = (0.0, 0.0), (2.0 * speed, 0.0), (2.0 * speed, largest / (1.0 + NEAR)), (0.0, largest / (1.0 + NEAR))
+        covered = msgspec.structs.replace(tested, judgement=BOTH, border=border, force=math.inf)
+        (one,) = (
+            r for r in design(small, covered, loads=[load], speeds=[speed]).repairs if r.effect == "copper_heating"
+        )
+        assert one.within_domain == within
 
 
 def test_points_beyond_the_logs_are_flagged(small: RigPosterior, tested: Tested) -> None:

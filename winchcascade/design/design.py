@@ -189,7 +189,10 @@ class CorrectedRig:
         return self.tested.covers(speed, found[:, PLACE["i_dc_a"]], found[:, PLACE["force_n"]])
 
     def worth(self, name: str, shares: Sequence[Share], load: float) -> Repair:
-        """What a repair brings over some motions at a load; nothing by an explanation without the effect."""
+        """What a repair brings over some motions at a load; nothing by an explanation without the effect.
+
+        It is within the domain if the logs cover the rig with the effect and the repaired one.
+        """
         paths = [path_of(share.motion, self.moved[0]) for share in shares]
         several = [one for one in self.explanations if name in one.repaired]
         repaired, acting = (
@@ -212,7 +215,8 @@ class CorrectedRig:
             return Band(value, low, high)
 
         per_year = change("e_gen_j", float(number.sum()) / JOULES_PER_KWH) if yearly else None
-        covered = self.covers(np.array([share.motion.speed for share in shares]), acting[0][0])
+        speeds = np.array([share.motion.speed for share in shares])
+        covered = np.concatenate([self.covers(speeds, found[0][0]) for found in (acting, repaired)])
         return Repair(name, change("e_gen_j"), per_year, change("e_line_j", -1.0), bool(covered.all()))
 
 
