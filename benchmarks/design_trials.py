@@ -62,7 +62,10 @@ RESOLVED = 1e-5
 STRENGTHS, RUNS = (0.5, 1.0), 3
 """Strengths of an effect of a pair, and number of runs of a plan."""
 
-OF_SENSORS = frozenset(name for name, part in PARTS.items() if part.stage == "sensor") | {"load_drift"}
+STATED = frozenset({"load_drift"})
+"""Effects that change what is stated of a run."""
+
+OF_SENSORS = frozenset(name for name, part in PARTS.items() if part.stage == "sensor") | STATED
 """Effects that change what is read or stated, and no prediction."""
 
 NUMBERS = {
@@ -161,7 +164,7 @@ def rig_case(k: int, folder: Path) -> Result:
     assert tested is not None
     made = design(posterior, tested)
     rows = [*predictions(twin, CorrectedRig(posterior, tested)), *regrets(twin, made), *repairs(twin, made)]
-    rows += [] if OF_SENSORS & set(names) else model_errors(twin, found, solved, folder)
+    rows += [] if STATED & set(names) else model_errors(twin, found, solved, folder)
     return Result("rigs", k, names, [cause.effect for cause in found.causes], rows)
 
 
@@ -216,7 +219,7 @@ def model_errors(twin: Twin, found: ModelDiagnosis, solved: Sequence[Solved], fo
     for part, numbers in NUMBERS.items():
         own = {there: getattr(twin.numbers, here) for here, there in numbers.items()}
         model = msgspec.structs.replace(model, **{part: getattr(model, part)._replace(**own)})
-    exact = msgspec.structs.replace(twin, gains=dict.fromkeys(SENSORS, 1.0))
+    exact = msgspec.structs.replace(without(twin, OF_SENSORS), gains=dict.fromkeys(SENSORS, 1.0))
     for k, (log, one) in enumerate(zip(FITTED, solved, strict=True)):
         write_log(folder / "exact.csv", noise_free(exact, one))
         run, window = read_run(folder / "exact.csv", load=found.data.logs[k].run.load), windowed(found.data, k)
