@@ -28,7 +28,7 @@ from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.files import scratch_folder
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.core.run import Run, Signal
-from winchcascade.design.design import METRIC, CorrectedRig, Design, design
+from winchcascade.design.design import METRIC, Band, CorrectedRig, Design, design
 from winchcascade.design.operating import MOVES, PLACE, Motion, path_of, planned_cycle
 from winchcascade.design.run_plan import after, determine
 from winchcascade.diagnosis.causes import COVERED
@@ -61,7 +61,10 @@ RESOLVED = 1e-5
 STRENGTHS = (0.5, 1.0)
 """Strengths of an effect of a pair."""
 
-OF_SENSORS = frozenset(name for name, part in PARTS.items() if part.stage == "sensor") | {"load_drift"}
+STATED = frozenset({"load_drift"})
+"""Effects that change what is stated of a run."""
+
+OF_SENSORS = frozenset(name for name, part in PARTS.items() if part.stage == "sensor") | STATED
 """Effects that change what is read or stated, and no prediction."""
 
 NUMBERS = {
@@ -99,10 +102,12 @@ BARS = {
 """What is compared, with its bar."""
 
 
-def interval(of: str, true: float, value: float, u: float, *where: float | str) -> Row:
-    """Whether a true value lies in a 95 % interval; one without width holds where the value is exact."""
-    error = true - value
-    return Row(of, abs(error) <= COVERED * u, error / u if u else 0.0, (*where, true, value, u))
+def interval(of: str, true: float, band: Band, resolved: float, *where: float | str) -> Row:
+    """Whether a true value lies in a 95 % interval; `resolved` is the standard uncertainty of the true value."""
+    error = true - band.value
+    low, high = (math.hypot(end - band.value, COVERED * resolved) for end in (band.low, band.high))
+    u = (high if error > 0.0 else low) / COVERED
+    return Row(of, -low <= error <= high, error / u if u else 0.0, (*where, true, band.value, band.low, band.high))
 
 
 # ------------------------------------------------------------------------------------------------------------------- twin
@@ -163,7 +168,7 @@ def rig_case(k: int, folder: Path) -> Result:
     assert tested is not None
     made = design(posterior, tested)
     rows = [*predictions(twin, CorrectedRig(posterior, tested)), *regrets(twin, made), *repairs(twin, made)]
-    rows += [] if OF_SENSORS & set(names) else model_errors(twin, found, solved, folder)
+    rows += [] if STATED & set(names) else model_errors(twin, found, solved, folder)
     return Result("rigs", k, names, [cause.effect for cause in found.causes], rows)
 
 
@@ -176,14 +181,14 @@ def payout(speed: float, length: float, ramp: float) -> Motion:
 def predictions(twin: Twin, rig: CorrectedRig) -> Iterator[Row]:
     """Power and efficiency at withheld loads, speeds and ramps."""
     motions = [payout(speed, rig.tested.length, ramp) for speed, ramp in MOTIONS]
-    best, u = rig.bands([path_of(motion, rig.moved[0]) for motion in motions], WITHHELD)
+    bands = rig.bands([path_of(motion, rig.moved[0]) for motion in motions], WITHHELD)
     for i, motion in enumerate(motions):
         for j, load in enumerate(WITHHELD):
-            inside = rig.covers(np.array([motion.speed]), best[i, j : j + 1])[0]
+            inside = rig.covers(np.array([motion.speed]), bands[0, i, j : j + 1])[0]
             true = truth(twin, motion, load)
             for name in METRIC.values():
                 of, k = f"{name} {'in its band' if inside else 'beyond the domain'}", PLACE[name]
-                yield interval(of, true[name], float(best[i, j, k]), float(u[i, j, k]), load, motion.speed)
+                yield interval(of, true[name], Band(*bands[:, i, j, k].tolist()), 0.0, load, motion.speed)
 
 
 def regrets(twin: Twin, made: Design) -> Iterator[Row]:
@@ -208,8 +213,8 @@ def repairs(twin: Twin, made: Design) -> Iterator[Row]:
         repaired = truth(without(twin, {one.effect}), cycle, made.repaired_at)
         of = f"worth of {'a' if one.effect in twin.hidden.effects else 'no'} repair"
         for metric, band, sign in (("e_gen_j", one.per_cycle, 1.0), ("e_line_j", one.saved, -1.0)):
-            u = math.hypot((band.high - band.low) / (2.0 * COVERED), RESOLVED * acting[metric])
-            yield interval(of, sign * (repaired[metric] - acting[metric]), band.value, u, one.effect, metric)
+            worth = sign * (repaired[metric] - acting[metric])
+            yield interval(of, worth, band, RESOLVED * acting[metric], one.effect, metric)
 
 
 def model_errors(twin: Twin, found: ModelDiagnosis, solved: Sequence[Solved], folder: Path) -> Iterator[Row]:
@@ -218,7 +223,7 @@ def model_errors(twin: Twin, found: ModelDiagnosis, solved: Sequence[Solved], fo
     for part, numbers in NUMBERS.items():
         own = {there: getattr(twin.numbers, here) for here, there in numbers.items()}
         model = msgspec.structs.replace(model, **{part: getattr(model, part)._replace(**own)})
-    exact = msgspec.structs.replace(twin, gains=dict.fromkeys(SENSORS, 1.0))
+    exact = msgspec.structs.replace(without(twin, OF_SENSORS), gains=dict.fromkeys(SENSORS, 1.0))
     for k, (log, one) in enumerate(zip(FITTED, solved, strict=True)):
         write_log(folder / "exact.csv", noise_free(exact, one))
         run, window = read_run(folder / "exact.csv", load=found.data.logs[k].run.load), windowed(found.data, k)
@@ -228,7 +233,8 @@ def model_errors(twin: Twin, found: ModelDiagnosis, solved: Sequence[Solved], fo
         true.append(np.subtract(*(quantities_of(each, window.rig, window.windows) for each in runs)))
     for row in found.validation:
         error = float(true[row.log][QUANTITIES.index(row.quantity)])
-        yield interval("model error", error, row.before.error, row.before.u_val, FITTED[row.log], row.quantity)
+        before = Band(row.before.error, row.before.low, row.before.high)
+        yield interval("model error", error, before, 0.0, FITTED[row.log], row.quantity)
 
 
 # ------------------------------------------------------------------------------------------------------------------ pairs

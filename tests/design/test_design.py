@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 import pytest
 from calls import call
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import ndtr
 
 from winchcascade.batch.campaign_design import motions_of
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.design.design import METRIC, Design, Limits, design
+from winchcascade.design.design import METRIC, Design, Limits, design, mixed
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
+from winchcascade.diagnosis.diagnosis_result import Judgement
+from winchcascade.diagnosis.posterior import NEAR, RigPosterior
 from winchcascade.report.results.design_report import design_record, schedule_csv
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -25,13 +31,18 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.posterior import RigPosterior, Tested
+    from winchcascade.diagnosis.posterior import Tested
     from winchcascade.rig.parts import Model
+
+BOTH = Judgement("explained", causes=("copper_heating", "line_drag"))
 
 LOADS, SPEEDS = [4.5, 9.0, 18.0], [0.3, 0.8]
 
 SHORT = 1e-3
 """Relative loss of power or efficiency that a scheduled load may have against the best of a fine grid. [1]"""
+
+ROUNDED = 1e-5
+"""Probability beyond 1.96 standard deviations, for which 2.5 % stand. [1]"""
 
 STEPS = 1e-5
 """Relative difference between simulations of a rig and of another one with the step that resolves either. [1]"""
@@ -42,7 +53,7 @@ RULE = 2e-3
 
 @pytest.fixture(scope="module")
 def found(small: RigPosterior, tested: Tested) -> Design:
-    return design(small, tested, loads=LOADS, speeds=SPEEDS)
+    return design(small, msgspec.structs.replace(tested, judgement=BOTH), loads=LOADS, speeds=SPEEDS)
 
 
 def along(model: Model, tested: Tested, speed: float, loads: list[float]) -> Signal:
@@ -126,7 +137,7 @@ def test_limits_that_allow_nothing_leave_a_record_of_numbers(small: RigPosterior
 def test_a_repair_is_worth_the_difference_of_two_simulations(
     small: RigPosterior, tested: Tested, found: Design
 ) -> None:
-    assert {one.effect for one in found.repairs} == {"copper_heating", "line_drag"}
+    assert {one.effect for one in found.repairs} == set(BOTH.causes)
     for one in found.repairs:
         models = small.model(), small.model(without=one.effect)
         acting, repaired = (delivered(model, tested, SPEEDS[-1], found.repaired_at) for model in models)
@@ -139,7 +150,8 @@ def test_a_year_adds_up_the_cycles_of_each_speed(small: RigPosterior, tested: Te
     table.write_text("speed_mps,cycles_per_year\n0.4,3000\n0.8,1000\n", encoding="utf-8")
     motion, sea = motions_of(table)
     assert (motion, sea) == (None, [(0.4, 3000.0), (0.8, 1000.0)])
-    for one in design(small, tested, loads=[9.0], speeds=[0.8], sea=sea).repairs:
+    covered = msgspec.structs.replace(tested, judgement=BOTH)
+    for one in design(small, covered, loads=[9.0], speeds=[0.8], sea=sea).repairs:
         models = small.model(), small.model(without=one.effect)
         acting, repaired = (
             sum(n * along(model, tested, v, [9.0])[PLACE["e_gen_j"], 0] for v, n in sea) for model in models
@@ -149,7 +161,51 @@ def test_a_year_adds_up_the_cycles_of_each_speed(small: RigPosterior, tested: Te
         assert one.per_year.value == pytest.approx((repaired - acting) / 3.6e6, rel=STEPS)
 
 
-@pytest.mark.parametrize("row", ["0.5,", "0,100", "0.5,-1", "nan,5", "1,2,3", "inf,5"])
+def alike(small: RigPosterior, weight: float) -> RigPosterior:
+    """The rig with a look-alike of its stator resistance that is an error of a sensor, of a weight."""
+    keep = np.array([0, 1, 3])
+    sensor = RigPosterior(
+        small.nominal, small.numbers, small.moves, small.effects[1:], small.covariance[np.ix_(keep, keep)], weight
+    )
+    return msgspec.structs.replace(small, weight=1.0 - weight, others=(sensor,))
+
+
+@pytest.mark.parametrize("weight", [0.01, 0.3])
+def test_bands_and_worths_hold_a_look_alike_that_costs_nothing(
+    small: RigPosterior, tested: Tested, found: Design, weight: float
+) -> None:
+    covered = msgspec.structs.replace(tested, judgement=BOTH)
+    mixed_up = design(alike(small, weight), covered, loads=LOADS, speeds=SPEEDS)
+    worths = {one.effect: one for one in mixed_up.repairs}
+    per_cycle = worths["copper_heating"].per_cycle
+    assert per_cycle.low == pytest.approx(0.0, abs=STEPS * per_cycle.value)
+    assert worths["line_drag"].saved.low > 0.0
+    without = small.model(without="copper_heating")
+    for row, alone in zip(mixed_up.rows, found.rows, strict=True):
+        own, band = alone.values["p_gen_w"], row.values["p_gen_w"]
+        other = along(without, tested, row.speed, [row.load])[PLACE["p_gen_w"], 0]
+        assert band.value == own.value
+        assert (band.low < other < band.high) or weight < 0.025
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.05, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 2.0)), min_size=1, max_size=4),
+)
+def test_an_interval_of_a_mixture_leaves_as_much_on_either_side(parts: list[tuple[float, float, float]]) -> None:
+    weights, values, u = np.array(parts).T
+    low, high = mixed(weights / weights.sum(), values, u)
+    for end, left in ((low, 0.025), (high, 0.975)):
+        assert weights @ ndtr((end - values) / u) / weights.sum() == pytest.approx(left, abs=ROUNDED)
+
+
+def test_a_candidate_acts_in_the_model_and_has_no_repair(small: RigPosterior, tested: Tested, found: Design) -> None:
+    doubtful = Judgement("partly_explained", causes=("line_drag",), candidates=("copper_heating",))
+    parted = design(small, msgspec.structs.replace(tested, judgement=doubtful), loads=LOADS, speeds=SPEEDS)
+    assert [one.effect for one in parted.repairs] == ["line_drag"]
+    assert parted.rows == found.rows
+
+
+@pytest.mark.parametrize("row", ["0.5,0,100", "0.5,-1", "nan,5", "1,2,3", "inf,5"])
 def test_a_wrong_row_of_a_sea_is_rejected_with_its_line(tmp_path: Path, row: str) -> None:
     table = tmp_path / "sea.csv"
     table.write_text(f"speed_mps,cycles_per_year\n0.4,3000\n{row}\n", encoding="utf-8")
@@ -169,6 +225,22 @@ def test_bands_hold_the_rig_that_the_logs_are_of(fitted: RigPosterior, tested: T
     (repair,) = predicted.repairs
     worth = np.diff([delivered(model, tested, 0.8, predicted.repaired_at) for model in (truth, stated)])[0]
     assert repair.per_cycle.low < worth < repair.per_cycle.high
+
+
+def test_a_repair_beyond_the_currents_of_the_logs_is_outside_the_domain(small: RigPosterior, tested: Tested) -> None:
+    load, speed = LOADS[1], SPEEDS[-1]
+    acting, repaired = (
+        along(model, tested, speed, [load])[PLACE["i_dc_a"], 0]
+        for model in (small.model(), small.model(without="copper_heating"))
+    )
+    assert repaired > acting
+    for largest, within in ((2.0 * repaired, True), (0.5 * (acting + repaired), False)):
+        border = (0.0, 0.0), (2.0 * speed, 0.0), (2.0 * speed, largest / (1.0 + NEAR)), (0.0, largest / (1.0 + NEAR))
+        covered = msgspec.structs.replace(tested, judgement=BOTH, border=border, force=math.inf)
+        (one,) = (
+            r for r in design(small, covered, loads=[load], speeds=[speed]).repairs if r.effect == "copper_heating"
+        )
+        assert one.within_domain == within
 
 
 def test_points_beyond_the_logs_are_flagged(small: RigPosterior, tested: Tested) -> None:
@@ -196,11 +268,15 @@ def test_a_command_writes_the_map_as_json_and_the_schedule_as_csv(record: Path, 
     causes = json.loads(record.read_text())["causes"]
     alike = {one["effect"]: [other["effect"] for other in one["look_alikes"]] for one in causes}
     assert {one["effect"]: one["look_alikes"] for one in found["repairs"]} == alike
+    assert (found["causes"], found["candidates"]) == ([*alike], [])
+    assert found["classes"]["copper_heating"]["name"] == "series_resistance"
     head, *lines = table.read_text().splitlines()
-    assert head == "rpm_low,rpm_high,load_ohm,within_domain"
+    assert head == "rpm_low,rpm_high,load_ohm,within_domain,verdict"
     power = [one for one in found["schedule"] if one["criterion"] == "power" and one["load_ohm"] is not None]
     for line, one in zip(lines, power, strict=True):
-        numbers = {name: json.loads(cell) for name, cell in zip(head.split(","), line.split(","), strict=True)}
+        *cells, verdict = line.split(",")
+        assert verdict == found["verdict"]
+        numbers = {name: json.loads(cell) for name, cell in zip(head.split(",")[:-1], cells, strict=True)}
         assert numbers == pytest.approx({name: one[name] for name in numbers}, rel=1e-3)
 
 
@@ -225,6 +301,25 @@ def test_what_cannot_be_designed_with_is_rejected(
     done = call("design", other, *options)
     assert (done.code, done.out) == (2, "")
     assert place in done.err
+
+
+def test_an_unexplained_diagnosis_is_rejected_and_forced_with_its_verdict(record: Path, tmp_path: Path) -> None:
+    refused, page, table = (tmp_path / name for name in ("refused.json", "design.html", "schedule.csv"))
+    content = json.loads(record.read_text())
+    content["posterior"]["tested"]["judgement"] |= {"verdict": "unexplained", "causes": []}
+    refused.write_text(json.dumps(content), encoding="utf-8")
+    options = "design", refused, "--loads", "9", "--speeds", "0.8", "--csv", table, "--html", page, "--json"
+    done = call(*options, tmp_path / "refused_design.json")
+    assert (done.code, done.out, table.exists(), page.exists()) == (2, "", False, False)
+    assert str(refused) in done.err
+    forced = call(*options, tmp_path / "forced.json", "--force")
+    assert forced.code == 0
+    written = json.loads((tmp_path / "forced.json").read_text())
+    assert (written["verdict"], written["repairs"]) == ("unexplained", [])
+    _, *rows = table.read_text().splitlines()
+    assert {row.rpartition(",")[2] for row in rows} == {"unexplained"}
+    assert "unexplained" in forced.out
+    assert "unexplained" in page.read_text(encoding="utf-8")
 
 
 def test_a_rig_without_a_model_is_rejected(fixtures: Path) -> None:

@@ -18,6 +18,7 @@ from winchcascade.design.operating import QUANTITIES
 from winchcascade.design.run_plan import before, separate
 from winchcascade.diagnosis import posterior
 from winchcascade.diagnosis.calibrate import calibrate
+from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.planning import planned
@@ -166,9 +167,9 @@ def designed(nature: Nature) -> Design:
     covariance = np.diag([0.03, 0.004, 0.05, drag / 9.0]) ** 2
     border = tuple((v * speed, i * nature.ampere) for v, i in ((0.0, 0.0), (0.9, 0.0), (0.9, 10.0)))
     loads = tuple(nature.ohm * load for load in LOADS)
-    tested = posterior.Tested(
-        "", "", "explained", loads, border, 2000.0 * nature.force, 0.9 * speed, 9.0 * nature.length, 1.6 * nature.time
-    )
+    judgement = Judgement("explained", causes=("copper_heating", "line_drag"))
+    force, length, ramp = 2000.0 * nature.force, 9.0 * nature.length, 1.6 * nature.time
+    tested = posterior.Tested("", "", judgement, loads, border, force, 0.9 * speed, length, ramp)
     known = posterior.RigPosterior(model, numbers, (0.01, -0.002), effects, covariance)
     return design(known, tested, speeds=[v * speed for v in SPEEDS])
 

@@ -85,6 +85,37 @@ def test_the_corrected_model_has_no_error_that_its_interval_excludes(name: str) 
     assert {"power_gen", "eta_pto"} <= set(significant)
 
 
+@pytest.fixture(scope="module")
+def misread() -> ModelDiagnosis:
+    """A rig without a gap, read by a torque sensor with a gain."""
+    runs = [one.run for one in made_logs({"torque_gain": {"gain_error": GAIN}})]
+    return diagnose(runs, load_rig("hsu2026"), {name: EFFECTS[name] for name in ("torque_gain", "line_drag")})
+
+
+GAIN = 0.06
+
+
+def test_an_error_of_a_sensor_belongs_to_the_data_and_not_to_the_model(misread: ModelDiagnosis) -> None:
+    assert [one.effect for one in misread.causes] == ["torque_gain"]
+    for one in misread.validation:
+        true = float(true_metrics(misread, one.log, baseline(built_in()))[QUANTITIES.index(one.quantity)])
+        assert abs(one.measured - true) < 3.0 * one.u_d, one.quantity
+        assert one.before.low < 0.0 < one.before.high, one.quantity
+        assert one.after is not None
+        assert one.after.low < 0.0 < one.after.high, one.quantity
+        assert not one.worse
+    alone = [one.before.simulated for one in misread.validation]
+    assert alone == pytest.approx([one.before.simulated for one in diagnosed("nothing").validation], rel=0.02)
+
+
+def test_only_what_a_found_error_moves_takes_its_uncertainty(misread: ModelDiagnosis) -> None:
+    """A line energy has no torque, and so the accuracies of its sensors."""
+    others = {(one.log, one.quantity): one.u_d / abs(one.measured) for one in diagnosed("nothing").validation}
+    for one in misread.validation:
+        same = one.u_d / abs(one.measured) == pytest.approx(others[one.log, one.quantity], rel=0.05)
+        assert same or one.quantity in ("energy_mech", "power_mech", "eta_trans", "eta_gen"), one.quantity
+
+
 def test_the_uncertainty_of_the_inputs_is_that_of_the_tolerances_of_the_rig() -> None:
     found = diagnosed("nothing")
     data, nothing = found.data, np.zeros(len(found.data.nuisances))

@@ -31,14 +31,8 @@ Sea = list[tuple[float, float]]
 """Speeds of payouts [m/s], each with its number in a year."""
 
 
-LookAlikes = dict[str, list[str]]
-"""Of each cause, the effects that explain the logs as well."""
-
-
-def corrected_by(
-    source: Path, rig: str | None, on_progress: Callable[[str], None]
-) -> tuple[RigPosterior, Tested, LookAlikes]:
-    """The corrected rig of a campaign, which is diagnosed, or of the JSON of a diagnosis, what its logs cover, and look-alikes.
+def corrected_by(source: Path, rig: str | None, on_progress: Callable[[str], None]) -> tuple[RigPosterior, Tested]:
+    """The corrected rig of a campaign, which is diagnosed, or of the JSON of a diagnosis, and what its logs cover.
 
     Raises
     ------
@@ -48,16 +42,12 @@ def corrected_by(
     if source.suffix.casefold() == ".json":
         if rig is not None:
             raise OptionError(f"--rig {rig}: a diagnosis has its rig already; leave --rig out, or give the campaign.")
-        record = _record(source)
-        alike = {one["effect"]: [other["effect"] for other in one["look_alikes"]] for one in record.get("causes", [])}
-        return *posterior_from(record.get("posterior"), str(source)), alike
+        return posterior_from(_record(source).get("posterior"), str(source))
     found = _diagnosed(source, rig, on_progress)
     tested = tested_by(found)
     if tested is None:
         raise OptionError(f"{source}: no log has a payout; expected one at least.")
-    on_progress("predicting other loads and speeds")
-    alike = {one.effect: [other.effect for other in one.look_alikes] for one in found.causes}
-    return posterior_of_rig(found), tested, alike
+    return posterior_of_rig(found), tested
 
 
 def _diagnosed(source: Path, rig: str | None, on_progress: Callable[[str], None]) -> ModelDiagnosis:

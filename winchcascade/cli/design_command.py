@@ -23,7 +23,7 @@ from winchcascade.core.jobs import one_thread_each, processes, set_threads
     current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
     speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
     tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
-    csv=option("--csv", "FILE", "Write the schedule for a controller: rpm_low, rpm_high, load_ohm, within_domain.", OUTPUTS),
+    csv=option("--csv", "FILE", "Write the schedule for a controller: speeds, load, domain and verdict.", OUTPUTS),
 )  # fmt: skip
 def design_command(
     source: Path,
@@ -39,7 +39,8 @@ def design_command(
 ) -> None:
     """Predict other loads and speeds with the corrected rig, schedule the load, and value the repair of each cause.
 
-    Every value has a 95 % interval; points that the logs do not cover and points over a limit are flagged.
+    Every value has a 95 % interval; points that the logs do not cover and points over a limit are flagged. A diagnosis whose
+    gap is unexplained is rejected, unless --force is given.
     """
     one_thread_each()
     from winchcascade.batch.campaign_design import corrected_by, motions_of
@@ -53,10 +54,12 @@ def design_command(
     limits = Limits(*(math.inf if limit is None else limit for limit in (current_limit, speed_limit, tension_limit)))
     cycle, sea = motions_of(motion)
     with status_line(f"designing with {source.name}") as on_progress:
-        posterior, tested, alike = corrected_by(source, rig, on_progress)
+        posterior, tested = corrected_by(source, rig, on_progress)
+        tested.judgement.check(f"{source}", force=outputs.force)
+        on_progress("predicting other loads and speeds")
         found = design(
             posterior, tested, motion=cycle, sea=sea, loads=numbers("--loads", loads),
-            speeds=numbers("--speeds", speeds), limits=limits, look_alikes=alike,
+            speeds=numbers("--speeds", speeds), limits=limits,
         )  # fmt: skip
     if outputs["csv"] is not None:
         write_content(outputs["csv"], schedule_csv(found), force=outputs.force)

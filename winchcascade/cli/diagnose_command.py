@@ -69,6 +69,7 @@ def diagnose_command(
     report_uncompiled("diagnose")
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
+        _check_judgement(found, outputs)
         lacking = _write_files(found, outputs)
     for name in lacking:
         outputs = outputs.without(name)
@@ -78,6 +79,13 @@ def diagnose_command(
         lambda: report, outputs, record=lambda: diagnosis_record(found), name="diagnosis", notes=list(lacking.values())
     )
     _list_in_results(outputs)
+
+
+def _check_judgement(found: DiagnosisResult, outputs: Outputs) -> None:
+    """Reject, before any file is written, a corrected rig or model of an unexplained gap, unless that is forced."""
+    for name in ("write", "export"):
+        if outputs[name] is not None:
+            found.judgement.check(f"--{name} {outputs[name]}", force=outputs.force)
 
 
 def _check_validation(path: Path | None) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
@@ -120,7 +119,7 @@ class Share(msgspec.Struct, frozen=True):
 class Design(Viewed, frozen=True, kw_only=True):
     """Maps, schedules and repairs of a corrected rig at one motion; `fixed` are the best fixed loads by criterion [ohm].
 
-    `repaired_at` is the load at which the repairs are valued [ohm]. `look_alikes` are, by cause, effects that may act instead.
+    `repaired_at` is the load at which the repairs are valued [ohm]. Only effects that are causes have repairs.
     """
 
     tested: Tested
@@ -131,63 +130,126 @@ class Design(Viewed, frozen=True, kw_only=True):
     fixed: dict[Criterion, float]
     repairs: tuple[Repair, ...]
     repaired_at: float
-    look_alikes: Mapping[str, Sequence[str]] = {}
 
 
-class CorrectedRig:
-    """A corrected rig whose operating points have bands: those of the posterior, and of the laws of its effects.
+class Explanation:
+    """A corrected rig by one fit: models by which its operating points have uncertainties, of its posterior and of its laws.
 
-    `moved` are the best model and it moved along every direction of the posterior, `repaired` the same without each effect, and
-    `each` are `moved` and the best models without each effect.
+    `moved` are the best model and it moved along every direction of the posterior, `repaired` the same without each effect that
+    acts, and `each` are `moved` and the best models without each effect.
     """
 
-    def __init__(self, posterior: RigPosterior, tested: Tested) -> None:
-        self.posterior, self.tested = posterior, tested
-        self.moved = posterior.models()
-        self.acting = [one.effect.name for one in posterior.effects if one.effect.entry is None]
-        self.repaired = {name: posterior.models(name) for name in self.acting}
+    def __init__(self, posterior: RigPosterior) -> None:
+        self.moved, self.weight = posterior.models(), posterior.weight
+        acting = [one.effect.name for one in posterior.effects if one.effect.entry is None]
+        self.repaired = {name: posterior.models(name) for name in acting}
         self.each = [*self.moved, *(models[0] for models in self.repaired.values())]
 
-    def bands(self, paths: Sequence[Path], loads: Sequence[float]) -> tuple[Signal, Signal]:
-        """Quantities along each motion at each load with standard uncertainties, (2, motions, loads, quantities)."""
-        found = points(self.each, paths, loads)
-        return found[0], self._u(found)
-
-    def _u(self, found: Signal) -> Signal:
+    def u(self, found: Signal) -> Signal:
         """Standard uncertainty of what `each` gives, (models, ...): by the posterior and by the laws of the effects."""
         change = found[1:] - found[0]
         change[len(self.moved) - 1 :] *= LAW
         return np.asarray(np.linalg.norm(change, axis=0))
 
+
+class CorrectedRig:
+    """A corrected rig whose operating points have bands: a mixture over the explanations that the logs do not distinguish.
+
+    `moved` are the models of the best one, `causes` the effects that a repair is valued of.
+    """
+
+    def __init__(self, posterior: RigPosterior, tested: Tested) -> None:
+        self.tested = tested
+        self.explanations = [Explanation(one) for one in posterior.members]
+        self.weights = np.array([one.weight for one in self.explanations])
+        self.moved = self.explanations[0].moved
+        self.causes = [name for name in self.explanations[0].repaired if name in tested.judgement.causes]
+
+    def bands(self, paths: Sequence[Path], loads: Sequence[float]) -> Signal:
+        """Quantities along each motion at each load, low and high ends of their bands, (3, motions, loads, quantities)."""
+        found = [points(one.each, paths, loads) for one in self.explanations]
+        return self._mixture([(every[0], one.u(every)) for one, every in zip(self.explanations, found, strict=True)])
+
+    def _mixture(self, each: Sequence[tuple[Signal, Signal]]) -> Signal:
+        """The value of the best explanation and the 95 % interval over all, (3, ...), of the value and u of each."""
+        values, u = (np.array(several) for several in zip(*each, strict=True))
+        return np.stack([values[0], *mixed(self.weights, values, u)])
+
     def gain(self, path: Path, load: float, fixed: float, metric: str) -> Band:
         """How much larger a metric is with a load than with a fixed one. [1]"""
-        found = points(self.each, [path], [load, fixed])[:, 0, :, PLACE[metric]]
-        gains = found[:, 0] / found[:, 1] - 1.0
-        return _band(float(gains[0]), float(self._u(gains)))
+        each = []
+        for one in self.explanations:
+            found = points(one.each, [path], [load, fixed])[:, 0, :, PLACE[metric]]
+            gains = found[:, 0] / found[:, 1] - 1.0
+            each.append((gains[0], one.u(gains)))
+        return Band(*self._mixture(each).tolist())
 
     def covers(self, speed: Signal, found: Signal) -> Signal:
         """Whether the logs cover quantities, (n, quantities), at line speeds [m/s], (n,)."""
         return self.tested.covers(speed, found[:, PLACE["i_dc_a"]], found[:, PLACE["force_n"]])
 
     def worth(self, name: str, shares: Sequence[Share], load: float) -> Repair:
-        """What a repair brings over some motions at a load."""
+        """What a repair brings over some motions at a load; nothing by an explanation without the effect.
+
+        It is within the domain if the logs cover the rig with the effect and the repaired one.
+        """
         paths = [path_of(share.motion, self.moved[0]) for share in shares]
-        repaired, acting = (points(models, paths, [load])[:, :, 0] for models in (self.repaired[name], self.moved))
+        several = [one for one in self.explanations if name in one.repaired]
+        repaired, acting = (
+            [points(models, paths, [load])[:, :, 0] for models in of]
+            for of in ([one.repaired[name] for one in several], [one.moved for one in several])
+        )
         number = np.array([share.per_year for share in shares])
         yearly = bool(np.all(np.isfinite(number)))
         weights = number / number.sum() if yearly else np.full(len(shares), 1.0 / len(shares))
 
         def change(quantity: str, per: float = 1.0) -> Band:
-            each = per * (repaired - acting)[:, :, PLACE[quantity]] @ weights
-            return _band(float(each[0]), math.hypot(float(np.linalg.norm(each[1:] - each[0])), LAW * float(each[0])))
+            each = {}
+            for one, without, within in zip(several, repaired, acting, strict=True):
+                own = per * (without - within)[:, :, PLACE[quantity]] @ weights
+                each[one] = own[0], np.hypot(np.linalg.norm(own[1:] - own[0]), LAW * own[0])
+            nothing = np.float64(0.0), np.float64(0.0)
+            value, low, high = self._mixture([each.get(one, nothing) for one in self.explanations]).tolist()
+            if len(several) < len(self.explanations):
+                return Band(value, min(low, 0.0), max(high, 0.0))
+            return Band(value, low, high)
 
         per_year = change("e_gen_j", float(number.sum()) / JOULES_PER_KWH) if yearly else None
-        covered = self.covers(np.array([share.motion.speed for share in shares]), acting[0])
+        speeds = np.array([share.motion.speed for share in shares])
+        covered = np.concatenate([self.covers(speeds, found[0][0]) for found in (acting, repaired)])
         return Repair(name, change("e_gen_j"), per_year, change("e_line_j", -1.0), bool(covered.all()))
 
 
-def _band(value: float, u: float) -> Band:
-    return Band(value, value - COVERED * u, value + COVERED * u)
+def mixed(weights: Signal, values: Signal, u: Signal) -> tuple[Signal, Signal]:
+    """Ends of the 95 % interval of a mixture of normals, (...) each.
+
+    Parameters
+    ----------
+    weights : (m,) of the normals, 1 in sum
+    values, u : (m, ...) mean and standard deviation of each
+
+    Examples
+    --------
+    >>> low, high = mixed(np.ones(1), np.array([5.0]), np.array([1.0]))
+    >>> float(low), float(high)
+    (3.04, 6.96)
+    """
+    from scipy.special import ndtr
+
+    ends = []
+    for side in (-COVERED, COVERED):
+        of_each = values + side * u
+        low, high = of_each.min(axis=0), of_each.max(axis=0)
+        for _ in range(HALVED if len(weights) > 1 else 0):
+            middle = 0.5 * (low + high)
+            below = np.tensordot(weights, ndtr((middle - values) / np.maximum(u, TINY)), axes=1) < ndtr(side)
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        ends.append(0.5 * (low + high))
+    return ends[0], ends[1]
+
+
+HALVED, TINY = 40, 1e-300
+"""Number of times that the span of an end of an interval is halved, and a standard deviation for what has none. [1]"""
 
 
 def design(
@@ -199,7 +261,6 @@ def design(
     loads: Sequence[float] = (),
     speeds: Sequence[float] = (),
     limits: Limits = NO_LIMITS,
-    look_alikes: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Design:
     """Design with a corrected rig.
 
@@ -211,7 +272,6 @@ def design(
     loads, speeds : of the map; by default those of the campaign [ohm], and `SPEEDS` up to its fastest [m/s]
     limits : that no operating point may exceed; where the diagnosis found that the machine warms, also the current of its
         warmest run
-    look_alikes : of a cause, effects that explain the logs as well
 
     Raises
     ------
@@ -247,10 +307,9 @@ def design(
         schedule=tuple(one for scheduled, _ in schedules.values() for one in scheduled),
         fixed={criterion: fixed for criterion, (_, fixed) in schedules.items()},
         repairs=tuple(
-            sorted((rig.worth(name, valued, load) for name in rig.acting), key=lambda one: -one.per_cycle.value)
+            sorted((rig.worth(name, valued, load) for name in rig.causes), key=lambda one: -one.per_cycle.value)
         ),
         repaired_at=load,
-        look_alikes={name: others for name, others in look_alikes.items() if name in rig.acting and others},
     )
 
 
@@ -258,14 +317,13 @@ def _map(
     rig: CorrectedRig, cycle_at: CycleAt, speeds: Sequence[float], loads: Sequence[float], limits: Limits
 ) -> list[OperatingPoint]:
     """Every load at every speed, with bands."""
-    best, u = rig.bands([path_of(cycle_at(speed), rig.moved[0]) for speed in speeds], loads)
-    rows = []
+    bands = rig.bands([path_of(cycle_at(speed), rig.moved[0]) for speed in speeds], loads)
+    best, rows = bands[0], []
+    bands[:, :, :, PLACE["rpm"]] = best[:, :, PLACE["rpm"]]
     for i, speed in enumerate(speeds):
         covered = rig.covers(np.full(len(loads), speed), best[i])
         for j, load in enumerate(loads):
-            values = {
-                name: _band(float(best[i, j, k]), float(u[i, j, k])) for name, k in PLACE.items() if name != "rpm"
-            } | {"rpm": _band(float(best[i, j, PLACE["rpm"]]), 0.0)}
+            values = {name: Band(*bands[:, i, j, k].tolist()) for name, k in PLACE.items()}
             exceeded = tuple(limits.exceeded(best[i, j]))
             rows.append(OperatingPoint(load, speed, values, bool(covered[j]), exceeded))
     return rows

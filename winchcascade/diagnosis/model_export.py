@@ -75,8 +75,9 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
         "written_by": f"winchcascade/{__version__}",
         "title": found.title,
         "rig": rig.name,
-        "verdict": found.verdict,
-        "causes": [cause.effect for cause in found.causes],
+        "verdict": found.judgement.verdict,
+        "causes": list(found.judgement.causes),
+        "candidates": list(found.judgement.candidates),
         "effects": {
             name: {key: msgspec.structs.asdict(number) for key, number in effect.fields.items()}
             for name, effect in rig.effects.items()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -11,7 +11,9 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.block_means import PAYOUT
+from winchcascade.diagnosis.causes import look_alikes_of
 from winchcascade.diagnosis.contributions import joint_covariance
+from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.misfit import log_of
 from winchcascade.diagnosis.nuisances import LOAD
 from winchcascade.diagnosis.planning import usual
@@ -26,6 +28,7 @@ from winchcascade.rig.parts import PARTS, Model, possible
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.search import Fit
 
 OF_THE_RIG = ("rig", "law")
 """Kinds of nuisances that are numbers of the rig; the others concern sensors, single loads or the comparison."""
@@ -40,6 +43,9 @@ class RigPosterior(msgspec.Struct, frozen=True):
     `nominal` is the model of the rig file without errors of its sensors. It is changed by `numbers` of the rig, each by its
     value of `moves` in its own unit, and then by `effects`. `covariance` (n + k, n + k) is that of the moves and then of all
     fields of the effects. An effect that changes from run to run acts as in the run that shows it most.
+
+    `others` are the rig as the best fits with look-alikes in place of its causes leave it; the `weight` of each of these and of
+    the rig itself is its posterior probability among them.
     """
 
     nominal: Model
@@ -47,6 +53,13 @@ class RigPosterior(msgspec.Struct, frozen=True):
     moves: tuple[float, ...]
     effects: tuple[ActiveEffect, ...]
     covariance: Signal
+    weight: float = 1.0
+    others: tuple[RigPosterior, ...] = ()
+
+    @property
+    def members(self) -> tuple[RigPosterior, ...]:
+        """The rig by the best fit and by those with look-alikes."""
+        return self, *self.others
 
     @property
     def best(self) -> Signal:
@@ -86,9 +99,36 @@ class RigPosterior(msgspec.Struct, frozen=True):
         return [self.model(self.best, without), *(self.model(self.best + way, without) for way in self.directions())]
 
 
+MEMBERS = 4
+"""Maximum number of fits of which a corrected rig is a mixture: each takes as long to simulate as the best alone."""
+
+
 def posterior_of_rig(found: ModelDiagnosis) -> RigPosterior:
-    """The rig that a diagnosis leaves, with every effect of its fit but errors of sensors and of single logs or loads."""
-    data, fit = found.data, found.found.best
+    """The rig that a diagnosis leaves, by its best fit and by those with look-alikes in place of its causes.
+
+    Fits in which another effect is an error of a sensor, or is none, come first, as they change the energies most.
+    """
+    best = found.found.best
+    alike = {one.fit.names: one for several in look_alikes_of(found.found).values() for one in several}
+    sensors = _of_sensors(found, best)
+    first = sorted(alike.values(), key=lambda one: (_of_sensors(found, one.fit) == sensors, one.short))[: MEMBERS - 1]
+    odds = np.array([1.0, *(math.exp(-max(one.short, 0.0)) for one in first)])
+    fits = best, *(one.fit for one in first)
+    itself, *others = (
+        msgspec.structs.replace(_left_by(found, fit), weight=float(weight))
+        for fit, weight in zip(fits, odds / odds.sum(), strict=True)
+    )
+    return msgspec.structs.replace(itself, others=tuple(others))
+
+
+def _of_sensors(found: ModelDiagnosis, fit: Fit) -> set[str]:
+    """Effects of a fit that are errors of sensors."""
+    return {name for name in fit.names if found.suspects[name].of_a_sensor}
+
+
+def _left_by(found: ModelDiagnosis, fit: Fit) -> RigPosterior:
+    """The rig of one fit, with every effect of it but errors of sensors and of single logs or loads."""
+    data, best = found.data, found.found.best
     chosen = [j for j, n in enumerate(data.nuisances) if n.kind in OF_THE_RIG]
     kept = {
         name: effect
@@ -106,7 +146,8 @@ def posterior_of_rig(found: ModelDiagnosis) -> RigPosterior:
         numbers=tuple(data.nuisances[j] for j in chosen),
         moves=tuple(float(fit.nu[j]) * data.nuisances[j].sd for j in chosen),
         effects=tuple(kept.values()),
-        covariance=joint_covariance(found.found)[np.ix_(places, places)] * np.outer(unit, unit),
+        covariance=joint_covariance(found.found, None if fit is best else fit)[np.ix_(places, places)]
+        * np.outer(unit, unit),
     )
 
 
@@ -117,12 +158,13 @@ class Tested(msgspec.Struct, frozen=True):
     `loads` are those of the runs but open circuits [ohm]. `border` are corners of the convex region of line speed and DC
     current in payout, (k, 2) [m/s, A]. `force` is the largest line tension. `speed`, `length` and `ramp` are those of a usual
     payout with a load: its fastest plateau, its travel and the time of its ramp. `warm` is the DC current (rms over a cycle)
-    that keeps the machine as warm as in its warmest run, repeated at the spacing of the runs; None without heating.
+    that keeps the machine as warm as in its warmest run, repeated at the spacing of the runs; None without heating. The
+    `judgement` is that of the diagnosis.
     """
 
     title: str
     rig: str
-    verdict: str
+    judgement: Judgement
     loads: tuple[float, ...]
     border: tuple[tuple[float, float], ...]
     force: float
@@ -166,7 +208,7 @@ def tested_by(found: ModelDiagnosis) -> Tested | None:
     return Tested(
         title=found.title,
         rig=found.rig.name,
-        verdict=found.verdict,
+        judgement=found.judgement,
         loads=loads,
         border=tuple((float(x), float(y)) for x, y in border),
         force=float(np.fmax.reduce(np.concatenate(force), initial=0.0)),
@@ -198,19 +240,31 @@ RADIUS = "shared_radius"
 
 
 def posterior_record(posterior: RigPosterior, tested: Tested) -> dict[str, Any]:
-    """A posterior as JSON: numbers of the nominal model by part, what changes them, their covariance, and what was `tested`."""
+    """A posterior as JSON: numbers of the nominal model by part, what changes them, their covariance, and what was `tested`.
+
+    `others` are the same numbers and their effects by the fits with look-alikes.
+    """
     return {
-        "tested": msgspec.structs.asdict(tested),
+        "tested": msgspec.to_builtins(tested),
         "nominal": {part: getattr(posterior.nominal, part)._asdict() for part in PARTS},
         "numbers": [
             {"name": n.name, "path": n.path, "operation": n.operation, "per": n.per, "move": move}
             for n, move in zip(posterior.numbers, posterior.moves, strict=True)
         ],
+        **_member_record(posterior),
+        "others": [{"moves": list(other.moves)} | _member_record(other) for other in posterior.others],
+    }
+
+
+def _member_record(posterior: RigPosterior) -> dict[str, Any]:
+    """What one fit makes of a rig, as JSON."""
+    return {
         "effects": [
             {"effect": RADIUS if one.effect.law is SHARED_RADIUS.law else one.effect.name, "values": list(one.values)}
             for one in posterior.effects
         ],
         "covariance": posterior.covariance.tolist(),
+        "weight": posterior.weight,
     }
 
 
@@ -228,28 +282,38 @@ def posterior_from(record: Mapping[str, Any] | None, place: str) -> tuple[RigPos
         numbers = [
             Parameter(n["name"], path=n["path"], operation=n["operation"], per=n["per"]) for n in record["numbers"]
         ]
-        known = EFFECTS | {RADIUS: SHARED_RADIUS}
-        effects = [ActiveEffect(known[one["effect"]], tuple(map(float, one["values"]))) for one in record["effects"]]
-        posterior = RigPosterior(
-            nominal=Model(**parts),
-            numbers=tuple(numbers),
-            moves=tuple(float(n["move"]) for n in record["numbers"]),
-            effects=tuple(effects),
-            covariance=np.array(record["covariance"], dtype=np.float64),
-        )
-        covariance, tested = posterior.covariance, msgspec.convert(record["tested"], Tested)
-        fits = covariance.shape == 2 * (posterior.best.size,) and bool(np.isfinite(covariance).all())
-        if not fits or np.any(np.diag(covariance) < 0.0):
-            raise ValueError(f"no covariance of {posterior.best.size} numbers")
+        moves, tested = [n["move"] for n in record["numbers"]], msgspec.convert(record["tested"], Tested)
+        nominal = RigPosterior(Model(**parts), tuple(numbers), (), (), np.zeros((0, 0)))
+        others = tuple(_member_from(one, one["moves"], nominal) for one in record["others"])
+        posterior = msgspec.structs.replace(_member_from(record, moves, nominal), others=others)
         if not tested.border:
             raise ValueError("no border of what was tested")
-        posterior.models()
         return posterior, tested
     except (AttributeError, KeyError, TypeError, ValueError, np.linalg.LinAlgError) as fault:
         raise OptionError(
             f"{place}: its posterior cannot be read ({fault}); expected the JSON that `winchcascade diagnose CAMPAIGN --json "
             "FILE` of this version writes. Diagnose the campaign again."
         ) from None
+
+
+def _member_from(record: Mapping[str, Any], moves: Sequence[float], nominal: RigPosterior) -> RigPosterior:
+    """What one fit makes of a rig, of which the nominal model and its numbers are known; ValueError where it is damaged."""
+    known = EFFECTS | {RADIUS: SHARED_RADIUS}
+    effects = (ActiveEffect(known[one["effect"]], tuple(map(float, one["values"]))) for one in record["effects"])
+    found = msgspec.structs.replace(
+        nominal,
+        moves=tuple(map(float, moves)),
+        effects=tuple(effects),
+        covariance=np.array(record["covariance"], dtype=np.float64),
+        weight=float(record["weight"]),
+    )
+    fits = found.covariance.shape == 2 * (found.best.size,) and len(found.moves) == len(found.numbers)
+    if not (fits and np.isfinite(found.covariance).all()) or np.any(np.diag(found.covariance) < 0.0):
+        raise ValueError(f"no covariance of {found.best.size} numbers")
+    if not 0.0 < found.weight <= 1.0:
+        raise ValueError(f"a weight of {found.weight:g}")
+    found.models()
+    return found
 
 
 def _tuples(numbers: Mapping[str, Any]) -> dict[str, Any]:

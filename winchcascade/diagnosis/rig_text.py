@@ -173,8 +173,8 @@ def log_name(run: Run) -> str:
 
 
 def corrected_rig_text(found: ModelDiagnosis) -> str:
-    """Write the named causes of a diagnosis into the text of its rig file; RigError where that is not possible."""
-    return corrected_text(found.rig, *corrections(found), found.title)
+    """Write the causes of a diagnosis into the text of its rig file, with its verdict; RigError where that is not possible."""
+    return corrected_text(found.rig, *corrections(found), f"{found.title} ({found.verdict.replace('_', ' ')})")
 
 
 def corrected_rig(found: ModelDiagnosis) -> Rig:

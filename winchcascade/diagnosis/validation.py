@@ -3,31 +3,46 @@
 The comparison error E = S - D is what a simulation S deviates from the reduced data D. With the uncertainties of the numerical
 solution, of the inputs of the model and of the data, u_val^2 = u_num^2 + u_input^2 + u_D^2, the error of the model lies in
 E - k u_val to E + k u_val; k is 1.96 for 95 %.
+
+Errors of sensors that the diagnosis found belong to the data: D is corrected by them, and their uncertainty is a part of u_D in
+place of the accuracies of these sensors. S contains none.
 """
 
 from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.causes import COVERED
-from winchcascade.diagnosis.contributions import INPUTS, QUANTITIES, WindowedLog, quantities_of, windowed
+from winchcascade.diagnosis.contributions import (
+    INPUTS,
+    MOVED,
+    QUANTITIES,
+    WindowedLog,
+    joint_covariance,
+    quantities_of,
+    windowed,
+)
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.suspects import varied
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.uncertainty import budget
+from winchcascade.rig.parts import Sensors
 from winchcascade.rig.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.search import Fit, Found
+    from winchcascade.rig.effects.effect import ActiveEffect
+    from winchcascade.rig.parts import Model
 
 
 class Compared(msgspec.Struct, frozen=True):
@@ -61,6 +76,12 @@ class Validated(msgspec.Struct, frozen=True):
     after: Compared | None
     held_out: bool
 
+    @property
+    def worse(self) -> bool:
+        """Whether the corrected rig deviates from the data by more than that of the rig file, beyond the uncertainty."""
+        after = self.after
+        return after is not None and after.error**2 - self.before.error**2 > after.u_val**2
+
 
 def validation_of(
     data: Fitted,
@@ -79,24 +100,77 @@ def validation_of(
     windows : of each run the length of its windows [s], None for the rule of the rig
     """
 
+    sensors = {name for name in found.best.names if found.problem.suspects[name].of_a_sensor}
+    covariance = joint_covariance(found) if sensors else None
+
     def of_run(k: int, window: float | None) -> list[Validated]:
-        return _of_run(data, found, held_out.get(k), windowed(data, k, window), inputs[k])
+        one, fit = windowed(data, k, window), held_out.get(k)
+        return _of_run(data, found, fit, one, inputs[k], _read(data, found, fit or found.best, one, covariance))
 
     lengths = enumerate(windows or [None] * len(data.logs))
     several = all_at_once([partial(of_run, k, window) for k, window in lengths], data.sizes)
     return tuple(one for own in several for one in own)
 
 
-def _of_run(data: Fitted, found: Found, held_out: Fit | None, one: WindowedLog, inputs: Signal) -> list[Validated]:
+class Read(NamedTuple):
+    """Quantities of a log without the errors of its sensors that are known, (14,), the standard uncertainty of this
+    correction, (14,), and the channels with the parts of their errors that it takes the place of.
+    """
+
+    quantities: Signal
+    u: Signal
+    parts: frozenset[tuple[str, str]]
+
+
+def _read(data: Fitted, found: Found, fit: Fit, one: WindowedLog, covariance: Signal | None) -> Read:
+    """What a log gives without the errors of its sensors that a fit found, and that the rig file states.
+
+    Parameters
+    ----------
+    covariance : (p + n, p + n) of the fields of the fit and then of its nuisances; None where it has no error of a sensor
+    """
+    run, suspects, nothing = one.log.run, found.problem.suspects, np.zeros(len(data.nuisances))
+    errors = {
+        name: effect for name, effect in zip(fit.names, fit.effects(suspects), strict=True) if effect.effect.of_a_sensor
+    }
+
+    def without(effects: Iterable[ActiveEffect], nu: Signal) -> Signal:
+        sensors, zeros = data.models(nu, [*effects])[one.number].sensors, data.zeros(nu)[one.number]
+        channels = {
+            name: sensors.corrected(name, run.t, x - (zeros[CHANNELS.index(name)] if name in CHANNELS else 0.0))
+            for name, x in run.channels.items()
+        }
+        return quantities_of(msgspec.structs.replace(run, channels=channels), one.rig, one.windows)
+
+    quantities = without(errors.values(), nothing)
+    if covariance is None or not errors:
+        return Read(quantities, np.zeros_like(quantities), frozenset())
+    slopes = np.zeros((covariance.shape[0], len(QUANTITIES)))
+    for name in errors:
+        own = fit.place[name]
+        for place, (moved, step) in enumerate(varied(suspects[name], fit.x[own], MOVED), own.start):
+            slopes[place] = (without((errors | {name: moved}).values(), nothing) - quantities) / step
+    paths = (effect.effect.path.split(".") for effect in errors.values())
+    parts = frozenset((path[2], path[1]) for path in paths if len(path) > 2)
+    for j, n in enumerate(data.nuisances):
+        if (n.name, n.kind) in parts and n.log in (-1, one.number):
+            slopes[j - nothing.size] = without(errors.values(), np.eye(nothing.size)[j]) - quantities
+    slopes = np.nan_to_num(slopes)
+    return Read(quantities, np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=0), 0.0)), parts)
+
+
+def _of_run(
+    data: Fitted, found: Found, held_out: Fit | None, one: WindowedLog, inputs: Signal, read: Read
+) -> list[Validated]:
     """Every metric of one run that the log gives."""
     nothing, k, fit = np.zeros(len(data.nuisances)), one.number, held_out or found.best
     no_skew = no_zero = np.zeros(len(CHANNELS))
-    measured = quantities_of(one.log.run, one.rig, one.windows)
-    before = one.simulated(data.models(nothing, [])[k], no_skew, no_zero)
+    measured = read.quantities
+    before = one.simulated(_without_sensors(data.models(nothing, [])[k]), no_skew, no_zero)
     of_inputs = np.where([n.kind in INPUTS for n in data.nuisances], fit.nu, 0.0)
-    corrected = data.models(of_inputs, fit.effects(found.problem.suspects))[k]
+    corrected = _without_sensors(data.models(of_inputs, fit.effects(found.problem.suspects))[k])
     after = one.simulated(corrected, no_skew, no_zero) if fit.names else None
-    u_d, u_num = _of_the_data(one), _numerical(data, one)
+    u_d, u_num = _of_the_data(one, read), _numerical(data, one)
     rows = []
     for name in METRICS:
         q = QUANTITIES.index(name)
@@ -126,15 +200,25 @@ def _of_run(data: Fitted, found: Found, held_out: Fit | None, one: WindowedLog, 
     return rows
 
 
-def _of_the_data(one: WindowedLog) -> dict[str, float]:
+def _without_sensors(model: Model) -> Model:
+    """A model whose sensors have no errors; its motion is as logged."""
+    return msgspec.structs.replace(model, sensors=Sensors(motion_scale=model.sensors.motion_scale))
+
+
+def _of_the_data(one: WindowedLog, read: Read) -> dict[str, float]:
     """Standard uncertainty of the reduced mean of each metric by sensors and gaps; metrics without a known one are left out.
 
     The scatter of the cycles is none: the model is driven by the motion of each of them.
     """
     if one.reduction is None:
         return {}
-    sensors = budget(one.reduction).sensors
-    return {name: float(u) for name in METRICS if (u := sensors[name]) is not None}
+    made = budget(one.reduction)
+    kept = [row for row in made.rows if row.source is None or (row.source.channel, row.source.part) not in read.parts]
+    return {
+        name: math.hypot(float(read.u[QUANTITIES.index(name)]), *(row.of[name] or 0.0 for row in kept))
+        for name in METRICS
+        if made.sensors[name] is not None
+    }
 
 
 def _numerical(data: Fitted, one: WindowedLog) -> Signal:

@@ -23,6 +23,7 @@ from winchcascade.report.content import (
 )
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.results.common import provenance
+from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
 
 SHOWN = (
     ("p_line_w", "P_line", "W"), ("p_gen_w", "P_gen", "W"), ("eta_pto", "eta_pto", ""), ("torque_nm", "torque", "N.m"),
@@ -34,12 +35,13 @@ SHOWN = (
 # -------------------------------------------------------------------------------------------------------------------- JSON
 def design_record(found: Design) -> dict[str, Any]:
     """The design as JSON: SI units, loads in ohm, 95 % intervals as low and high."""
+    alike = found.tested.judgement.look_alikes
     return {
         "schema": "winchcascade/design/1",
         "version": __version__,
         "title": found.tested.title,
         "rig": found.tested.rig,
-        "verdict": found.tested.verdict,
+        **judgement_record(found.tested.judgement),
         "motion": found.motion,
         "limits": {
             quantity: limit if math.isfinite(limit := getattr(found.limits, name)) else None
@@ -58,9 +60,7 @@ def design_record(found: Design) -> dict[str, Any]:
             for one in found.schedule
         ],
         "fixed_load_ohm": {name: None if math.isnan(load) else load for name, load in found.fixed.items()},
-        "repairs": [
-            _repair(one) | {"look_alikes": list(found.look_alikes.get(one.effect, []))} for one in found.repairs
-        ],
+        "repairs": [_repair(one) | {"look_alikes": list(alike.get(one.effect, ()))} for one in found.repairs],
         "repaired_at_load_ohm": found.repaired_at,
     }
 
@@ -81,12 +81,16 @@ def _repair(one: Repair) -> dict[str, Any]:
 
 
 def schedule_csv(found: Design, criterion: str = "power") -> str:
-    """The schedule as a controller reads it: in each row a band of generator speed [rpm], its load [ohm] and whether the logs
-    cover that; bands without a load are left out.
+    """The schedule as a controller reads it: in each row a band of generator speed [rpm], its load [ohm], whether the logs
+    cover that, and the verdict of the diagnosis; bands without a load are left out.
     """
+    verdict = found.tested.judgement.verdict
     rows = [one for one in found.schedule if one.criterion == criterion and one.load is not None]
-    lines = [f"{one.rpm_low:.1f},{one.rpm_high:.1f},{one.load:.4g},{str(one.within_domain).lower()}" for one in rows]
-    return "\n".join(["rpm_low,rpm_high,load_ohm,within_domain", *lines]) + "\n"
+    lines = [
+        f"{one.rpm_low:.1f},{one.rpm_high:.1f},{one.load:.4g},{str(one.within_domain).lower()},{verdict}"
+        for one in rows
+    ]
+    return "\n".join(["rpm_low,rpm_high,load_ohm,within_domain,verdict", *lines]) + "\n"
 
 
 # ------------------------------------------------------------------------------------------------------------------ report
@@ -98,6 +102,8 @@ def design_report(found: Design, *, command: str = "") -> Report:
     tested = found.tested
     outside = sum(not row.within_domain for row in found.rows)
     over = sum(bool(row.exceeds) for row in found.rows)
+    repaired = {one.effect for one in found.repairs}
+    alike = {name: others for name, others in tested.judgement.look_alikes.items() if name in repaired}
     best = [f"{shown(load)} ohm for {criterion}" for criterion, load in found.fixed.items() if not math.isnan(load)]
     return Report(
         kind="Design with a corrected rig",
@@ -105,10 +111,10 @@ def design_report(found: Design, *, command: str = "") -> Report:
         subtitle=f"rig {tested.rig} · {found.motion}",
         points=[
             Note("Predicted by the corrected rig without errors of its sensors; no value was measured.", "Data", "warn"),
-            Note(f"The diagnosis is {tested.verdict.replace('_', ' ')}.", "Diagnosis", _tone(tested.verdict), brief=False),
-            Note("; ".join(f"{name} or {' or '.join(others)}" for name, others in found.look_alikes.items())
+            judgement_note(tested.judgement),
+            Note("; ".join(f"{name} or {' or '.join(others)}" for name, others in alike.items())
                  + ": the logs do not distinguish them, and a repair is worth what is stated only if the first acts.",
-                 "Alike", "warn") if found.look_alikes else None,
+                 "Alike", "warn") if alike else None,
             Note("; ".join(best), "Best fixed load"),
             Note(f"{outside} of {len(found.rows)} points lie outside what the logs cover.", "Domain") if outside else None,
             Note(f"{over} of {len(found.rows)} points exceed {_limits(found)}.", "Limits", "warn") if over else None,
@@ -131,6 +137,7 @@ def design_report(found: Design, *, command: str = "") -> Report:
                 command,
             ),
         ],
+        banner=judgement_banner(tested.judgement),
     )  # fmt: skip
 
 
@@ -138,10 +145,6 @@ def _limits(found: Design) -> str:
     """The limits that are set."""
     each = {name: (getattr(found.limits, name), unit) for name, (_, unit) in LIMITED.items()}
     return " or ".join(f"{name} {limit:.4g} {unit}" for name, (limit, unit) in each.items() if math.isfinite(limit))
-
-
-def _tone(verdict: str) -> Any:
-    return "plain" if verdict in ("explained", "no_gap") else "warn"
 
 
 def _cell(band: Band) -> Cell:

@@ -27,6 +27,7 @@ from winchcascade.report.content import (
 from winchcascade.report.diagnosis_names import origins_of
 from winchcascade.report.glossary import short
 from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.judgement import judgement_banner, judgement_note
 from winchcascade.report.wording import banner
 
 FILED = ("power_gen", "eta_trans", "eta_gen", "eta_pto")
@@ -35,6 +36,7 @@ FILED = ("power_gen", "eta_trans", "eta_gen", "eta_pto")
 TERMS: tuple[tuple[str, Cell], ...] = (
     ("E = S - D", "comparison error: simulation S minus reduced data D, a mean over the integration windows of a run"),
     ("before, after", "S of the model of the rig file, S of the model with the causes"),
+    ("D", "without the errors of sensors that the diagnosis found; their uncertainty is a part of u_D"),
     ("u_D, u_num", "standard uncertainties of D by sensors and gaps, and of S by its step, which is halved"),
     ("u_input", "that of S by rig and loads: before within their tolerances, after as the fit leaves them"),
     ("model error", "with 95 % from E - 1.96 u_val to E + 1.96 u_val, u_val^2 = u_num^2 + u_input^2 + u_D^2"),
@@ -64,8 +66,12 @@ def validation_report(found: ModelDiagnosis, *, command: str = "") -> Report:
         subtitle=f"rig {found.rig.name} · {len(found.runs)} logs",
         points=[
             data_note(origins_of(found)),
+            judgement_note(found.judgement),
             Note(f"The interval of the model error contains 0 in {held['before']} of {len(rows)} comparisons before{after}.",
                  "Result"),
+            None if not (worse := [row for row in rows if row.worse]) else Note(
+                f"After is further from the data than before, beyond its uncertainty, in {len(worse)} comparisons: "
+                f"{'; '.join(f'{short(row.quantity)} of run {row.log + 1}' for row in worse)}.", "Worse", "warn"),
             None if (tested := tested_by(found)) is None else Note(_domain(tested), "Domain"),
         ],
         sections=[
@@ -73,7 +79,7 @@ def validation_report(found: ModelDiagnosis, *, command: str = "") -> Report:
             section("terms", "Terms of ASME V&V 20-2009", table("validation-terms", "Symbols.", PAIRS, TERMS)),
             provenance([("Runs", "; ".join(f"{k} {run.name}" for k, run in enumerate(found.runs, 1)))], command),
         ],
-        banner=banner(origins_of(found)),
+        banner=" ".join(filter(None, [banner(origins_of(found)), judgement_banner(found.judgement)])),
     )  # fmt: skip
 
 
