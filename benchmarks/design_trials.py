@@ -257,7 +257,12 @@ def pair_case(k: int, folder: Path) -> Result:
             again, _ = diagnosed(twin, rng, logs, [planned(load, speed, run.length, time, 1.0 / GRID)], folder)
             clear = "" if run.expected_z > CLEAR else ", not clear"
             rows.append(
-                Row(of + clear, is_apart(again, run.separates, name), run.expected_z, (*run.separates, load, speed))
+                Row(
+                    of + clear,
+                    is_apart(again, run.separates, name),
+                    run.expected_z,
+                    (*run.separates, f"{load:g}", speed),
+                )
             )
             if load < math.inf:
                 promised = determine(after(found, [load], [speed]), "eta_pto", SMALL, 1)
