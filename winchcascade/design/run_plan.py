@@ -296,5 +296,10 @@ def _greedy(
         random=float(np.mean(draws)) if draws else expected[0],
         random_share=float(np.mean([_better(measure, value, wanted) for value in draws])) if draws else 1.0,
         length=basis.setting.length,
-        together=() if basis.found is None else tuple(listed(basis.found.found, basis.found.causes)[1]),
+        together=_together(basis.found),
     )
+
+
+def _together(found: ModelDiagnosis | None) -> tuple[tuple[str, str], ...]:
+    """Pairs of a diagnosis that no run separates, as all logs know them together."""
+    return () if found is None else tuple(listed(found.found, (*found.causes, *found.candidates))[1])

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.core.scales import MotionScale
+    from winchcascade.core.scales import MotionScale, Scales
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
@@ -103,6 +103,7 @@ class Fitted:
     rig : with the numbers of its file, none calibrated first
     cycles : of each log, the first and last that count, None for all
     withheld : numbers of the logs that are predicted but take part in no fit
+    scales : by which they are cut into blocks, those of their own motion by default
     """
 
     def __init__(
@@ -111,13 +112,14 @@ class Fitted:
         rig: Rig,
         cycles: Sequence[tuple[int, int] | None] | None = None,
         withheld: Collection[int] = (),
+        scales: Scales | None = None,
     ) -> None:
         rig = with_thresholds(rig, runs)
         self._same, self.stated_by_run = _without_changes_by_run(rig)
         self.rig, self.nominal, self.withheld = rig, baseline(self._same), frozenset(withheld)
         runs = [with_channels_of(self.nominal, run) for run in runs]
         self.order = _order(runs)
-        self.scales = scales_of(rig, motion_of_runs(runs))
+        self.scales = scales or scales_of(rig, motion_of_runs(runs))
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs, self.scales)
         self.cycles = cycles or [None] * len(runs)
         ramp, logs = self.scales.ramp, zip(runs, self.cycles, strict=True)

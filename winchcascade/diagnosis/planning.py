@@ -36,7 +36,6 @@ from winchcascade.rig.simulate import Simulation, simulate
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.scales import Scales
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.search import Found
     from winchcascade.rig.effects.effect import Values
@@ -104,24 +103,6 @@ SAMPLE_NOISE = 0.002
 """Noise of a sample before a campaign, as a share of the largest value of the channel in all runs. Assumed. [1]"""
 
 
-class PlannedRuns(Fitted):
-    """Planned runs as logs of a fit, cut into blocks by the scales of the logs so far; by their own before any."""
-
-    def __init__(self, runs: Sequence[Run], rig: Rig, data: Fitted | None) -> None:
-        self._scales = None if data is None else data.scales
-        super().__init__(runs, rig)
-
-    @property
-    def scales(self) -> Scales:
-        """Scales of the campaign."""
-        assert self._scales is not None
-        return self._scales
-
-    @scales.setter
-    def scales(self, own: Scales) -> None:
-        self._scales = self._scales or own
-
-
 class Prospect(NamedTuple):
     """Runs that may be made, as logs of a fit, and what they share with the logs so far.
 
@@ -170,7 +151,8 @@ def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
     if noise.get("vdc", 1.0) == 0.0:
         raise OptionError("no planned run is fast enough for a voltage at the DC link; expected faster ones.")
     data = setting.data
-    runs = PlannedRuns([_with_noise(run, noise, setting.rig) for run in made], setting.rig, data)
+    noisy = [_with_noise(run, noise, setting.rig) for run in made]
+    runs = Fitted(noisy, setting.rig, scales=None if data is None else data.scales)
     known = runs if data is None else data
     carried = np.zeros((len(runs.nuisances), len(known.nuisances)))
     own = {_key(n): i for i, n in enumerate(known.nuisances) if n.kind != "zero"}
