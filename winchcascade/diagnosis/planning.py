@@ -181,7 +181,7 @@ def _rated(rig: Rig, run: Simulation) -> float:
         (rig.generator.speed_rated, float(np.max(run.rpm_gen)) / RPM),
         (rig.generator.i_rated, float(np.max(run.i_s))),
     )
-    return min(1.0, *(limit.value / most for limit, most in reached if limit is not None and most > 0.0))
+    return min([1.0, *(limit.value / most for limit, most in reached if limit is not None and most > 0.0)])
 
 
 def _with_noise(run: Run, noise: Mapping[str, float], rig: Rig) -> Run:
