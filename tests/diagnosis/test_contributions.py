@@ -14,13 +14,17 @@ from planted import LOGS, campaign, driven
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.contributions import (
+    EXACT,
     OF_DISCREPANCY,
+    PAIRS_OF_ORDERS,
     QUANTITIES,
     Accounts,
     by_cost,
     contributions_of,
     leading_metric,
     shapley,
+    split,
+    subsets_of,
     windowed,
     with_uncertain_laws,
 )
@@ -73,6 +77,34 @@ def test_the_split_is_the_mean_of_what_a_player_adds_over_all_orders(values: np.
             subset |= 1 << player
     assert shapley(values) == pytest.approx(expected, abs=1e-9)
     assert shapley(values).sum() == pytest.approx(values[7] - values[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [EXACT + 1, 14])
+def test_a_split_among_many_is_drawn_with_a_stated_error_and_adds_up(count: int) -> None:
+    """The value of a subset is that of its players and of pairs, of which each player has half."""
+    rng, subsets = np.random.default_rng(count), subsets_of(count)
+    alone, pairs = rng.normal(size=count), np.triu(rng.normal(size=(count, count)), 1)
+    takes_part = np.array([[subset >> player & 1 for player in range(count)] for subset in subsets], dtype=np.float64)
+    values = takes_part @ alone + np.einsum("si,ij,sj->s", takes_part, pairs, takes_part)
+    shares, error = split(values, count)
+    assert len(subsets) <= 2 * PAIRS_OF_ORDERS * count
+    assert shares.sum() == pytest.approx(values[-1] - values[0])
+    assert shares == pytest.approx(
+        alone + 0.5 * (pairs + pairs.T).sum(axis=1)
+    )  # an order and its reverse: exact for pairs
+    assert error == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_error_of_a_drawn_split_is_that_of_its_scatter() -> None:
+    count = EXACT + 2
+    subsets = subsets_of(count)
+    size = np.array([subset.bit_count() for subset in subsets], dtype=np.float64)
+    first = np.array([subset & 1 for subset in subsets], dtype=np.float64)
+    values = first * size**2
+    exact = float(np.mean([joined**2 for joined in range(1, count + 1)]))
+    shares, error = split(values, count)
+    assert error[0] > 0.0
+    assert abs(shares[0] - exact) < 4.0 * error[0]
 
 
 def test_contributions_are_the_split_of_simulated_metrics() -> None:

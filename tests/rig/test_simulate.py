@@ -131,6 +131,7 @@ def test_a_motion_that_gas_or_drum_do_not_allow_is_rejected(r18ohm: Run) -> None
         ("drivetrain", "eta_mesh", -0.05, "mesh efficiency is -0.05; expected above 0 and at most 1"),
         ("restoring", "mu", -0.03, "friction coefficient of the screw is -0.03; expected 0 or more"),
         ("restoring", "volume", 0.0, "volume of the gas is 0 m3; expected above 0"),
+        ("generator", "v_diode", -0.1, "drop of a diode is -0.1 V; expected 0 or more"),
         ("winch", "inertia", -0.1, "inertia at the drum is -0.1 kg.m2; expected 0 or more"),
         ("generator", "k_e", math.nan, "k_e is NaN"),
     ],

@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.verdict_limits import CANCELLED, CANCELLED_SHARE, LIKELY, WITHIN
+from winchcascade.diagnosis.verdict_limits import CANCELLED, CANCELLED_SHARE, FALSE_ALARM, LIKELY
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -75,13 +75,29 @@ def _rms(x: Signal) -> float:
 
 
 def unbalanced(energies: Iterable[StageEnergy]) -> list[Alarm]:
-    """Energies by run, phase and stage that the fit leaves beyond their uncertainty."""
-    sizes = ((one, abs(one.measured - one.after) / one.u) for one in energies if one.u > 0.0)
+    """Energies by run, phase and stage that the fit leaves beyond their uncertainty, all of the campaign together."""
+    sizes = [(one, abs(one.measured - one.after) / one.u) for one in energies if one.u > 0.0]
+    limit = largest_of(len(sizes))
     return [
-        Alarm("energy", Spot(f"energy_{one.stage}", one.phase, run=one.run), size, WITHIN)
+        Alarm("energy", Spot(f"energy_{one.stage}", one.phase, run=one.run), size, limit)
         for one, size in sizes
-        if size > WITHIN
+        if size > limit
     ]
+
+
+def largest_of(count: int) -> float:
+    """Standard uncertainties that none of some differences exceeds but with the probability `FALSE_ALARM` (Sidak 1967). [1]
+
+    The uncertainties follow from the discrepancies that a fit finds, of which there are about as many as differences: they
+    have Student's distribution with as many degrees of freedom.
+
+    >>> round(largest_of(46), 1), round(largest_of(7), 1)
+    (4.0, 5.1)
+    """
+    from scipy.special import stdtrit
+
+    each = -math.expm1(math.log1p(-FALSE_ALARM) / max(count, 1))
+    return -float(stdtrit(max(count, 1), 0.5 * each))
 
 
 STAGES_OF = {"eta_pto": ("line", "gen"), "eta_trans": ("line", "mech"), "eta_gen": ("mech", "gen")}
@@ -99,10 +115,12 @@ def left_over(
         if one.phase == "payout" and one.measured
     }
     limit, found = accuracy.relevant_efficiency, []
-    for one in contributions:
+    efficiencies = [one for one in contributions if one.metric in STAGES_OF and math.isfinite(one.measured)]
+    within = largest_of(len(efficiencies))
+    for one in efficiencies:
         residual = next((part.value for part in one.parts if part.kind == "residual"), 0.0)
-        first, last = (share.get((one.log, stage), math.inf) for stage in STAGES_OF.get(one.metric, ("", "")))
-        if abs(residual) - WITHIN * abs(one.measured) * math.hypot(first, last) > limit:
+        first, last = (share.get((one.log, stage), math.inf) for stage in STAGES_OF[one.metric])
+        if abs(residual) - within * abs(one.measured) * math.hypot(first, last) > limit:
             found.append(Alarm("residual", Spot(one.metric, load=one.load), abs(residual), limit))
     return found
 

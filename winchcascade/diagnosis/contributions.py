@@ -165,6 +165,54 @@ def shapley(values: Signal) -> Signal:
     return found
 
 
+EXACT = 8
+"""Maximum number of causes whose subsets are all simulated, 256 of them. [1]"""
+
+PAIRS_OF_ORDERS = 16
+"""Number of orders of more causes that are drawn, each with its reverse: about as many subsets as the most of all. [1]"""
+
+
+def orders_of(count: int) -> list[tuple[int, ...]]:
+    """Orders in which some players are added where their subsets are too many: drawn ones, each followed by its reverse."""
+    drawn = np.random.default_rng(count)
+    orders = [tuple(drawn.permutation(count).tolist()) for _ in range(PAIRS_OF_ORDERS)]
+    return [each for order in orders for each in (order, order[::-1])]
+
+
+def joined_by(order: Sequence[int]) -> list[int]:
+    """Subsets as bits, from none to all, as players join in an order.
+
+    >>> joined_by((1, 0))
+    [0, 2, 3]
+    """
+    return [sum(1 << player for player in order[:size]) for size in range(len(order) + 1)]
+
+
+def subsets_of(count: int) -> list[int]:
+    """Subsets of some players whose values a split needs, as bits in rising order, from none to all."""
+    if count <= EXACT:
+        return list(range(1 << count))
+    return sorted({subset for order in orders_of(count) for subset in joined_by(order)})
+
+
+def split(values: Signal, count: int) -> tuple[Signal, Signal]:
+    """Split as `shapley` does, of more than `EXACT` players by drawn orders; with the standard error of that, (k, ...) each.
+
+    Parameters
+    ----------
+    values : value of each of `subsets_of` the players, in their order
+    """
+    if count <= EXACT:
+        exact = shapley(values)
+        return exact, np.zeros_like(exact)
+    row = {subset: k for k, subset in enumerate(subsets_of(count))}
+    added = np.zeros((2 * PAIRS_OF_ORDERS, count, *values.shape[1:]))
+    for k, order in enumerate(orders_of(count)):
+        added[k, list(order)] = np.diff(values[[row[subset] for subset in joined_by(order)]], axis=0)
+    pairs = 0.5 * (added[::2] + added[1::2])
+    return pairs.mean(axis=0), pairs.std(axis=0, ddof=1) / math.sqrt(PAIRS_OF_ORDERS)
+
+
 class Accounts(NamedTuple):
     """What the parts of each of L runs come to, SI units; NaN for what a log lacks.
 
@@ -201,7 +249,7 @@ def variants_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Va
     """List the models that the accounts of a fit with some of its causes need."""
     acting = dict(zip(best.names, best.effects(suspects), strict=True))
     nominal, everything = np.zeros_like(best.nu), [acting[name] for name in names]
-    subsets = [[one for bit, one in enumerate(everything) if subset >> bit & 1] for subset in range(1 << len(names))]
+    subsets = [[one for bit, one in enumerate(everything) if subset >> bit & 1] for subset in subsets_of(len(names))]
     together: list[Sequence[ActiveEffect]] = []
     fields: list[tuple[int, int, float]] = []
     for owner, name in enumerate(names):
@@ -222,7 +270,7 @@ def account_of(
 ) -> Accounts:
     """Split the difference between the model of the rig file and one run among causes, tolerances and residual; L is 1.
 
-    A contribution moves with a field of its cause as all causes together do.
+    A contribution moves with a field of its cause as all causes together do, and has the error of a drawn split.
 
     Parameters
     ----------
@@ -230,7 +278,8 @@ def account_of(
     of_inputs : the same of the fit that the run is compared with
     causes : number of causes
     """
-    first, count, fields = covariance.shape[0] - len(data.nuisances), 1 << causes, len(variants.places)
+    first, count = covariance.shape[0] - len(data.nuisances), len(subsets_of(causes))
+    fields = len(variants.places)
     subsets, together, fitted = np.split(_values(data, one, variants), [count, count + fields])
     by_field = (together - subsets[-1]) / variants.steps[:, None]
     slopes = np.zeros((causes + 2, covariance.shape[0], len(QUANTITIES)))
@@ -246,7 +295,8 @@ def account_of(
     after[variants.places] = by_field
     after[first : first + data.simulated] = by_input
     u_input = np.sqrt(np.maximum([np.sum(by_input**2, axis=0), np.sum(after * (of_inputs @ after), axis=0)], 0.0))
-    shares, measured = shapley(subsets), quantities_of(one.log.run, one.rig, one.windows)
+    (shares, drawn), measured = split(subsets, causes), quantities_of(one.log.run, one.rig, one.windows)
+    u[:causes] = np.hypot(u[:causes], drawn)
     missing = np.where(np.isnan(measured + fitted[0]), math.nan, 0.0)
     parts = np.vstack([shares, fitted[0] - subsets[-1], measured - fitted[0]])
     of_run = measured + missing, subsets[0] + missing, parts + missing, u + missing, shares, u_input

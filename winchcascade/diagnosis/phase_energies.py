@@ -1,54 +1,131 @@
-"""Signed energies by run, phase and stage: measured, by the model before and after, and how well their difference is known."""
+"""Signed energies by run, phase and stage: measured, by the model before and after, and how well their difference is known.
+
+The difference of an energy from that of the fit is linear in the noise of the blocks e, the parameters of the fit and the
+discrepancy d of the model, which the fit knows as theta = S A' z. Of blocks that take part in the fit, with weights a of the
+energy, b its derivative over the parameters without the discrepancy, and c that over the discrepancy of unit variance, it has
+the variance
+
+    u^2 = a' N a + c' c - b' S b,
+
+as far as the fit follows the data; what does not take part adds 2 g' S b, with g its own derivative over all parameters.
+The discrepancy has the size that the fit finds, as most rigs have less than what is allowed of any. That of Vdc is that of Idc,
+as a load ties them. Of a power that is next to nothing the product of the zeros of both counts, too.
+"""
 
 from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.diagnosis_result import StageEnergy
+from winchcascade.diagnosis.marginal import Columns
+from winchcascade.diagnosis.misfit import LOCAL, RHO
+from winchcascade.diagnosis.nuisances import COURSES, WITHOUT_ZERO, sensor_errors
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.search import STEP, inside_of
+from winchcascade.diagnosis.suspects import varied
 from winchcascade.diagnosis.verdict_limits import LAW
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.misfit import Fitted, Log
     from winchcascade.diagnosis.search import Fit
     from winchcascade.diagnosis.suspects import Suspects
 
 FACTORS = {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen": ("vdc", "idc")}
 """Channels whose product is the power of each stage; the speed of the drum is that of the line over its radius."""
 
+IN_A_ROW = (1.0 + RHO) / (1.0 - RHO)
+"""Variance of a sum over many blocks, the errors of which follow one another, over that of independent ones. [1]"""
+
+
+class Known(NamedTuple):
+    """What a fit leaves open of a campaign, about its best place.
+
+    `moved` (M, 5, p) is what one unit of each of p parameters moves that is simulated, `covariance` (p + q, p + q) that of
+    these and of the q nuisances that are not. `sd` (n,) are standard deviations of all nuisances, in units of their
+    tolerances, and `scale` is the square by which the noise exceeds its estimate.
+    """
+
+    moved: Signal
+    covariance: Signal
+    sd: Signal
+    scale: float
+
 
 def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[StageEnergy, ...]:
-    """Energies of every run by phase; stages that a run cannot give are left out.
-
-    Their uncertainties are of noise, zeros, the discrepancy of the model and the laws of the causes.
-    """
-    given = data.models(np.zeros_like(fit.nu), [])
-    fitted, skew, zeros = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu), data.zeros(fit.nu)
+    """Energies of every run by phase; stages that a run cannot give are left out."""
+    effects, nothing = fit.effects(suspects), np.zeros_like(fit.nu)
+    skew, zeros, known = data.skew(fit.nu), data.zeros(fit.nu), _known(data, suspects, fit)
+    models = [data.models(nothing, []), data.models(fit.nu, []), data.models(fit.nu, effects)]
 
     def of_run(k: int) -> list[StageEnergy]:
         log = data.logs[k]
-        before, after = (
-            log.at_stamps(model, late, zeros[k]) for model, late in ((given[k], np.zeros_like(skew)), (fitted[k], skew))
-        )
-        return [one for stage in FACTORS for one in _of_stage(data, k, stage, before, after)]
+        given = log.at_stamps(models[0][k], np.zeros_like(skew), zeros[k])
+        fitted = [log.at_stamps(model[k], skew, zeros[k]) for model in models[1:]]
+        return [one for stage in FACTORS for one in _of_stage(data, known, k, stage, (given, *fitted))]
 
     several = all_at_once([partial(of_run, k) for k in range(len(data.logs))], data.sizes)
     return tuple(one for own in several for one in own)
 
 
-def _of_stage(data: Fitted, k: int, stage: str, before: Signal, after: Signal) -> list[StageEnergy]:
+def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
+    """What a fit leaves open: its nuisances, and the fields of its effects that lie at no bound."""
+    effects = fit.effects(suspects)
+    at, acting = data.predict(fit.nu, effects), dict(zip(fit.names, effects, strict=True))
+    steps = [
+        (acting | {name: moved}, step)
+        for name in fit.names
+        for moved, step in varied(suspects[name], fit.x[fit.place[name]], STEP)
+    ]
+    of_fields = [(one, step) for (one, step), inside in zip(steps, inside_of(fit), strict=True) if inside]
+    by_nuisance, by_field = data.tolerances(fit.nu, effects, at), np.zeros((*at.shape, len(of_fields)))
+    for k, (one, step) in enumerate(of_fields):
+        by_field[:, :, k] = (data.predict(fit.nu, [*one.values()]) - at) / step
+    moved = np.concatenate([by_field, by_nuisance], axis=2)
+    prior = np.concatenate([fit.free.sd[inside_of(fit)] ** -2.0, np.ones(fit.nu.size)])
+    information = Columns(data.whiten(moved), data.local).squared() / fit.scale
+    first = by_field.shape[2]
+    told = 1.0 - np.diag(np.linalg.inv(information + np.diag(prior)))[first:]
+    prior[first:] /= _of_the_model(data, fit.nu, told)
+    return Known(
+        moved, np.linalg.inv(information + np.diag(prior)).astype(np.float64), prior[first:] ** -0.5, fit.scale
+    )
+
+
+def _of_the_model(data: Fitted, nu: Signal, told: Signal) -> Signal:
+    """Variance of each nuisance over the one that is allowed, (n,): of the discrepancy of the model as the fit finds it.
+
+    It is the mean square over one channel in one phase, with one that is as large as is allowed; no more than that.
+
+    Parameters
+    ----------
+    told : (n,) share of the allowed variance that the data determine
+    """
+    found = np.ones(nu.size)
+    cells: dict[tuple[str, str], list[int]] = {}
+    for j, n in enumerate(data.nuisances):
+        if n.kind == "discrepancy":
+            cells.setdefault((n.name, n.phase), []).append(j)
+    for own in cells.values():
+        found[own] = min((float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(told[own])) + 1.0), 1.0)
+    return found
+
+
+def _of_stage(data: Fitted, known: Known, k: int, stage: str, models: tuple[Signal, ...]) -> list[StageEnergy]:
     """Energies of one stage of one run by phase.
 
     Parameters
     ----------
-    before, after : (n, 5) channels of the run by the model of the rig file and of the fit, SI units
+    models : (n, 5) channels of the run each, by the model of the rig file, by that of the fit without its effects and with
+        them, SI units
     """
     log, (name, other) = data.logs[k], FACTORS[stage]
     run, blocks, column = log.run, log.course.blocks, CHANNELS.index(name)
@@ -57,29 +134,67 @@ def _of_stage(data: Fitted, k: int, stage: str, before: Signal, after: Signal) -
     factor = run.channels[other] / (data.nominal.r_motion if stage == "mech" else 1.0)
     seconds = blocks.count / run.fs
     powers = [run.channels[name] * factor]
-    powers += [x[:, column] * (x[:, CHANNELS.index(other)] if stage == "gen" else factor) for x in (before, after)]
+    powers += [x[:, column] * (x[:, CHANNELS.index(other)] if stage == "gen" else factor) for x in models]
     joule = np.array([blocks.mean(power) * seconds for power in powers])
-    # Uncertainties of a block: what those of a channel move, the other factor as logged.
-    moved = {column: np.abs(blocks.mean(factor)) * seconds}
+    weights = np.zeros((blocks.size, len(CHANNELS)))
+    weights[:, column] = blocks.mean(factor) * seconds
     if stage == "gen":
-        moved[CHANNELS.index(other)] = np.abs(blocks.mean(run.channels[name])) * seconds
-    columns, weights = list(moved), np.array(list(moved.values()))
-    u_zero = data.zeros(np.ones(len(data.nuisances)))[k, columns]
-    sd = data.rig.model.discrepancy / math.sqrt(log.courses.shape[2])
-    noise = np.linalg.norm(weights * log.noise.logged[:, columns].T, axis=0)
-    model = np.sum(weights * sd * np.linalg.norm(log.courses[:, columns], axis=2).T, axis=0)
+        weights[:, CHANNELS.index(other)] = blocks.mean(run.channels[name]) * seconds
+    zeros = [sensor_errors(data.rig.sensors.get(one))[1] for one in (name, other)]
     found = []
     for number, phase in enumerate(PHASES):
         here = blocks.phase == number
         if not here.any() or (phase == "hold" and stage != "gen"):
             continue
-        measured, given, fitted = joule[:, here].sum(axis=1).tolist()
-        parts = (
-            np.linalg.norm(noise[here]),
-            np.sum(model[here]),
-            np.sum((u_zero @ weights)[here]),
-            LAW * (fitted - given),
-        )
-        u = float(np.linalg.norm(parts))
+        measured, given, without, fitted = joule[:, here].sum(axis=1).tolist()
+        variance = _variance(data, known, k, phase, np.where(here[:, None], weights, 0.0))
+        both = math.prod(zeros) * float(seconds[here].sum()) if stage == "gen" else 0.0
+        u = math.hypot(math.sqrt(variance), both, LAW * (fitted - without))
         found.append(StageEnergy(k, phase, stage, measured, given, fitted, u, int(np.unique(blocks.cycle[here]).size)))
     return found
+
+
+def _variance(data: Fitted, known: Known, k: int, phase: str, weights: Signal) -> float:
+    """Variance of the difference of an energy from that of the fit. [J^2]
+
+    Parameters
+    ----------
+    weights : (m, 5) what one unit of each channel in each block adds to the energy
+    """
+    log, rows = data.logs[k], data.rows[k]
+    taking = data.seen[rows] & (k not in data.withheld)
+    noise = known.scale * IN_A_ROW * _squared(log, weights)
+    for name in WITHOUT_ZERO:
+        noise += (sensor_errors(data.rig.sensors.get(name))[1] * float(weights[:, CHANNELS.index(name)].sum())) ** 2
+    inside, outside = (
+        np.concatenate([np.tensordot(part, known.moved[rows], axes=2), [*_local(data, k, phase, part)]])
+        for part in (np.where(taking, weights, 0.0), np.where(taking, 0.0, weights))
+    )
+    both, by_course = inside + outside, dict[tuple[bool, str], float]()
+    for j, n in enumerate(data.nuisances, -len(data.nuisances)):
+        if n.kind == "discrepancy":
+            course = math.isnan(n.load), n.course
+            by_course[course] = by_course.get(course, 0.0) + known.sd[j] * float(both[j])
+            both[j] = 0.0
+    follows = known.covariance @ both
+    of_model = sum(x**2 for x in by_course.values())
+    return max(noise + of_model - float(both @ follows) + 2.0 * float(outside @ follows), noise)
+
+
+def _squared(log: Log, weights: Signal) -> float:
+    """Variance of a sum over blocks by their noise, of each channel alone and of the velocity that they share."""
+    own, shared = log.noise.own_total * weights, np.sum(log.noise.drive * weights, axis=1)
+    return float(np.sum(own**2) + np.sum(shared**2))
+
+
+def _local(data: Fitted, k: int, phase: str, weights: Signal) -> Iterator[float]:
+    """What one unit of each nuisance that is not simulated adds to an energy of one phase of a log, each in turn."""
+    log = data.logs[k]
+    by_zero = weights.sum(axis=0)
+    by_course = np.einsum("mk,mkc->kc", weights, log.courses)
+    for n in data.nuisances[data.simulated :]:
+        channel, of_load = CHANNELS.index(n.name), math.isnan(n.load) or n.load == log.load
+        if n.kind == LOCAL[0]:
+            yield n.sd * float(by_zero[channel]) * (n.log == k)
+        else:
+            yield n.sd * float(by_course[channel, COURSES.index(n.course)]) * (n.phase == phase and of_load)

@@ -59,8 +59,8 @@ WORSE = 1.0
 """Mean square by which a held-out prediction makes a channel worse, in that of its noise, beyond which it counts. [1]"""
 
 # ------------------------------------------------------------------- what contradicts a fit that leaves no residual
-WITHIN = 2.0
-"""Standard uncertainties within which an energy must lie: about 95 %."""
+FALSE_ALARM = 0.01
+"""Probability with which the right model leaves any of the energies, or of the efficiencies, of a campaign beyond its limit."""
 
 CANCELLED = 0.2
 """Two causes cancel each other in a channel if both together move it by less than this share of what the smaller moves. [1]"""

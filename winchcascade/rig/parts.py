@@ -151,7 +151,7 @@ class GeneratorModel(NamedTuple):
     k_e: Annotated[float, Number("V/rpm", "back-EMF constant, line to line, rms")]
     r_s: Annotated[float, Number("ohm", "resistance of a phase")]
     l_s: Annotated[float, Number("H", "inductance of a phase")]
-    v_diode: Annotated[float, Number("V", "drop of a diode")]
+    v_diode: Annotated[float, Number("V", "drop of a diode", least=0.0)]
     r_diode: Annotated[float, Number("ohm", "slope of that drop over its current, as a resistance of the phase")] = 0.0
     i_rated: Annotated[float, Number("A", "rated stator current, rms", least=ABOVE_ZERO)] = 1.0
     rolloff: tuple[float, ...] = NO_ROLLOFF
