@@ -27,9 +27,10 @@ from winchcascade.blind.twin_numbers import CRANE_LOGGER, SENSORS
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.files import scratch_folder
 from winchcascade.core.jobs import one_thread_each
+from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import Run, Signal
 from winchcascade.design.design import METRIC, Band, CorrectedRig, Design, design
-from winchcascade.design.operating import MOVES, PLACE, Motion, path_of, planned_cycle
+from winchcascade.design.operating import PLACE, Motion, planned_cycle
 from winchcascade.design.run_plan import after, determine
 from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.contributions import QUANTITIES, quantities_of, windowed
@@ -37,6 +38,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.planning import CLEAR, listed, options_after, planned
 from winchcascade.diagnosis.posterior import posterior_of_rig, tested_by
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.phased_run import find_phases
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import simulate
 
@@ -146,13 +148,17 @@ def without(twin: Twin, names: Collection[str]) -> Twin:
     return msgspec.structs.replace(twin, hidden=msgspec.structs.replace(twin.hidden, effects=effects, laws=laws))
 
 
-def truth(twin: Twin, motion: Motion, load: float) -> dict[str, float]:
-    """Power and efficiency of a twin over a payout, and its energies over the motion, at a true load."""
+def truth(twin: Twin, motion: Motion, load: float, rules: Thresholds) -> dict[str, float]:
+    """Power and efficiency of a twin over the payout of a reduction, and its energies over the motion, at a true load."""
     at_load = msgspec.structs.replace(without(twin, OF_SENSORS), loads={"here": load})
     solved = solve_twin(at_load, "here", *on_grid(motion.t, motion.v), 0.0)
     speed = 0.5 * (solved.v[1:] + solved.v[:-1])
     rates = np.array([solved.channels["force"] * speed, solved.channels["vdc"] * solved.channels["idc"]])
-    line, electrical = rates[:, speed > MOVES].mean(axis=1).tolist()
+    t = GRID * (np.arange(speed.size) + 0.5)
+    run = Run("motion", t, {"velocity": speed}, 1.0 / GRID, speed.size)
+    (cycle,) = find_phases(run, Rig("motion", thresholds=rules), "payout").cycles
+    inside = (t > cycle.onset) & (t < cycle.payout_end)
+    line, electrical = rates[:, inside].mean(axis=1).tolist()
     e_line, e_gen = (rates.sum(axis=1) * GRID).tolist()
     return {"p_gen_w": electrical, "eta_pto": electrical / line, "e_gen_j": e_gen, "e_line_j": e_line}
 
@@ -181,11 +187,11 @@ def payout(speed: float, length: float, ramp: float) -> Motion:
 def predictions(twin: Twin, rig: CorrectedRig) -> Iterator[Row]:
     """Power and efficiency at withheld loads, speeds and ramps."""
     motions = [payout(speed, rig.tested.length, ramp) for speed, ramp in MOTIONS]
-    bands = rig.bands([path_of(motion, rig.moved[0]) for motion in motions], WITHHELD)
+    bands = rig.bands([rig.path(motion) for motion in motions], WITHHELD)
     for i, motion in enumerate(motions):
         for j, load in enumerate(WITHHELD):
             inside = rig.covers(np.array([motion.speed]), bands[0, i, j : j + 1])[0]
-            true = truth(twin, motion, load)
+            true = truth(twin, motion, load, rig.tested.rules)
             for name in METRIC.values():
                 of, k = f"{name} {'in its band' if inside else 'beyond the domain'}", PLACE[name]
                 yield interval(of, true[name], Band(*bands[:, i, j, k].tolist()), 0.0, load, motion.speed)
@@ -196,11 +202,14 @@ def regrets(twin: Twin, made: Design) -> Iterator[Row]:
     loads = np.geomspace(min(made.tested.loads), max(made.tested.loads), SEARCHED).tolist()
     for speed in sorted({one.speed for one in made.schedule})[::2]:
         out = payout(speed, made.tested.length, made.tested.ramp)
-        searched = [truth(twin, out, load) for load in loads]
+        searched = [truth(twin, out, load, made.tested.rules) for load in loads]
         for one in made.schedule:
             if one.speed == speed and one.load is not None:
                 metric = METRIC[one.criterion]
-                best, here = max(found[metric] for found in searched), truth(twin, out, one.load)[metric]
+                best, here = (
+                    max(found[metric] for found in searched),
+                    truth(twin, out, one.load, made.tested.rules)[metric],
+                )
                 regret = max(1.0 - here / best, 0.0)
                 yield Row(f"regret of {one.criterion} under 1 %", regret < 0.01, 100.0 * regret, (speed, one.load))
 
@@ -208,9 +217,10 @@ def regrets(twin: Twin, made: Design) -> Iterator[Row]:
 def repairs(twin: Twin, made: Design) -> Iterator[Row]:
     """Energy that each repair brings in a cycle; that of an effect that is not injected brings nothing."""
     cycle = planned_cycle(max(row.speed for row in made.rows), made.tested.length, made.tested.ramp)
-    acting = truth(twin, cycle, made.repaired_at)
+    rules, load = made.tested.rules, made.repaired_at
+    acting = truth(twin, cycle, load, rules)
     for one in made.repairs:
-        repaired = truth(without(twin, {one.effect}), cycle, made.repaired_at)
+        repaired = truth(without(twin, {one.effect}), cycle, load, rules)
         of = f"worth of {'a' if one.effect in twin.hidden.effects else 'no'} repair"
         for metric, band, sign in (("e_gen_j", one.per_cycle, 1.0), ("e_line_j", one.saved, -1.0)):
             worth = sign * (repaired[metric] - acting[metric])

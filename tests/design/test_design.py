@@ -58,13 +58,13 @@ def found(small: RigPosterior, tested: Tested) -> Design:
 
 def along(model: Model, tested: Tested, speed: float, loads: list[float]) -> Signal:
     """Quantities of a model in a usual cycle at each load, (quantities, loads)."""
-    path = path_of(planned_cycle(speed, tested.length, tested.ramp), model)
+    path = path_of(planned_cycle(speed, tested.length, tested.ramp), model, tested.rules)
     return np.asarray(points([model], [path], loads)[0, 0].T)
 
 
 def delivered(model: Model, tested: Tested, speed: float, load: float) -> float:
     """Energy of a simulated log of a usual cycle. [J]"""
-    motion = path_of(planned_cycle(speed, tested.length, tested.ramp), model).motion
+    motion = path_of(planned_cycle(speed, tested.length, tested.ramp), model, tested.rules).motion
     run = Run("log", motion.t, {"velocity": motion.v}, 1.0 / motion.step, motion.t.size, load=load)
     made = simulate(run, model).run
     return float(np.trapezoid(made.channels["vdc"] ** 2 / load, made.t))

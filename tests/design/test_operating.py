@@ -17,7 +17,7 @@ from winchcascade.design.operating import (
     planned_cycle,
     point,
 )
-from winchcascade.reduction.reduce import metrics_within
+from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.simulate import simulate
@@ -53,13 +53,18 @@ def test_no_stage_gives_more_than_it_takes(load: float, speed: float, length: fl
 
 @pytest.mark.parametrize(("load", "speed"), [(9.0, 0.8), (27.0, 0.5), (4.5, 0.3), (18.0, 1.1)])
 def test_a_point_agrees_with_a_simulated_log_that_is_reduced(load: float, speed: float) -> None:
-    path = path_of(planned_cycle(speed, 9.5, 1.5), WORN)
+    path = path_of(planned_cycle(speed, 9.5, 1.5), WORN, RIG.thresholds)
     run = simulate(logged(path, load), WORN).run
-    window = path.motion.t[path.payout > 0.0][[0, -1]]
-    reduced, found = metrics_within(run, RIG, window[None])[0], point(WORN, path, load)
+    made, found = reduce(run, rig=RIG, window="payout").complete[0], point(WORN, path, load)
+    reduced = made.metrics
     pairs = {"p_line_w": "power_line", "p_mech_w": "power_mech", "p_gen_w": "power_gen", "eta_trans": "eta_trans"}
     for name, metric in (pairs | {"eta_gen": "eta_gen", "eta_pto": "eta_pto"}).items():
         assert found[PLACE[name]] == pytest.approx(reduced[metric], rel=RULE), name
+    assert found[PLACE["payout_s"]] == pytest.approx(made.summary.payout.duration, rel=RULE)
+    plateau = made.summary.payout.plateau
+    assert plateau is not None
+    for name in ("line", "mech", "gen"):
+        assert found[PLACE[f"plateau_p_{name}_w"]] == pytest.approx(getattr(plateau, f"power_{name}"), rel=RULE), name
     channels = run.channels
     joules = (
         np.trapezoid(channels["vdc"] ** 2 / load, run.t),
@@ -96,6 +101,11 @@ def test_rests_and_repeats_of_a_log_change_no_point() -> None:
     one, three = (point(WORN, path_of(found, WORN), 18.0) for found in motions)
     kept = [PLACE[name] for name in PLACE if name != "i_dc_rms_a"]
     assert three[kept] == pytest.approx(one[kept], rel=RULE)
+
+
+def test_a_creep_below_the_onset_speed_of_the_rig_has_no_payout() -> None:
+    with pytest.raises(OptionError, match=r"0\.02 m/s"):
+        path_of(planned_cycle(0.02, 1.0, 1.5), WORN, RIG.thresholds)
 
 
 def test_a_motion_of_hours_is_rejected() -> None:

@@ -153,6 +153,7 @@ def test_a_design_has_the_same_points_and_schedule(nature: Nature) -> None:
 
 UNIT_OF = {
     "rpm": "rotor", "W": "torque / time", "1": "", "N.m": "torque", "A": "ampere", "N": "force", "J": "torque",
+    "s": "time",
 }  # fmt: skip
 """Unit of a quantity of a design."""
 

@@ -165,6 +165,10 @@ class CorrectedRig:
         self.moved = self.explanations[0].moved
         self.causes = [name for name in self.explanations[0].repaired if name in tested.judgement.causes]
 
+    def path(self, motion: Motion) -> Path:
+        """A motion as the rig takes it, with its payouts as the reduction of the logs finds them."""
+        return path_of(motion, self.moved[0], self.tested.rules)
+
     def bands(self, paths: Sequence[Path], loads: Sequence[float]) -> Signal:
         """Quantities along each motion at each load, low and high ends of their bands, (3, motions, loads, quantities)."""
         found = [points(one.each, paths, loads) for one in self.explanations]
@@ -193,7 +197,7 @@ class CorrectedRig:
 
         It is within the domain if the logs cover the rig with the effect and the repaired one.
         """
-        paths = [path_of(share.motion, self.moved[0]) for share in shares]
+        paths = [self.path(share.motion) for share in shares]
         several = [one for one in self.explanations if name in one.repaired]
         repaired, acting = (
             [points(models, paths, [load])[:, :, 0] for models in of]
@@ -317,7 +321,7 @@ def _map(
     rig: CorrectedRig, cycle_at: CycleAt, speeds: Sequence[float], loads: Sequence[float], limits: Limits
 ) -> list[OperatingPoint]:
     """Every load at every speed, with bands."""
-    bands = rig.bands([path_of(cycle_at(speed), rig.moved[0]) for speed in speeds], loads)
+    bands = rig.bands([rig.path(cycle_at(speed)) for speed in speeds], loads)
     best, rows = bands[0], []
     bands[:, :, :, PLACE["rpm"]] = best[:, :, PLACE["rpm"]]
     for i, speed in enumerate(speeds):
@@ -345,7 +349,7 @@ def _searched(rig: CorrectedRig, cycle_at: CycleAt, span: tuple[float, float], l
     """Try loads between the smallest and the largest of some [ohm] in bands of a span of line speed [m/s]."""
     model, edges = rig.moved[0], np.linspace(*span, BANDS + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    paths, fastest = ([path_of(cycle_at(float(speed)), model) for speed in speeds] for speeds in (middles, edges[1:]))
+    paths, fastest = ([rig.path(cycle_at(float(speed))) for speed in speeds] for speeds in (middles, edges[1:]))
     tried = np.geomspace(min(loads), max(loads), CANDIDATES if len(set(loads)) > 1 else 1)
     middle, end = (points([model], each, tried.tolist())[0] for each in (paths, fastest))
     return Searched(edges, paths, tried, middle, end)

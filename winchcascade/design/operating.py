@@ -10,9 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.integrate import means_of
 from winchcascade.core.jobs import all_at_once
+from winchcascade.core.rig_file import Rig, Thresholds
+from winchcascade.core.run import Run
 from winchcascade.core.scales import MotionScale, motion_of_log, motion_of_runs
 from winchcascade.diagnosis.planning import PLATEAU, RAMP, REST, cycle_of
+from winchcascade.reduction.phased_run import find_phases
 from winchcascade.rig import physics
 from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.physics import RPM
@@ -20,11 +24,11 @@ from winchcascade.rig.simulate import even_motion
 from winchcascade.rig.steps import COARSE, RESOLVED, rate_of_the_rotor, resolving
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Run, Signal
+    from winchcascade.core.run import Signal
     from winchcascade.rig.parts import Model
 
 MOVES = 1e-3
-"""Share of its top speed above which the line pays out. [1]"""
+"""Share of its top speed above which a log has a motion. [1]"""
 
 SCALED_BY = 2000
 """Number of even samples that show the scales of a motion beside its own. [1]"""
@@ -32,11 +36,13 @@ SCALED_BY = 2000
 QUANTITIES = {
     "rpm": "rpm", "p_line_w": "W", "p_mech_w": "W", "p_gen_w": "W", "eta_trans": "1", "eta_gen": "1", "eta_pto": "1",
     "torque_nm": "N.m", "i_s_a": "A", "i_dc_a": "A", "i_dc_rms_a": "A", "force_n": "N",
-    "e_gen_j": "J", "e_line_j": "J",
+    "e_gen_j": "J", "e_line_j": "J", "payout_s": "s", "plateau_p_line_w": "W", "plateau_p_mech_w": "W",
+    "plateau_p_gen_w": "W", "plateau_eta_pto": "1",
 }  # fmt: skip
 """What an operating point gives, with units: powers and efficiencies over the payout, largest speed of the generator, torque of
 the shaft, stator current (rms), DC current and line tension, and over the whole motion the rms of the DC current and, for each
-cycle, the energies that it delivers and takes from the line."""
+cycle, the energies that it delivers and takes from the line; duration of the payout, and powers and efficiency of its plateau,
+NaN without one. Payout and plateau are those of a reduction."""
 
 PLACE = {name: k for k, name in enumerate(QUANTITIES)}
 """Number of each quantity in a row."""
@@ -95,20 +101,27 @@ PAYS_OUT = (0.5, 0.1)
 
 
 class Path(NamedTuple):
-    """A motion of some cycles at even steps, with the direction of friction (n,) and where the line pays out (n,)."""
+    """A motion of some cycles at even steps, with the direction of friction (n,), and begin and end of each payout and of each
+    plateau that there is, (k, 2) and (l, 2) [s].
+    """
 
     motion: LineMotion
     direction: Signal
-    payout: Signal
+    payouts: Signal
+    plateaus: Signal
     cycles: int
 
 
-def path_of(motion: Motion, model: Model) -> Path:
+def path_of(motion: Motion, model: Model, thresholds: Thresholds = Thresholds()) -> Path:  # noqa: B008
     """Lay a motion onto steps that resolve a model.
+
+    Parameters
+    ----------
+    thresholds : by which a reduction finds payouts and plateaus; those that are not stated follow the scales of the motion
 
     Raises
     ------
-    OptionError : the motion takes more than `MOST_STEPS`
+    OptionError : the motion takes more than `MOST_STEPS`, or has no payout
     RigError : no step resolves the model
     """
     takes = float(motion.t[-1] - motion.t[0])
@@ -119,8 +132,15 @@ def path_of(motion: Motion, model: Model) -> Path:
     if takes > longest:
         raise OptionError(f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {longest:.0f} s at most.")
     even = even_motion(motion.t, motion.v, resolving(model, scale, COARSE), rest)
-    pays_out = (even.v > MOVES * scale.speed).astype(np.float64)
-    return Path(even, physics.direction(even.v, rest), pays_out, motion.cycles)
+    run = Run("motion", even.t, {"velocity": even.v}, 1.0 / even.step, even.t.size)
+    phased = find_phases(run, Rig("motion", thresholds=thresholds), "payout")
+    if not phased.cycles:
+        raise OptionError(
+            f"a motion at {motion.speed:g} m/s has no payout by the thresholds of the rig; give a faster one."
+        )
+    payouts = np.array([(cycle.onset, cycle.payout_end) for cycle in phased.cycles])
+    plateaus = np.array([(one.begin, one.braking) for one in phased.plateaus if one is not None]).reshape(-1, 2)
+    return Path(even, physics.direction(even.v, rest), payouts, plateaus, motion.cycles)
 
 
 MOST_STEPS = 1_500_000
@@ -140,17 +160,25 @@ def point(model: Model, path: Path, load: float) -> Signal:
     run_line(motion, path.direction, numbers, clutch, line)
     force, torque = physics.tension(line[:, LINE.index("force")], model.winch), line[:, LINE.index("torque")]
     delivered = shaft[:, SHAFT.index("vdc")] ** 2 / numbers.shaft.load
-    seconds = max(float(path.payout.sum()) * motion.step, motion.step)
     rates = np.array([force * motion.v, torque * motion.v / model.r_motion, delivered])
-    line_w, mech_w, gen_w = (rates @ path.payout * motion.step / seconds).tolist()
-    efficiencies = [
-        np.divide(*pair) if pair[1] > 0.0 else np.nan for pair in ((mech_w, line_w), (gen_w, mech_w), (gen_w, line_w))
-    ]
+    streams = [rate.__getitem__ for rate in rates]
+    line_w, mech_w, gen_w = means_of(motion.t, streams, path.payouts).mean(axis=1).tolist()
+    efficiencies = [_ratio(mech_w, line_w), _ratio(gen_w, mech_w), _ratio(gen_w, line_w)]
+    flat = [math.nan] * len(rates)
+    if path.plateaus.size:
+        flat = means_of(motion.t, streams, path.plateaus).mean(axis=1).tolist()
+    seconds = float(np.ptp(path.payouts, axis=1).mean())
     speed, current, dc = (shaft[:, SHAFT.index(name)] for name in ("omega_gen", "i_s", "idc"))
     rpm, *largest = (float(np.max(x)) for x in (speed * RPM, torque, current, dc))
     e_line, _, e_gen = (rates.sum(axis=1) * motion.step / path.cycles).tolist()
     dc_rms = float(np.sqrt(np.mean(dc**2)))
-    return np.array([rpm, line_w, mech_w, gen_w, *efficiencies, *largest, dc_rms, np.max(force), e_gen, e_line])
+    over_payout = [rpm, line_w, mech_w, gen_w, *efficiencies, *largest, dc_rms, np.max(force), e_gen, e_line]
+    return np.array([*over_payout, seconds, *flat, _ratio(flat[-1], flat[0])])
+
+
+def _ratio(out: float, into: float) -> float:
+    """An efficiency; NaN where nothing goes in. [1]"""
+    return out / into if into > 0.0 else math.nan
 
 
 def points(models: Sequence[Model], paths: Sequence[Path], loads: Sequence[float]) -> Signal:

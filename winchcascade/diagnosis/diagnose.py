@@ -353,9 +353,13 @@ def parted(
     """
     little = share >= MOSTLY and all(one.size <= MARGIN * one.limit for one in signs if one.kind != "range")
     listed = [msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in causes]
-    undone = {name for one in signs if one.kind == "cancelling" and isinstance(one.about, Spot) for name in one.about.effects}
+    undone = {
+        name for one in signs if one.kind == "cancelling" and isinstance(one.about, Spot) for name in one.about.effects
+    }
     steady = [little and one.effect not in undone and not (one.stability and one.stability.trends) for one in listed]
-    return tuple(compress(listed, steady)), tuple(one for one, is_cause in zip(listed, steady, strict=True) if not is_cause)
+    return tuple(compress(listed, steady)), tuple(
+        one for one, is_cause in zip(listed, steady, strict=True) if not is_cause
+    )
 
 
 def _minor(

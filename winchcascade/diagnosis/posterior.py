@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.rig_file import Thresholds
 from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.causes import look_alikes_of
 from winchcascade.diagnosis.contributions import joint_covariance
@@ -159,7 +160,8 @@ class Tested(msgspec.Struct, frozen=True):
     current in payout, (k, 2) [m/s, A]. `force` is the largest line tension. `speed`, `length` and `ramp` are those of a usual
     payout with a load: its fastest plateau, its travel and the time of its ramp. `warm` is the DC current (rms over a cycle)
     that keeps the machine as warm as in its warmest run, repeated at the spacing of the runs; None without heating. The
-    `judgement` is that of the diagnosis.
+    `judgement` is that of the diagnosis, `thresholds` are those by which its logs are reduced; what is left out follows the
+    scales of a motion.
     """
 
     title: str
@@ -172,6 +174,12 @@ class Tested(msgspec.Struct, frozen=True):
     length: float
     ramp: float
     warm: float | None = None
+    thresholds: dict[str, float] = {}
+
+    @property
+    def rules(self) -> Thresholds:
+        """The thresholds by which a motion has payouts and plateaus."""
+        return msgspec.structs.replace(Thresholds(), **self.thresholds)
 
     def covers(self, speed: Signal, current: Signal, force: Signal) -> Signal:
         """Whether speeds [m/s], DC currents [A] and tensions [N], (n,) each, lie within what was tested or `NEAR` of it, (n,).
@@ -216,6 +224,11 @@ def tested_by(found: ModelDiagnosis) -> Tested | None:
         length=seen.length,
         ramp=seen.ramp,
         warm=_warm(found),
+        thresholds={
+            name: value
+            for name, value in msgspec.structs.asdict(data.rig.thresholds).items()
+            if isinstance(value, float) and math.isfinite(value)
+        },
     )
 
 

@@ -26,7 +26,8 @@ from winchcascade.report.results.common import provenance
 from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
 
 SHOWN = (
-    ("p_line_w", "P_line", "W"), ("p_gen_w", "P_gen", "W"), ("eta_pto", "eta_pto", ""), ("torque_nm", "torque", "N.m"),
+    ("p_line_w", "P_line", "W"), ("p_gen_w", "P_gen", "W"), ("eta_pto", "eta_pto", ""),
+    ("plateau_p_gen_w", "P_gen, plateau", "W"), ("torque_nm", "torque", "N.m"),
     ("i_s_a", "current", "A"), ("force_n", "tension", "N"),
 )  # fmt: skip
 """Quantities of the table of operating points, with their heads and units."""

@@ -242,7 +242,9 @@ def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
         kind = "too small to matter" if math.isnan(one.hint) else "undecided"
         role = f"{kind}: changes {changed} by {number_text(100.0 * largest.change, 2, signed=True)} %"
         rows.append(EffectNumber(one.effect, display_of(one.effect, name, value.unit), value, role))
-    caption = "Effects that are significant but too small to matter, and undecided ones: too little evidence for a cause."
+    caption = (
+        "Effects that are significant but too small to matter, and undecided ones: too little evidence for a cause."
+    )
     return effects_table("minor", caption, rows)
 
 

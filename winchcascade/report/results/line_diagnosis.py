@@ -67,7 +67,14 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
         tiles=[verdict_tile(found), *step_tile(found)],
         points=first_points(found),
         sections=[
-            section("causes", "Causes", causes_table(found), candidates_table(found), _others_table(found), minor_table(found)),
+            section(
+                "causes",
+                "Causes",
+                causes_table(found),
+                candidates_table(found),
+                _others_table(found),
+                minor_table(found),
+            ),
             section("energies", "Energies by phase", _energies_table(found)),
             section("next", "Next run", note_of(words.experiment_words(found))),
             residual(found),
