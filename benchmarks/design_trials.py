@@ -152,9 +152,9 @@ def truth(twin: Twin, motion: Motion, load: float, rules: Thresholds) -> dict[st
     """Power and efficiency of a twin over the payout of a reduction, and its energies over the motion, at a true load."""
     at_load = msgspec.structs.replace(without(twin, OF_SENSORS), loads={"here": load})
     solved = solve_twin(at_load, "here", *on_grid(motion.t, motion.v), 0.0)
-    speed = 0.5 * (solved.v[1:] + solved.v[:-1])
+    speed: Signal = np.asarray(0.5 * (solved.v[1:] + solved.v[:-1]), dtype=np.float64)
     rates = np.array([solved.channels["force"] * speed, solved.channels["vdc"] * solved.channels["idc"]])
-    t = GRID * (np.arange(speed.size) + 0.5)
+    t: Signal = np.linspace(0.5 * GRID, (speed.size - 0.5) * GRID, speed.size)
     run = Run("motion", t, {"velocity": speed}, 1.0 / GRID, speed.size)
     (cycle,) = find_phases(run, Rig("motion", thresholds=rules), "payout").cycles
     inside = (t > cycle.onset) & (t < cycle.payout_end)
