@@ -150,7 +150,7 @@ def truth(twin: Twin, motion: Motion, load: float, rules: Thresholds) -> dict[st
     solved = solve_twin(at_load, "here", *on_grid(motion.t, motion.v), 0.0)
     speed = 0.5 * (solved.v[1:] + solved.v[:-1])
     rates = np.array([solved.channels["force"] * speed, solved.channels["vdc"] * solved.channels["idc"]])
-    t = GRID * (np.arange(speed.size) + 0.5)
+    t = GRID * (np.arange(speed.size, dtype=np.float64) + 0.5)
     run = Run("motion", t, {"velocity": speed}, 1.0 / GRID, speed.size)
     (cycle,) = find_phases(run, Rig("motion", thresholds=rules), "payout").cycles
     inside = (t > cycle.onset) & (t < cycle.payout_end)
