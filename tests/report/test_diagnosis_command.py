@@ -192,10 +192,15 @@ def test_an_effect_that_alone_is_suspected_is_the_only_one_that_is_named(
 ) -> None:
     earlier = tmp_path / "model.mat"
     shutil.copy(corrected.matlab, earlier)
-    done = winchcascade("diagnose", campaign, "--suspect", "ke_rolloff", "--json", "-", "--export", earlier)
+    call = "diagnose", campaign, "--suspect", "ke_rolloff", "--json", "-", "--export", earlier
+    refused = winchcascade(*call)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert f"--export {earlier}" in refused.stderr
+    assert earlier.read_bytes() == corrected.matlab.read_bytes()
+    done = winchcascade(*call, "--force")
     assert done.returncode == 0, done.stderr
     assert earlier.read_bytes() != corrected.matlab.read_bytes()  # replaced, as the tool had written it
     record = json.loads(done.stdout)
+    assert record["verdict"] == "unexplained"
     assert {cause["effect"] for cause in record["causes"]} <= {"ke_rolloff"}
-    assert record["verdict"] != "no_gap"
     assert "effect 'rolloff' is not in the catalogue" in one_sentence("diagnose", campaign, "--suspect", "rolloff")
