@@ -69,7 +69,9 @@ def diagnose_command(
     report_uncompiled("diagnose")
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
-        _check_judgement(found, outputs)
+        refused = _refused(found, outputs)
+        for name in refused:
+            outputs = outputs.without(name)
         lacking = _write_files(found, outputs)
     for name in lacking:
         outputs = outputs.without(name)
@@ -79,13 +81,20 @@ def diagnose_command(
         lambda: report, outputs, record=lambda: diagnosis_record(found), name="diagnosis", notes=list(lacking.values())
     )
     _list_in_results(outputs)
+    for reason in refused.values():  # the diagnosis itself is stated and written first
+        raise reason
 
 
-def _check_judgement(found: DiagnosisResult, outputs: Outputs) -> None:
-    """Reject, before any file is written, a corrected rig or model of an unexplained gap, unless that is forced."""
+def _refused(found: DiagnosisResult, outputs: Outputs) -> dict[str, OptionError]:
+    """A corrected rig or model of an unexplained gap, unless that is forced, each with the reason why it is not written."""
+    reasons = {}
     for name in ("write", "export"):
         if outputs[name] is not None:
-            found.judgement.check(f"--{name} {outputs[name]}", force=outputs.force)
+            try:
+                found.judgement.check(f"--{name} {outputs[name]}", force=outputs.force)
+            except OptionError as reason:
+                reasons[name] = reason
+    return reasons
 
 
 def _check_validation(path: Path | None) -> None:

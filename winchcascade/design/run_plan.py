@@ -240,7 +240,8 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     moved = [posterior.model(posterior.best + way) for way in np.diag(sd)]
     laws = [posterior.model(without=one.effect.name) for one in posterior.effects if one.effect.entry is None]
     best, length, ramp = posterior.model(), basis.setting.length, RAMP * basis.setting.time
-    paths = {load: path_of(planned_cycle(speed, length, ramp), best) for load, speed in fastest.items()}
+    rules = basis.setting.rig.thresholds
+    paths = {load: path_of(planned_cycle(speed, length, ramp), best, rules) for load, speed in fastest.items()}
     each = [points([best, *moved, *laws], [path], [load])[:, 0, 0, PLACE[metric]] for load, path in paths.items()]
     change = np.transpose([values[1:] - values[0] for values in each])
     gradient, unit = np.zeros((len(foreseen.root), len(paths))), np.linalg.norm(foreseen.root[places], axis=1)

@@ -41,6 +41,7 @@ from winchcascade.report.results.diagnosis_sentences import (
     trend_sentence,
 )
 from winchcascade.report.wording import load_words
+from winchcascade.rig.effects.effect import LookAlikes
 from winchcascade.rig.parts import path_in_rig
 
 VERDICTS = {
@@ -219,11 +220,8 @@ def certainty_words(found: DiagnosisResult) -> str:
         rivals = {cause.effect: [rival.effect for rival in cause.look_alikes] for cause in found.causes}
         pairs = [f"{cause} from {' or '.join(names)}" for cause, names in rivals.items() if names]
         apart = [f"these logs do not distinguish {', nor '.join(pairs)}"] if pairs else []
-        classes = {cause.effect: class_of(cause.effect, rivals[cause.effect]) for cause in found.causes}
-        for name, own in classes.items():
-            if own is not None:
-                apart += [f"{' or '.join(own.beyond)} would look like {name}"] if own.beyond else []
-                apart.append(f"what tells them apart: {own.broken_by}")
+        for cause, own in classes_of(found):
+            apart += [f"{' or '.join(own.beyond)} would look like {cause}"] if own.beyond else []
         return upper(f"{'; '.join(apart)}.") if apart else ""
     if found.verdict == "unexplained" or _shared_words(found):
         return ""
@@ -231,6 +229,17 @@ def certainty_words(found: DiagnosisResult) -> str:
     best = max((names for names in found.sets if names), key=lambda names: found.sets[names], default=())
     other = f"; of {' + '.join(best)}, the most probable set, {probability_words(found.sets[best])}" if best else ""
     return f"Probability that no effect of the catalogue acts: {likely}{other}."
+
+
+def classes_of(found: DiagnosisResult) -> list[tuple[str, LookAlikes]]:
+    """Causes with the class of look-alikes of each that has one."""
+    each = ((one.effect, class_of(one.effect, [other.effect for other in one.look_alikes])) for one in found.causes)
+    return [(name, own) for name, own in each if own is not None]
+
+
+def told_apart_words(found: DiagnosisResult) -> str:
+    """What distinguishes each cause from its look-alikes, in the catalogue and beyond it."""
+    return " ".join(f"{name}: {own.broken_by}." for name, own in classes_of(found))
 
 
 def not_needed_words(found: DiagnosisResult) -> str:
