@@ -13,6 +13,7 @@ import msgspec
 from winchcascade.core.campaign_file import check_held_out
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.viewed import Viewed
+from winchcascade.diagnosis.entries import class_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import LookAlikes
 
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 
@@ -187,6 +189,13 @@ class Judgement(msgspec.Struct, frozen=True):
     causes: Names = ()
     candidates: Names = ()
     look_alikes: dict[str, Names] = {}
+
+    @property
+    def classes(self) -> dict[str, LookAlikes]:
+        """Class of look-alikes of each cause and candidate that has one."""
+        listed = (*self.causes, *self.candidates)
+        found = ((name, class_of(name, self.look_alikes.get(name, ()))) for name in listed)
+        return {name: own for name, own in found if own is not None}
 
     def check(self, purpose: str, *, force: bool) -> None:
         """Refuse to use a rig whose gap is not explained, unless that is forced.

@@ -12,7 +12,7 @@ from winchcascade.core.campaign_file import joint_origin, origin_record
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, DiagnosisResult, LargestChange, NamedCause
-from winchcascade.diagnosis.entries import class_of, effect_name
+from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.diagnosis.posterior import posterior_of_rig, posterior_record, tested_by
@@ -170,7 +170,8 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
         record["sentence"] = sentences.entry_sentence(cause, effect, explained=found.verdict == "explained")
     record |= {"label": effect.label, **_some(cause, "stage", "probability", "parameters")}
     record |= {name: [_alternative(found, one) for one in getattr(cause, name)] for name in ("rivals", "look_alikes")}
-    record["class"] = _class(cause)
+    own = found.judgement.classes.get(cause.effect)
+    record["class"] = None if own is None else msgspec.structs.asdict(own)
     record["ablation"] = cause.ablation
     if cause.stability is not None:
         items = items_of(found)
@@ -184,12 +185,6 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
             for trend in cause.stability.trends
         ]
     return record | ({"closes_alone_of_the_gap": cause.weight} if isinstance(found, LineDiagnosis) else {})
-
-
-def _class(cause: NamedCause) -> dict[str, Any] | None:
-    """Class of look-alikes of a cause, null where nothing of it may act instead."""
-    own = class_of(cause.effect, [one.effect for one in cause.look_alikes])
-    return None if own is None else _some(own, "name", "members", "beyond", "broken_by")
 
 
 def _alternative(found: DiagnosisResult, one: Alternative) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Spot,
 )
-from winchcascade.diagnosis.entries import class_of, effect_name
+from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
@@ -41,7 +41,6 @@ from winchcascade.report.results.diagnosis_sentences import (
     trend_sentence,
 )
 from winchcascade.report.wording import load_words
-from winchcascade.rig.effects.effect import LookAlikes
 from winchcascade.rig.parts import path_in_rig
 
 VERDICTS = {
@@ -220,7 +219,7 @@ def certainty_words(found: DiagnosisResult) -> str:
         rivals = {cause.effect: [rival.effect for rival in cause.look_alikes] for cause in found.causes}
         pairs = [f"{cause} from {' or '.join(names)}" for cause, names in rivals.items() if names]
         apart = [f"these logs do not distinguish {', nor '.join(pairs)}"] if pairs else []
-        for cause, own in classes_of(found):
+        for cause, own in found.judgement.classes.items():
             apart += [f"{' or '.join(own.beyond)} would look like {cause}"] if own.beyond else []
         return upper(f"{'; '.join(apart)}.") if apart else ""
     if found.verdict == "unexplained" or _shared_words(found):
@@ -231,15 +230,9 @@ def certainty_words(found: DiagnosisResult) -> str:
     return f"Probability that no effect of the catalogue acts: {likely}{other}."
 
 
-def classes_of(found: DiagnosisResult) -> list[tuple[str, LookAlikes]]:
-    """Causes with the class of look-alikes of each that has one."""
-    each = ((one.effect, class_of(one.effect, [other.effect for other in one.look_alikes])) for one in found.causes)
-    return [(name, own) for name, own in each if own is not None]
-
-
 def told_apart_words(found: DiagnosisResult) -> str:
     """What distinguishes each cause from its look-alikes, in the catalogue and beyond it."""
-    return " ".join(f"{name}: {own.broken_by}." for name, own in classes_of(found))
+    return " ".join(f"{name}: {own.broken_by}." for name, own in found.judgement.classes.items())
 
 
 def not_needed_words(found: DiagnosisResult) -> str:

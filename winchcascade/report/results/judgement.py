@@ -7,19 +7,16 @@ from typing import Any
 import msgspec
 
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.entries import class_of
 from winchcascade.report.content import Note
 
 
 def judgement_record(judgement: Judgement) -> dict[str, Any]:
     """Verdict, causes, candidates, and the class of look-alikes of each of these that has one."""
-    listed = (*judgement.causes, *judgement.candidates)
-    classes = {name: class_of(name, judgement.look_alikes.get(name, ())) for name in listed}
     return {
         "verdict": judgement.verdict,
         "causes": list(judgement.causes),
         "candidates": list(judgement.candidates),
-        "classes": {name: msgspec.structs.asdict(own) for name, own in classes.items() if own is not None},
+        "classes": {name: msgspec.structs.asdict(own) for name, own in judgement.classes.items()},
     }
 
 
