@@ -33,11 +33,16 @@ OPEN = ("peer/o_gear_load", "peer/o_dead_diode", "peer/o_torque_drift")
 """Campaigns whose cause is not."""
 
 LOOK_ALIKES = {
-    "trust/warming_in_load_order": ("heating", "ke_rolloff"),
     "trust/rope_loss": ("load_proportional_loss", "force_gain"),
     "peer/o_cable": ("copper_heating", "diode_drop"),
 }
 """A cause and what these logs cannot distinguish from it."""
+
+TOLD_APART = {
+    "trust/warming_in_load_order": ("heating", "ke_rolloff"),
+    "trust/rolloff_shuffled": ("ke_rolloff", "heating"),
+}
+"""A cause and what would look like it but for the exact course of both over the runs."""
 
 
 @cache
@@ -79,3 +84,12 @@ def test_a_look_alike_is_declared_and_nothing_is_certain_beside_it(name: str) ->
     cause = next(c for c in record["causes"] if c["effect"] == effect)
     assert other in {one["effect"] for one in cause["look_alikes"]}
     assert effect not in certain(record)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TOLD_APART)
+def test_what_the_logs_distinguish_is_no_look_alike(name: str) -> None:
+    effect, other = TOLD_APART[name]
+    (cause,) = diagnosed(name)["causes"]
+    assert cause["effect"] == effect
+    assert other not in {one["effect"] for one in cause["look_alikes"]}
