@@ -13,7 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as commands set it: the ma
 os.environ.pop("COLUMNS", None)  # set in the workers: commands would lay out for a terminal of that width
 
 settings.register_profile("fast", deadline=None, derandomize=True, max_examples=50)  # a busy machine is no fault
-settings.register_profile("thorough", settings.get_profile("fast"), max_examples=500)  # of make test-all
+settings.register_profile("thorough", settings.get_profile("fast"), max_examples=200)  # of make test-all
 settings.load_profile("fast")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background: tests of interrupts would wait forever

@@ -208,16 +208,14 @@ def predicting_best(found: Found, held_out: HeldOut) -> Found:
     fewer = [found.fit(tuple(n for n in best.names if n != name)) for name in best.names]
     tried = {fit.names: fit for fit in (best, *fewer, *found.singles()) if found.allowed(fit.names)}
     closures = {names: held_out.of(found, fit) for names, fit in tried.items()}
-    names = max(closures, key=lambda names: closures[names].share)
-    better = closes_more(held_out.data, closures[names], closures[best.names], held_out.seed)
-    if not better:
-        if not cancelling(data, moved_by(data, found.problem.suspects, best)):
-            return found
-        del closures[best.names]
-        names = max(closures, key=lambda names: closures[names].share)
-        if closures[names].share < held_out.of(found, best).share - DISPENSABLE:
-            return found
-    worth, least = weighing(found).worth, weighing(found).worth(tried[names])
+    own, worth = closures.pop(best.names), weighing(found).worth
+    chosen = [names for names, closure in closures.items() if closes_more(data, closure, own, held_out.seed)]
+    if not chosen and cancelling(data, moved_by(data, found.problem.suspects, best)):
+        chosen = [names for names, closure in closures.items() if closure.share >= own.share - DISPENSABLE]
+    if not chosen:
+        return found
+    names = max(chosen, key=lambda names: worth(tried[names]))
+    least = worth(tried[names])
     larger = {other for other, fit in found.fits.items() if len(other) > len(names) and worth(fit) > least}
     smaller = msgspec.structs.replace(found, rejected=found.rejected | larger)
     smaller.about(tried[names])

@@ -443,10 +443,12 @@ class Found(msgspec.Struct, frozen=True):
         return self.expansion.evidence.problem
 
     def fit(self, names: Names, start: Mapping[str, Signal] | None = None) -> Fit:
-        """The fit of a set, begun from the best one where the search made none, or one that is worse than foreseen there."""
+        """The fit of a set, begun from the best one where the search made none, or one that is worse than foreseen there; from
+        fields of some suspects where these are named.
+        """
         ordered = tuple(sorted(names))
         known, way = self.fits.get(ordered), (self.best.names, ordered)
-        if known is None or (way not in self.tried and self._foresees_more(known)):
+        if known is None or (way not in self.tried and (start or self._foresees_more(known))):
             self.tried.add(way)
             columns = None if start else self.expansion.columns[:, self.expansion.index(ordered)]
             begin = start_of(self.best) | dict(start or {})
