@@ -114,7 +114,7 @@ def data_differences(stored: Any, present: Any, accuracy: float, place: str = ""
             else:
                 yield from data_differences(stored[key], present[key], accuracy, where)
     elif isinstance(stored, list) and isinstance(present, list) and len(stored) == len(present):
-        digest = bool(stored) and NUMBERS in str(stored[0])
+        digest = bool(stored) and isinstance(stored[0], str) and NUMBERS in stored[0]
         for k, (one, other) in enumerate(zip(stored, present, strict=True)):
             # A sum about zero is as certain as its terms are.
             if not (digest and k == 1 and stored[0] == present[0] and abs(one - other) <= accuracy * stored[2]):
