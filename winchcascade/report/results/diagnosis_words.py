@@ -345,7 +345,8 @@ def experiment_words(found: DiagnosisResult) -> str:
     run = profile_words(plan) if plan.load is None else f"{load_words(plan.load, 'ohm')}, {profile_words(plan)}"
     if plan.repeats:
         run = f"after all other runs the load of {plan.repeats} again, {run}"
-    alike = [(cause.effect, one.effect) for cause in found.causes for one in cause.look_alikes]
+    listed = (*found.causes, *found.candidates)
+    alike = [(cause.effect, one.effect) for cause in listed for one in cause.look_alikes]
     if other in [name for _, name in alike]:
         if plan.expected_z < FAR_ENOUGH:
             return f"No run distinguishes {one} from {other} by more than {apart} ({run}): measure one of the two directly."
