@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import compress
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -301,9 +300,8 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
     Unexplained: less than half is closed. Partly explained in between. What may imitate something else is a candidate.
     """
     data, suspects, found, closure = result.data, result.suspects, result.found, result.closure
-    residual = alarms_of(data, suspects, found.best)
     signs = [
-        *residual,
+        *alarms_of(data, suspects, found.best),
         *drifts(result.fitted),
         *improbable(result.causes),
         *result.cancelling,
@@ -354,9 +352,9 @@ def parted(
     undone = {
         name for one in signs if one.kind == "cancelling" and isinstance(one.about, Spot) for name in one.about.effects
     }
-    steady = [little and one.effect not in undone and not (one.stability and one.stability.trends) for one in listed]
-    return tuple(compress(listed, steady)), tuple(
-        one for one, is_cause in zip(listed, steady, strict=True) if not is_cause
+    steady = {one.effect for one in listed if little and not (one.stability and one.stability.trends)} - undone
+    return tuple(one for one in listed if one.effect in steady), tuple(
+        one for one in listed if one.effect not in steady
     )
 
 

@@ -185,7 +185,7 @@ def first_points(found: DiagnosisResult) -> list[Note | None]:
         *(Note(text, "Finding", "warn") for text in words.finding_words(found)),
         *(Note(text, "Trend", "warn") for text in words.trend_sentences(found)),
         Note(words.certainty_words(found), "Certainty"),
-        Note(words.told_apart_words(found), "Told apart by", brief=False),
+        Note(words.distinguished_words(found), "Distinguished by", brief=False),
         data_note(origins_of(found)),
     ]
 

@@ -230,7 +230,7 @@ def certainty_words(found: DiagnosisResult) -> str:
     return f"Probability that no effect of the catalogue acts: {likely}{other}."
 
 
-def told_apart_words(found: DiagnosisResult) -> str:
+def distinguished_words(found: DiagnosisResult) -> str:
     """What distinguishes each cause from its look-alikes, in the catalogue and beyond it."""
     return " ".join(f"{name}: {own.broken_by}." for name, own in found.judgement.classes.items())
 
