@@ -193,18 +193,6 @@ class Fitted:
                 found[log_of(effect)] = effect.apply(found[log_of(effect)])
         return found
 
-    def model_after(self, nu: Signal, effects: Sequence[ActiveEffect], heat: float) -> Model:
-        """The model of a run that is made after all others.
-
-        Parameters
-        ----------
-        heat : mean square of its DC current over the mean of the campaign [1]
-        """
-        model, place = self.model(nu, effects), RunPlace(self.order.with_run(heat), len(self.logs))
-        for effect in (*self.stated_by_run, *effects):
-            model = effect.in_run(place).apply(model) if effect.effect.over_runs is not None else model
-        return model
-
     def skew(self, nu: Signal) -> Signal:
         """Delay of the reading of each channel, (5,) [s]."""
         late = np.zeros(len(CHANNELS))
