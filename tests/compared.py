@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.core.campaign_file import Origin
-from winchcascade.diagnosis.model_comparison import SimulatedLog, simulated_log
+from winchcascade.diagnosis.explain.model_comparison import SimulatedLog, simulated_log
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.nuisances import quantity_of, with_quantity
+from winchcascade.diagnosis.fit.nuisances import quantity_of, with_quantity
 from winchcascade.reduction.phases import detect, find_plateau, smoothed_velocity
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import Model

@@ -14,10 +14,10 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.core.scales import MotionScale, Scales, motion_of_runs, scales_of
-from winchcascade.diagnosis.block_means import Blocks, blocks_of
-from winchcascade.diagnosis.entries import bound_to
-from winchcascade.diagnosis.predict import Course
-from winchcascade.diagnosis.suspects import Suspects
+from winchcascade.diagnosis.fit.block_means import Blocks, blocks_of
+from winchcascade.diagnosis.fit.entries import bound_to
+from winchcascade.diagnosis.fit.predict import Course
+from winchcascade.diagnosis.fit.suspects import Suspects
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.kernel import COLUMNS, LineMotion

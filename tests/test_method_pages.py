@@ -20,7 +20,9 @@ from winchcascade.core.rig_file import PARTS, ModelAccuracy, PhaseRule, Threshol
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import FindingKind
 from winchcascade.core.toml_file import struct_fields
-from winchcascade.diagnosis import closure, nuisances, verdict_limits
+from winchcascade.diagnosis import verdict_limits
+from winchcascade.diagnosis.fit import nuisances
+from winchcascade.diagnosis.judge import closure
 from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors
 from winchcascade.reduction import efficiency_between_runs as between_runs
 from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap

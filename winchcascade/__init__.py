@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from winchcascade.core.errors import LogError, OptionError, RigError, WinchcascadeError
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Finding, Run
-    from winchcascade.diagnosis.calibrate import Calibration, calibrate
+    from winchcascade.diagnosis.handover.calibrate import Calibration, calibrate
     from winchcascade.ingest.read import read_run
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.campaign_record import CampaignReduction
@@ -72,7 +72,7 @@ __all__ = [
 
 HOMES |= {
     "Bin": "reduction.bins",
-    "Calibration": "diagnosis.calibrate",
+    "Calibration": "diagnosis.handover.calibrate",
     "CampaignReduction": "reduction.campaign_record",
     "Comparison": "comparison.comparison_result",
     "CycleResult": "reduction.reduction_result",
@@ -91,7 +91,7 @@ HOMES |= {
     "WinchcascadeError": "core.errors",
     "audit": "tables.audit",
     "baseline": "rig.baseline",
-    "calibrate": "diagnosis.calibrate",
+    "calibrate": "diagnosis.handover.calibrate",
     "compare": "batch.compare_results",
     "frame": "report.views",
     "load_rig": "rig.baseline",

@@ -21,7 +21,7 @@ from winchcascade.core.run import Run
 from winchcascade.design.design import METRIC, Design, Limits, design, mixed
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.posterior import NEAR, RigPosterior
+from winchcascade.diagnosis.handover.posterior import NEAR, RigPosterior
 from winchcascade.report.results.design_report import design_record, schedule_csv
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.posterior import Tested
+    from winchcascade.diagnosis.handover.posterior import Tested
     from winchcascade.rig.parts import Model
 
 BOTH = Judgement("explained", causes=("copper_heating", "line_drag"))

@@ -21,9 +21,9 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.design.run_plan import Basis, RunPlan, after, before, determine, separate
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.diagnosis_result import Alternative
-from winchcascade.diagnosis.misfit import RigProblem
-from winchcascade.diagnosis.nuisances import with_quantity
-from winchcascade.diagnosis.planning import listed, options_after, plan_run, planned, prospect_of, usual
+from winchcascade.diagnosis.explain.planning import listed, options_after, plan_run, planned, prospect_of, usual
+from winchcascade.diagnosis.fit.nuisances import with_quantity
+from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.report.results.plan_report import plan_record
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.fit.misfit import Fitted
 
 PAIR = ("copper_heating", "ke_rolloff")
 PLAN = ("plan", "hsu2026", "--loads", "9,27", "--speeds", "0.3,0.6")

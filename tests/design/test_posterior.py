@@ -14,7 +14,7 @@ from diagnosed import PLANTED, made_logs
 
 from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.diagnose import diagnose
-from winchcascade.diagnosis.posterior import posterior_from, posterior_record
+from winchcascade.diagnosis.handover.posterior import posterior_from, posterior_record
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Mask, Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.posterior import RigPosterior, Tested
+    from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
 
 SHARE = 1e-8
 """Variance along directions that count as known, as a share of that of each number. [1]"""

@@ -13,9 +13,9 @@ from winchcascade.core.integrate import white_noise
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.diagnosis.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES, Blocks, changing
-from winchcascade.diagnosis.block_noise import MAX_NOISE, NOISELESS, noise_of, with_extra, with_ramps, without_slack
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES, Blocks, changing
+from winchcascade.diagnosis.fit.block_noise import MAX_NOISE, NOISELESS, noise_of, with_extra, with_ramps, without_slack
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.baseline import baseline

@@ -17,9 +17,9 @@ from winchcascade.core.quantity import Calibrated, Quantity
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.block_means import PAYOUT
-from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number
-from winchcascade.diagnosis.nuisances import Nuisance, before_calibration, nuisances, quantity_of, with_quantity
+from winchcascade.diagnosis.fit.block_means import PAYOUT
+from winchcascade.diagnosis.fit.nuisances import Nuisance, before_calibration, nuisances, quantity_of, with_quantity
+from winchcascade.diagnosis.handover.calibrate import STRAINED, Calibration, Number
 from winchcascade.report.results.calibration import calibration_report
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import with_part
@@ -145,7 +145,7 @@ def test_a_number_that_the_log_does_not_determine_is_marked_and_one_held_togethe
 
 
 def test_a_fit_that_did_not_come_to_rest_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("winchcascade.diagnosis.calibrate.ROUNDS", 1)
+    monkeypatch.setattr("winchcascade.diagnosis.handover.calibrate.ROUNDS", 1)
     found = calibrate(made_log(baseline(shifted(RIG, {("drivetrain", "b_rotor"): 2e-4}))), RIG)
     assert not found.settled
     assert [tile.name for tile in calibration_report(found).tiles] == ["k_e"]

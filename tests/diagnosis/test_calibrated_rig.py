@@ -10,7 +10,7 @@ from test_cli import winchcascade
 
 from winchcascade import load_rig
 from winchcascade.core.rig_file import Rig
-from winchcascade.diagnosis.nuisances import calibrated_numbers
+from winchcascade.diagnosis.fit.nuisances import calibrated_numbers
 
 ESTIMATES = """based_on = "hsu2026"
 name = "estimates"

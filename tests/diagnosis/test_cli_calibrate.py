@@ -8,7 +8,7 @@ import pytest
 from test_cli import one_sentence, winchcascade
 
 from winchcascade import load_rig
-from winchcascade.diagnosis.nuisances import calibrated_numbers
+from winchcascade.diagnosis.fit.nuisances import calibrated_numbers
 
 
 @pytest.fixture

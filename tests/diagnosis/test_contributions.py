@@ -13,7 +13,9 @@ from hypothesis.extra.numpy import arrays
 from planted import LOGS, campaign, driven
 
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.contributions import (
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
+from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.diagnosis.explain.contributions import (
     EXACT,
     OF_DISCREPANCY,
     PAIRS_OF_ORDERS,
@@ -28,8 +30,6 @@ from winchcascade.diagnosis.contributions import (
     windowed,
     with_uncertain_laws,
 )
-from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.baseline import baseline

@@ -14,11 +14,11 @@ from winchcascade.batch.campaign_diagnosis import diagnose_campaign, diagnose_li
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.closure import by_cycles, left_out
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Spot
-from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.judge.closure import by_cycles, left_out
 from winchcascade.report.diagnosis_names import about_words
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.report.results.diagnosis_sentences import place_sentence

@@ -11,11 +11,11 @@ from rigs import suspects_on
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.entries import price_of, same_in_logs
-from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.rig_text import corrections
-from winchcascade.diagnosis.search import usual_gain
-from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.fit.entries import price_of, same_in_logs
+from winchcascade.diagnosis.fit.evidence import usual_gain
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.suspects import freedom, with_values
+from winchcascade.diagnosis.handover.rig_text import corrections
 from winchcascade.diagnosis.verdict_limits import RARER
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report

@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
 
-from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.diagnose import diagnose
-from winchcascade.diagnosis.figure_data import (
+from winchcascade.diagnosis.explain.figure_data import (
     LEAD,
     SPEED_BIN,
     block_table,
@@ -21,7 +20,8 @@ from winchcascade.diagnosis.figure_data import (
     means_over_speed,
     profile_of,
 )
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.block_means import PAYOUT
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 

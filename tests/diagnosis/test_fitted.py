@@ -10,9 +10,10 @@ from openlog import made_log, motion_run
 from winchcascade import simulate
 from winchcascade.core.rig_file import ModelAccuracy
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.misfit import OF_A_BLOCK, RHO, TOP, Fitted
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.block_means import PHASES
+from winchcascade.diagnosis.fit.fitted_log import OF_A_BLOCK, TOP
+from winchcascade.diagnosis.fit.misfit import RHO, Fitted
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 

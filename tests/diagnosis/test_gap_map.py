@@ -13,21 +13,19 @@ from openlog import made_log, motion_run
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.diagnosis_result import Place
-from winchcascade.diagnosis.gap_map import (
+from winchcascade.diagnosis.explain.gap_map import (
     STANDS_OUT,
-    ZERO_REACH,
     arises,
     compare,
     deviating_stage,
     locate,
     stagewise,
     weigh,
-    without_zeros,
 )
-from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.block_means import PHASES
+from winchcascade.diagnosis.fit.misfit import ZERO_REACH, Fitted
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.ingest.read import read_run
 from winchcascade.report.results.diagnosis_sentences import arises_sentence
 from winchcascade.rig.baseline import baseline
@@ -66,7 +64,7 @@ def mapped(data: Fitted) -> tuple[Place, ...]:
 
 
 def left(data: Fitted) -> np.ndarray:
-    return without_zeros(data, data.measured - data.predict(np.zeros(len(data.nuisances)), []))
+    return data.without_zeros(data.measured - data.predict(np.zeros(len(data.nuisances)), []))
 
 
 # ------------------------------------------------------------------------------------------------------- the yardsticks

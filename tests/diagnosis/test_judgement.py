@@ -5,7 +5,7 @@ import pytest
 from winchcascade import OptionError
 from winchcascade.diagnosis.diagnose import parted
 from winchcascade.diagnosis.diagnosis_result import Alarm, Judgement, NamedCause, Spot, Stability, Trend, Verdict
-from winchcascade.diagnosis.entries import class_of, effect_name, same_in_logs
+from winchcascade.diagnosis.fit.entries import class_of, effect_name, same_in_logs
 from winchcascade.diagnosis.verdict_limits import MARGIN, MOSTLY, OPEN, ROUGH
 from winchcascade.rig.effects.catalogue import CLASSES, EFFECTS
 

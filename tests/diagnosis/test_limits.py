@@ -6,10 +6,11 @@ from openlog import motion_run
 
 from winchcascade import simulate
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.causes import parameters_of, posterior_of
 from winchcascade.diagnosis.diagnosis_result import Reported
-from winchcascade.diagnosis.misfit import Fitted, RigProblem
-from winchcascade.diagnosis.search import search
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.rig_problem import RigProblem
+from winchcascade.diagnosis.fit.search import search
+from winchcascade.diagnosis.judge.causes import parameters_of, posterior_of
 from winchcascade.report.diagnosis_names import range_words
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect

@@ -11,7 +11,7 @@ from rigs import scale_of
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CLOCK, Signal
-from winchcascade.diagnosis.model_comparison import (
+from winchcascade.diagnosis.explain.model_comparison import (
     BINS,
     CURVES,
     HAUL_IN,

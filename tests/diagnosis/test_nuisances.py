@@ -10,7 +10,14 @@ from rigs import scales_on
 
 from winchcascade.core.rig_file import Sensor
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.nuisances import OF_THE_BRIDGE, OF_THE_MODEL, SKEW, nuisances, sensor_errors, with_quantity
+from winchcascade.diagnosis.fit.nuisances import (
+    OF_THE_BRIDGE,
+    OF_THE_MODEL,
+    SKEW,
+    nuisances,
+    sensor_errors,
+    with_quantity,
+)
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import number_of
 

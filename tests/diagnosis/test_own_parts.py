@@ -14,8 +14,8 @@ from rigs import suspects_on
 
 from winchcascade.core.errors import RigError
 from winchcascade.core.rig_toml import parse_rig
-from winchcascade.diagnosis.calibrate import calibrate
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
+from winchcascade.diagnosis.handover.calibrate import calibrate
 from winchcascade.rig.baseline import load_rig, stated_effects
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import write_simulated

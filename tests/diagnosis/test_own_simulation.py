@@ -15,7 +15,7 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.own_simulation import SAME, beside_own_simulation, on_the_logs, onto_log
 from winchcascade.ingest.read import read_run
 from winchcascade.report.content import Table

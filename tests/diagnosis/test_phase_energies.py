@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from diagnosed import LOGS, PLANTED, diagnosed
 
-from winchcascade.diagnosis.adequacy import STAGES_OF, largest_of, left_over, unbalanced
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, Spot, StageEnergy
+from winchcascade.diagnosis.judge.adequacy import STAGES_OF, largest_of, left_over, unbalanced
 from winchcascade.diagnosis.verdict_limits import FALSE_ALARM
 
 CALIBRATED = 1.3

@@ -8,9 +8,9 @@ from openlog import motion_run
 
 from winchcascade import simulate
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.contributions import without
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.diagnosis.explain.contributions import without
 from winchcascade.report.results.diagnosis_parts import minor_table
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline

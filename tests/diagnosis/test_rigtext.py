@@ -13,9 +13,9 @@ from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import Calibrated, Quantity
 from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
 from winchcascade.core.rig_toml import built_in, built_in_text, parse_rig
-from winchcascade.diagnosis.calibrate import Calibration
-from winchcascade.diagnosis.nuisances import before_calibration, calibrated_numbers, quantity_of, with_quantity
-from winchcascade.diagnosis.rig_text import CORRECTED, MARK, calibrated_text, corrected_text
+from winchcascade.diagnosis.fit.nuisances import before_calibration, calibrated_numbers, quantity_of, with_quantity
+from winchcascade.diagnosis.handover.calibrate import Calibration
+from winchcascade.diagnosis.handover.rig_text import CORRECTED, MARK, calibrated_text, corrected_text
 
 PLACES = {("generator", "k_e"), ("restoring", "mu_screw"), ("drivetrain", "b_rotor")}
 HSU = built_in_text("hsu2026")

@@ -14,24 +14,18 @@ from scipy.sparse import csr_array
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.adequacy import improbable
-from winchcascade.diagnosis.causes import Posterior, parameters_of, posterior_of
-from winchcascade.diagnosis.closure import HeldOut, close, judging
 from winchcascade.diagnosis.diagnose import diagnose, judged, predicting_best
-from winchcascade.diagnosis.marginal import WILD, Columns, Marginal, Together
-from winchcascade.diagnosis.misfit import Fitted, RigProblem
-from winchcascade.diagnosis.search import (
-    Evidence,
-    Found,
-    fit_set,
-    gone_on,
-    log_mass,
-    marginal_about,
-    minimum_within,
-    search,
-    square_beyond,
-)
-from winchcascade.diagnosis.suspects import Suspects, freedom
+from winchcascade.diagnosis.fit.covariance import square_beyond
+from winchcascade.diagnosis.fit.evidence import Evidence, log_mass, minimum_within
+from winchcascade.diagnosis.fit.fit_set import fit_set
+from winchcascade.diagnosis.fit.marginal import WILD, Columns, Marginal, Together
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.rig_problem import RigProblem
+from winchcascade.diagnosis.fit.search import Found, gone_on, marginal_about, search
+from winchcascade.diagnosis.fit.suspects import Suspects, freedom
+from winchcascade.diagnosis.judge.adequacy import improbable
+from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of
+from winchcascade.diagnosis.judge.closure import HeldOut, close, judging
 from winchcascade.report.diagnosis_names import UNDETERMINED, number_words
 from winchcascade.report.results.diagnosis_record import plain
 from winchcascade.rig.effects.catalogue import EFFECTS

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from winchcascade import RigError, baseline, load_rig, read_run, simulate
 from winchcascade.core.rig_file import EffectNumber, StatedEffect
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.rig_text import corrected_text
+from winchcascade.diagnosis.handover.rig_text import corrected_text
 
 LOG = Path(__file__).parents[2] / "fixtures" / "campaign" / "r18ohm.csv"
 GAIN, SCALE, TORQUE = 0.05, 0.02, 4

@@ -16,13 +16,13 @@ from winchcascade.core.run import Run
 from winchcascade.design.design import Design, design
 from winchcascade.design.operating import QUANTITIES
 from winchcascade.design.run_plan import before, separate
-from winchcascade.diagnosis import posterior
-from winchcascade.diagnosis.calibrate import calibrate
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.diagnosis.planning import planned
-from winchcascade.diagnosis.undetermined import undetermined
+from winchcascade.diagnosis.explain.planning import planned
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.nuisances import Nuisance
+from winchcascade.diagnosis.fit.undetermined import undetermined
+from winchcascade.diagnosis.handover import posterior
+from winchcascade.diagnosis.handover.calibrate import calibrate
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.effects.effect import Parameter

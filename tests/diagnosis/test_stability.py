@@ -10,11 +10,13 @@ import pytest
 from planted import driven, logged
 
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import Stability
-from winchcascade.diagnosis.misfit import Fitted, RigProblem
-from winchcascade.diagnosis.search import Found, fit_set, marginal_about, search
-from winchcascade.diagnosis.stability import stabilities, strengths, trends_of
+from winchcascade.diagnosis.fit.fit_set import fit_set
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.rig_problem import RigProblem
+from winchcascade.diagnosis.fit.search import Found, marginal_about, search
+from winchcascade.diagnosis.judge.causes import COVERED
+from winchcascade.diagnosis.judge.stability import stabilities, strengths, trends_of
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.simulate import simulate

@@ -10,8 +10,8 @@ from diagnosed import LOGS, PLANTED, diagnosed, made_logs
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.causes import COVERED
-from winchcascade.diagnosis.contributions import (
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
+from winchcascade.diagnosis.explain.contributions import (
     INPUTS,
     QUANTITIES,
     covariance_without,
@@ -19,8 +19,8 @@ from winchcascade.diagnosis.contributions import (
     quantities_of,
     windowed,
 )
-from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.validation import Compared
+from winchcascade.diagnosis.explain.validation import Compared
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline, load_rig

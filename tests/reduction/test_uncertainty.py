@@ -21,7 +21,7 @@ from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig, Sensor, WindowRule
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.nuisances import sensor_errors
+from winchcascade.diagnosis.fit.nuisances import sensor_errors
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS, Metrics
 from winchcascade.reduction.reduce import reduce

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from diagnosed import diagnosed
 
-from winchcascade.diagnosis.block_means import PAYOUT
 from winchcascade.diagnosis.diagnosis_result import RunValue, Stability
-from winchcascade.diagnosis.figure_data import block_table, largest_gap, worst_costs
-from winchcascade.diagnosis.gap_map import STANDS_OUT
-from winchcascade.diagnosis.model_comparison import COMPARED
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.explain.figure_data import block_table, largest_gap, worst_costs
+from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
+from winchcascade.diagnosis.explain.model_comparison import COMPARED
+from winchcascade.diagnosis.fit.block_means import PAYOUT
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.report.diagnosis_names import signed
 from winchcascade.report.figures.cause_figures import (
     profile_figure,

@@ -9,7 +9,7 @@ from diagnosed import diagnosed
 from winchcascade.core.campaign_file import Origin
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, Reported
-from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
+from winchcascade.diagnosis.fit.nuisances import ABSENT, Nuisance
 from winchcascade.report.diagnosis_names import LAWS, display_of, nuisance_words, number_words, word_of
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.report.results.diagnosis_words import (

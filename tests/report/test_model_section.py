@@ -17,7 +17,7 @@ from undrawn import undrawn
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
-from winchcascade.diagnosis.model_comparison import Account, modelled
+from winchcascade.diagnosis.explain.model_comparison import Account, modelled
 from winchcascade.report.content import Picture, Section, Table
 from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import house_style

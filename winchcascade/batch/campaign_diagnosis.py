@@ -17,10 +17,10 @@ from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import first_named
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
+from winchcascade.diagnosis.handover.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.diagnosis.line.line_data import POWER, Lines
 from winchcascade.diagnosis.line.line_diagnose import LineClosure, LineDiagnosis, diagnose_line
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
-from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.results.diagnosis_record import as_json
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 
 HEADER = "Time (s),Cycle,Predicted mechanical power (W)"

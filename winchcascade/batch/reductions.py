@@ -67,7 +67,7 @@ def _reports(
     reduction: Reduction, found: Uncertainty, endings: Sequence[str], command: str
 ) -> tuple[dict[str, bytes], object]:
     """Reports of a log, and the account of its model, which the report of the campaign draws."""
-    from winchcascade.diagnosis.model_comparison import modelled
+    from winchcascade.diagnosis.explain.model_comparison import modelled
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
     from winchcascade.report.results.campaign_index import links_to

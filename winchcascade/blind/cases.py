@@ -275,8 +275,8 @@ def campaign_toml(
 def _rig_file(case: Case, folder: Path) -> str | None:
     """The rig file of a campaign whose logs are written, None for the built-in one."""
     if case.calibrated:
-        from winchcascade.diagnosis.calibrate import calibrate
-        from winchcascade.diagnosis.rig_text import calibrated_text
+        from winchcascade.diagnosis.handover.calibrate import calibrate
+        from winchcascade.diagnosis.handover.rig_text import calibrated_text
         from winchcascade.ingest.read import read_run
         from winchcascade.rig.baseline import load_rig
 

@@ -53,7 +53,7 @@ def diagnose_command(
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
-    from winchcascade.diagnosis.model_export import check_export
+    from winchcascade.diagnosis.handover.model_export import check_export
     from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.screen import status_line
     from winchcascade.rig.effects.catalogue import suspected
@@ -114,7 +114,7 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
 def _write_files(found: ModelDiagnosis | LineDiagnosis, outputs: Outputs) -> dict[str, str]:
     """Write predictions, corrected rig and exported model as far as they are wanted; what there is none of, with the reason."""
     from winchcascade.batch.campaign_diagnosis import write_corrected_rig, write_predictions
-    from winchcascade.diagnosis.model_export import write_export
+    from winchcascade.diagnosis.handover.model_export import write_export
 
     predictions, write, export = outputs["predictions"], outputs["write"], outputs["export"]
     lacking = {}

@@ -129,8 +129,8 @@ def calibrate_command(
 ) -> None:
     """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
     one_thread_each()
-    from winchcascade.diagnosis.calibrate import calibrate
-    from winchcascade.diagnosis.rig_text import calibrated_text
+    from winchcascade.diagnosis.handover.calibrate import calibrate
+    from winchcascade.diagnosis.handover.rig_text import calibrated_text
     from winchcascade.ingest.read import read_by
     from winchcascade.report.results.calibration import calibration_record, calibration_report, drawn_calibration
 

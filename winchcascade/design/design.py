@@ -12,8 +12,8 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, Motion, Path, path_of, planned_cycle, points, require_positive
-from winchcascade.diagnosis.causes import COVERED
-from winchcascade.diagnosis.posterior import RigPosterior, Tested
+from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.physics import RPM
 

@@ -15,7 +15,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, QUANTITIES, path_of, planned_cycle, points, require_positive
-from winchcascade.diagnosis.planning import (
+from winchcascade.diagnosis.explain.planning import (
     CLEAR,
     RAMP,
     SEED,
@@ -31,8 +31,8 @@ from winchcascade.diagnosis.planning import (
     options_after,
     prospect_of,
 )
-from winchcascade.diagnosis.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
-from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.fit.suspects import freedom, with_values
+from winchcascade.diagnosis.handover.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.steps import RESOLVED, rate_of_the_rotor
@@ -40,8 +40,8 @@ from winchcascade.rig.steps import RESOLVED, rate_of_the_rotor
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.planning import Place
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.explain.planning import Place
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 MOST = 12
 """Runs of a plan that is not limited."""

@@ -10,21 +10,6 @@ import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import linear_algebra_on_one_thread
-from winchcascade.diagnosis.adequacy import cancelling, drifts, improbable, left_over, moved_by, unbalanced
-from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.causes import causes_of, look_alikes_of, parameters_of, posterior_of, probabilities
-from winchcascade.diagnosis.closure import (
-    HeldOut,
-    ModelClosure,
-    alarms_of,
-    by_cycles,
-    close,
-    closes_more,
-    judging,
-    made_worse,
-    share_closed,
-)
-from winchcascade.diagnosis.contributions import by_cost, contributions_of, efficiency_changes, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
     Contribution,
@@ -42,18 +27,40 @@ from winchcascade.diagnosis.diagnosis_result import (
     StageEnergy,
     Verdict,
 )
-from winchcascade.diagnosis.entries import bound_to
-from winchcascade.diagnosis.gap_map import arises, compare, deviating_stage, locate, stagewise, without_zeros
-from winchcascade.diagnosis.misfit import Fitted, RigProblem
-from winchcascade.diagnosis.nuisances import before_calibration
-from winchcascade.diagnosis.phase_energies import energies_of
-from winchcascade.diagnosis.planning import plan_run
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import Found, gone_on, search, weighing
-from winchcascade.diagnosis.stability import stabilities, with_stability
-from winchcascade.diagnosis.thresholds import Threshold, not_visible, thresholds
-from winchcascade.diagnosis.undetermined import Direction, alike, undetermined
-from winchcascade.diagnosis.validation import Validated, validation_of
+from winchcascade.diagnosis.explain.contributions import (
+    by_cost,
+    contributions_of,
+    efficiency_changes,
+    reordered,
+    without,
+)
+from winchcascade.diagnosis.explain.gap_map import arises, compare, deviating_stage, locate, stagewise
+from winchcascade.diagnosis.explain.planning import plan_run
+from winchcascade.diagnosis.explain.thresholds import Threshold, not_visible, thresholds
+from winchcascade.diagnosis.explain.validation import Validated, validation_of
+from winchcascade.diagnosis.fit.block_means import PHASES
+from winchcascade.diagnosis.fit.entries import bound_to
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.nuisances import before_calibration
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.rig_problem import RigProblem
+from winchcascade.diagnosis.fit.search import Found, gone_on, search, weighing
+from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
+from winchcascade.diagnosis.judge.adequacy import cancelling, drifts, improbable, left_over, moved_by, unbalanced
+from winchcascade.diagnosis.judge.causes import causes_of, look_alikes_of, parameters_of, posterior_of, probabilities
+from winchcascade.diagnosis.judge.closure import (
+    HeldOut,
+    ModelClosure,
+    alarms_of,
+    by_cycles,
+    close,
+    closes_more,
+    judging,
+    made_worse,
+    share_closed,
+)
+from winchcascade.diagnosis.judge.phase_energies import energies_of
+from winchcascade.diagnosis.judge.stability import stabilities, with_stability
 from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, HINTS, MARGIN, MOSTLY, OPEN
 from winchcascade.rig.simulate import read_by
 
@@ -62,7 +69,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
 
@@ -328,7 +335,7 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         causes=causes,
         candidates=candidates,
         contributions=without(result.contributions, gone | minor, among="residual" if gone else "tolerances"),
-        where=locate(data, without_zeros(data, data.measured - result.predicted), result.places, stage, own),
+        where=locate(data, data.without_zeros(data.measured - result.predicted), result.places, stage, own),
         remainder=Remainder(
             share=1.0 if closure is None else max(1.0 - share, 0.0),
             alarms=tuple(signs),

@@ -13,7 +13,7 @@ import msgspec
 from winchcascade.core.campaign_file import check_held_out
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.viewed import Viewed
-from winchcascade.diagnosis.entries import class_of
+from winchcascade.diagnosis.fit.entries import class_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
-    from winchcascade.diagnosis.nuisances import Nuisance
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.nuisances import Nuisance
+    from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.rig.effects.effect import LookAlikes
 
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]

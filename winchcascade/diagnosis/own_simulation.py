@@ -18,16 +18,18 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import UNITS, unit_names
 from winchcascade.core.scales import motion_of_runs
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.diagnosis.adequacy import moved_by
-from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of
-from winchcascade.diagnosis.causes import parameters_of, posterior_of
-from winchcascade.diagnosis.closure import alarms_of, closure_between
-from winchcascade.diagnosis.contributions import from_own_simulation, without
 from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Place, Spot
-from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
-from winchcascade.diagnosis.misfit import Fitted, RigProblem, means_over
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import Found, search
+from winchcascade.diagnosis.explain.contributions import from_own_simulation, without
+from winchcascade.diagnosis.explain.gap_map import STAGE_OF, compare, locate
+from winchcascade.diagnosis.fit.block_means import PHASES, Blocks, blocks_of
+from winchcascade.diagnosis.fit.fitted_log import means_over
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.rig_problem import RigProblem
+from winchcascade.diagnosis.fit.search import Found, search
+from winchcascade.diagnosis.judge.adequacy import moved_by
+from winchcascade.diagnosis.judge.causes import parameters_of, posterior_of
+from winchcascade.diagnosis.judge.closure import alarms_of, closure_between
 from winchcascade.diagnosis.verdict_limits import MIN_EXCESS
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.line_velocity import SMOOTHING
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 SAME = 0.01
 """Maximum rms difference of the velocities of log and simulation, as a share of the rms velocity. [1]"""
@@ -203,7 +205,7 @@ def beside_own_simulation(
     )
     nothing = np.zeros(len(data.nuisances))
     places = compare(data, given, data.tolerances(nothing, [], result.predicted))
-    where, closure, gap = result.where, result.closure, without_zeros(data, data.measured - given)
+    where, closure, gap = result.where, result.closure, data.without_zeros(data.measured - given)
     own = fit_simulation(simulations, result, on_progress)
     result = msgspec.structs.replace(
         result,

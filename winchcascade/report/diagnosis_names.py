@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from winchcascade.core.campaign_file import Origin, joint_origin
-from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
@@ -17,10 +16,11 @@ from winchcascade.diagnosis.diagnosis_result import (
     Reported,
     Spot,
 )
-from winchcascade.diagnosis.entries import effect_name
+from winchcascade.diagnosis.fit.entries import effect_name
+from winchcascade.diagnosis.fit.nuisances import Nuisance
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.content import number_text, places
 from winchcascade.report.glossary import CHANNELS, PHASES
 from winchcascade.report.wording import load_words
@@ -154,7 +154,7 @@ LAWS = {
 def nuisance_words(n: Nuisance, files: Sequence[str]) -> str:
     """Name of a nuisance in words, with the file of its log in place of the number.
 
-    >>> from winchcascade.diagnosis.nuisances import Nuisance
+    >>> from winchcascade.diagnosis.fit.nuisances import Nuisance
     >>> nuisance_words(Nuisance("idc", "SI", kind="zero", sd=0.1, log=1), ["a.csv", "b.csv"])
     'zero of Idc in b.csv'
     """

@@ -148,7 +148,7 @@ def _(result: DiagnosisResult) -> Plots:
 
 def _waterfalls(found: DiagnosisResult) -> Plot:
     """What each cause costs, by load, on one Axes of the largest difference alone."""
-    from winchcascade.diagnosis.figure_data import load_costs, worst_costs
+    from winchcascade.diagnosis.explain.figure_data import load_costs, worst_costs
     from winchcascade.report.diagnosis_names import word_of
     from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 

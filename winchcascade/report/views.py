@@ -18,8 +18,8 @@ from winchcascade.core.extras import require
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
 from winchcascade.core.viewed import LateModule, Units
-from winchcascade.diagnosis.calibrate import Calibration
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.diagnosis.handover.calibrate import Calibration
 from winchcascade.reduction.campaign_record import CampaignReduction, runs_by_load
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import uncertainty

@@ -20,7 +20,7 @@ from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
 from winchcascade.core.scales import motion_of_runs, scales_of
-from winchcascade.diagnosis.nuisances import nuisances
+from winchcascade.diagnosis.fit.nuisances import nuisances
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.reduction.reduce import first_metrics
 from winchcascade.rig.baseline import baseline

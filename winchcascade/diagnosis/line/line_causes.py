@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.block_means import BLOCK, PHASES
-from winchcascade.diagnosis.causes import COVERED, parameters_of, posterior_of, swap
 from winchcascade.diagnosis.diagnosis_result import (
     Alternative,
     Experiment,
@@ -21,15 +19,18 @@ from winchcascade.diagnosis.diagnosis_result import (
     Spot,
     Stability,
 )
+from winchcascade.diagnosis.fit.block_means import BLOCK, PHASES
+from winchcascade.diagnosis.fit.fit_set import columns_of
+from winchcascade.diagnosis.fit.search import marginal_about
+from winchcascade.diagnosis.judge.causes import COVERED, parameters_of, posterior_of, swap
+from winchcascade.diagnosis.judge.stability import trends_of
 from winchcascade.diagnosis.line.line_data import POWER, Lines, power_columns
 from winchcascade.diagnosis.line.line_fit import FOLDS, LineFit, LineNoise, LineProblem, noise_of
-from winchcascade.diagnosis.search import columns_of, marginal_about
-from winchcascade.diagnosis.stability import trends_of
 from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, OPEN
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.search import Fit
+    from winchcascade.diagnosis.fit.evidence import Fit
 
 MATERIAL = 0.01
 """Share of the power of the winch, root mean squares, that a cause must take to be named: in logs of an hour far smaller ones

@@ -18,7 +18,7 @@ from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK, Index, Mask, Run, Signal
 from winchcascade.core.scales import motion_of_runs
-from winchcascade.diagnosis.block_means import Blocks, blocks_of, in_a_row
+from winchcascade.diagnosis.fit.block_means import Blocks, blocks_of, in_a_row
 from winchcascade.rig.effects.effect import Display, Effect, Parameter
 from winchcascade.rig.physics import REST
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnosis_result import Entries
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 TAIL = 0.25
 """Beyond the plausible range of a field the probability falls by a factor e for each such share of the range. Assumed. [1]"""

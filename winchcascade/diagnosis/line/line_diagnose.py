@@ -10,8 +10,6 @@ import numpy as np
 
 from winchcascade.core.jobs import linear_algebra_on_one_thread
 from winchcascade.core.log_thresholds import with_thresholds
-from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT, PHASES, scatter_about_course
-from winchcascade.diagnosis.closure import DRAWS
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
     DiagnosisResult,
@@ -25,7 +23,9 @@ from winchcascade.diagnosis.diagnosis_result import (
     Verdict,
     Where,
 )
-from winchcascade.diagnosis.gap_map import weigh
+from winchcascade.diagnosis.explain.gap_map import weigh
+from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT, PHASES, scatter_about_course
+from winchcascade.diagnosis.judge.closure import DRAWS
 from winchcascade.diagnosis.line.line_causes import is_material, line_causes, plan
 from winchcascade.diagnosis.line.line_data import POWER, LineRows, Lines, lines_of
 from winchcascade.diagnosis.line.line_fit import LineFit, fit_of, folds_of
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 PART_OF_GAP = 0.01
 """A structure with less than this share of the squared gap has no effect on the verdict."""

@@ -15,19 +15,21 @@ import msgspec
 import numpy as np
 from scipy.sparse import csr_array
 
-from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.causes import posterior_of
+from winchcascade.diagnosis.fit.block_means import PHASES
+from winchcascade.diagnosis.fit.evidence import Fit
+from winchcascade.diagnosis.fit.fit_set import columns_of
+from winchcascade.diagnosis.fit.marginal import Columns, Together, weights
+from winchcascade.diagnosis.fit.search import Found, search
+from winchcascade.diagnosis.judge.causes import posterior_of
 from winchcascade.diagnosis.line.line_data import coefficients_of
-from winchcascade.diagnosis.marginal import Columns, Together, weights
-from winchcascade.diagnosis.search import Fit, Found, columns_of, search
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.run import Index, Signal
     from winchcascade.diagnosis.diagnosis_result import Names
+    from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.diagnosis.line.line_data import LineRows, Lines
-    from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
 TOGETHER = 2

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT
-from winchcascade.diagnosis.calibrate import FittedBlocks
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.handover.calibrate import FittedBlocks
 from winchcascade.report.figures.style import (
     COLOURS,
     LineStyle,

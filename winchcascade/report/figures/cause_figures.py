@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, DiagnosisResult, NamedCause
-from winchcascade.diagnosis.figure_data import profile_of, worst_costs
+from winchcascade.diagnosis.explain.figure_data import profile_of, worst_costs
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.content import number_text
 from winchcascade.report.diagnosis_names import baseline_words, runs_with_number, shown_as

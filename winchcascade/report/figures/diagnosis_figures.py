@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT, PHASES
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-from winchcascade.diagnosis.figure_data import SimulatedCycle, by_load, means_over_speed
-from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.explain.figure_data import SimulatedCycle, by_load, means_over_speed
+from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
+from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT, PHASES
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.line.line_data import POWER
-from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_names import NAMES, baseline_words, phase_words, signed
 from winchcascade.report.figures.histories import Curve, History, Mark, Panel, repaired_spans, thinned
 from winchcascade.report.figures.style import (

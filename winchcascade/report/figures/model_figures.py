@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from winchcascade.diagnosis.model_comparison import GROUPS, HAUL_IN, ComparedCurve, LossBudget
+from winchcascade.diagnosis.explain.model_comparison import GROUPS, HAUL_IN, ComparedCurve, LossBudget
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.style import (
     COLOURS,

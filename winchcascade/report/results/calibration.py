@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.store import fingerprint
 from winchcascade.core.version import __version__
-from winchcascade.diagnosis.calibrate import STRAINED, Calibration, Number, Strain
-from winchcascade.diagnosis.causes import COVERED
+from winchcascade.diagnosis.handover.calibrate import STRAINED, Calibration, Number, Strain
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
     Block,
     Column,

@@ -7,7 +7,7 @@ from typing import Any
 
 from winchcascade.core.version import __version__
 from winchcascade.design.design import LIMITED, Band, Design, OperatingPoint, Repair, Scheduled
-from winchcascade.diagnosis.causes import COVERED
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
     Cell,
     Column,

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, SingleEffect
-from winchcascade.diagnosis.figure_data import block_table, cost_of, largest_gap, load_costs, mean_costs
-from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.explain.contributions import EFFICIENCIES, leading_metric
+from winchcascade.diagnosis.explain.figure_data import block_table, cost_of, largest_gap, load_costs, mean_costs
+from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
+from winchcascade.diagnosis.explain.thresholds import Threshold
+from winchcascade.diagnosis.fit.nuisances import Nuisance
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report.content import (
     Cell,
     Column,

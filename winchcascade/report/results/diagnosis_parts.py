@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, ModelForm, NamedCause, Place, Reported
-from winchcascade.diagnosis.figure_data import cost_of, mean_costs
+from winchcascade.diagnosis.explain.figure_data import cost_of, mean_costs
 from winchcascade.report.content import (
     Cell,
     Column,

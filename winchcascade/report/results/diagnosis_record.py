@@ -12,11 +12,11 @@ from winchcascade.core.campaign_file import joint_origin, origin_record
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, DiagnosisResult, LargestChange, NamedCause
-from winchcascade.diagnosis.entries import effect_name
+from winchcascade.diagnosis.explain.validation import Validated
+from winchcascade.diagnosis.fit.entries import effect_name
+from winchcascade.diagnosis.fit.nuisances import calibrated_numbers
+from winchcascade.diagnosis.handover.posterior import posterior_of_rig, posterior_record, tested_by
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.nuisances import calibrated_numbers
-from winchcascade.diagnosis.posterior import posterior_of_rig, posterior_record, tested_by
-from winchcascade.diagnosis.validation import Validated
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of
 from winchcascade.report.results import diagnosis_sentences as sentences

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 from winchcascade.core.quantity import Unit, find_unit
-from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     DiagnosisResult,
@@ -17,11 +16,12 @@ from winchcascade.diagnosis.diagnosis_result import (
     Spot,
     Trend,
 )
-from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
+from winchcascade.diagnosis.explain.planning import BACK, HOLD, RAMP
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.planning import BACK, HOLD, RAMP
 from winchcascade.report.diagnosis_names import (
     NAMES,
     at_words,

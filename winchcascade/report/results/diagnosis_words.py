@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.run import Finding, Run
-from winchcascade.diagnosis.closure import by_cycles
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
@@ -16,11 +15,12 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Spot,
 )
-from winchcascade.diagnosis.entries import effect_name
-from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
+from winchcascade.diagnosis.fit.entries import effect_name
+from winchcascade.diagnosis.fit.nuisances import calibrated_numbers
+from winchcascade.diagnosis.fit.undetermined import GEAR
+from winchcascade.diagnosis.judge.closure import by_cycles
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.nuisances import calibrated_numbers
-from winchcascade.diagnosis.undetermined import GEAR
 from winchcascade.diagnosis.verdict_limits import MIN_RUNS
 from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_names import (

@@ -9,7 +9,7 @@ import msgspec
 from msgspec import UNSET
 
 from winchcascade.core.campaign_file import joint_origin
-from winchcascade.diagnosis.model_comparison import Account
+from winchcascade.diagnosis.explain.model_comparison import Account
 from winchcascade.reduction.campaign_record import (
     CampaignRecord,
     CampaignReduction,

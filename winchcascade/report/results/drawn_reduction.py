@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.diagnosis.model_comparison import Account, modelled
+from winchcascade.diagnosis.explain.model_comparison import Account, modelled
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.model_comparison import COMPARED, GROUPS, Account, ChannelDifference, LossBudget
+from winchcascade.diagnosis.explain.model_comparison import COMPARED, GROUPS, Account, ChannelDifference, LossBudget
 from winchcascade.report.content import Block, Cell, Column, Note, Section, Table, picture, section, table
 from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import cut_apart

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.posterior import Tested, tested_by
-from winchcascade.diagnosis.validation import Compared, Validated
+from winchcascade.diagnosis.explain.validation import Compared, Validated
+from winchcascade.diagnosis.handover.posterior import Tested, tested_by
 from winchcascade.report.content import (
     PAIRS,
     Cell,

@@ -10,13 +10,12 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.block_means import HAUL_IN, PAYOUT
-from winchcascade.diagnosis.causes import posterior_of
-from winchcascade.diagnosis.contributions import leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, DiagnosisResult, NamedCause
-from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.explain.contributions import leading_metric, loaded_part
+from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.judge.causes import posterior_of
 from winchcascade.rig.effects.laws import share_of_k_e
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.parts import ROLLOFF_KNOTS
@@ -57,10 +56,10 @@ def block_table(found: ModelDiagnosis) -> pd.DataFrame:
     import pandas as pd
 
     data, logged = found.data, found.data.measured
-    before = logged - without_zeros(data, logged - found.predicted)
+    before = logged - data.without_zeros(logged - found.predicted)
     after = np.full_like(logged, math.nan)
     if found.causes:
-        after = logged - without_zeros(data, logged - found.fitted_blocks)
+        after = logged - data.without_zeros(logged - found.fitted_blocks)
     if found.causes and found.closure is not None:
         after = np.where(np.isfinite(found.closure.residual[:, :1]), logged - found.closure.residual, after)
     logs = [(log.run, log.course.blocks) for log in data.logs]

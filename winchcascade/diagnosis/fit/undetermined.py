@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import median_and_error
-from winchcascade.diagnosis.nuisances import SECTIONS
+from winchcascade.diagnosis.fit.nuisances import SECTIONS
 from winchcascade.rig.parts import changed, in_rig_file, number_of
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.marginal import Together
-    from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.marginal import Together
+    from winchcascade.diagnosis.fit.misfit import Fitted
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 STEP = 1e-3
 """Relative change of a number on either side by which its derivative is taken. [1]"""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.verdict_limits import CANCELLED, CANCELLED_SHARE, FALSE_ALARM, LIKELY
 
 if TYPE_CHECKING:
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import ModelAccuracy
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Contribution, NamedCause, StageEnergy
-    from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.search import Fit
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.evidence import Fit
+    from winchcascade.diagnosis.fit.misfit import Fitted
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 
 def drifts(causes: Iterable[NamedCause]) -> list[Alarm]:

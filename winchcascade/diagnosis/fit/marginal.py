@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
 HUBER = 3.0

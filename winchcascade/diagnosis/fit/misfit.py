@@ -14,25 +14,19 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.scales import motion_of_runs, scales_of
-from winchcascade.diagnosis.block_means import (
-    HAUL_IN,
-    HOLD,
+from winchcascade.diagnosis.fit.block_means import (
     PHASES,
-    Blocks,
     blocks_of,
     in_a_row,
 )
-from winchcascade.diagnosis.block_noise import Noise, noise_of, with_extra, with_ramps, without_slack
-from winchcascade.diagnosis.entries import price_of
-from winchcascade.diagnosis.marginal import WILD, Columns, Together
-from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances
-from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, MAX_KEPT, Course
+from winchcascade.diagnosis.fit.block_noise import with_ramps
+from winchcascade.diagnosis.fit.fitted_log import log_for_fit, repeats_of, whitener_of_blocks, with_channels_of
+from winchcascade.diagnosis.fit.marginal import Columns
+from winchcascade.diagnosis.fit.nuisances import COURSES, LOAD, Nuisance, nuisances
+from winchcascade.diagnosis.fit.predict import ALL_KEPT, CHANNELS, MAX_KEPT
 from winchcascade.rig.baseline import baseline, stated_effects
-from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
 from winchcascade.rig.parts import Model, changed, possible
-from winchcascade.rig.simulate import read_by
-from winchcascade.rig.steps import COARSE, STEP, resolving
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -42,56 +36,19 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.core.scales import MotionScale, Scales
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.core.scales import Scales
     from winchcascade.rig.effects.effect import ActiveEffect
 
 
 RHO = 0.2
 """Correlation of a block's error with the one before: smoothing of the velocity, gusts, ringing."""
 
-WITHIN = 25.0
-"""Discrepancy of a block as a share of the scatter of the model within it, which is largest where the motion begins and ends,
-over that as a share of its level. [1]"""
-
-TOP = 0.9
-"""Quantile of the magnitude of a channel, over the blocks of a phase, that is its level there. [1]"""
-
-
-class Log(msgspec.Struct, frozen=True):
-    """One log of a fit.
-
-    `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one of the fit, at the stamps
-    `offset_at_stamps` (n, 5), `step` the fine one [s]. `courses` (m, 5, 3) are what a discrepancy of the model of
-    1 moves along each of `nuisances.COURSES`. SI units, columns of `predict.CHANNELS`.
-    """
-
-    run: Run
-    course: Course
-    measured: Signal
-    offset: Signal
-    offset_at_stamps: Signal
-    step: float
-    noise: Noise
-    courses: Signal
-
-    @property
-    def load(self) -> float:
-        """Load, inf for an open circuit. [ohm]"""
-        return self.course.load
-
-    def at_stamps(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
-        """What the sensors read by a model at the stamps of the log, (n, 5), SI units, columns of `predict.CHANNELS`.
-
-        Parameters
-        ----------
-        skew, zeros : (5,) delay of the reading of each channel [s], and its zero
-        """
-        return self.course.at_stamps(self.course.on_grid(model, skew=skew)) + self.offset_at_stamps + zeros
-
-
 Variant = tuple["Signal", "Sequence[ActiveEffect]"]
 """Nuisances in units of their tolerance, and the effects that act."""
+
+
+ZERO_REACH = 3.0
+"""Bound of a zero, in its standard uncertainties; more is a gap. [1]"""
 
 
 class Fitted:
@@ -124,9 +81,9 @@ class Fitted:
         self.cycles = cycles or [None] * len(runs)
         ramp, logs = self.scales.ramp, zip(runs, self.cycles, strict=True)
         blocks = [blocks_of(run, rig, ramp, span) for run, span in logs]
-        repeats = _repeats(runs, blocks, self.withheld)
+        repeats = repeats_of(runs, blocks, self.withheld)
         each = zip(runs, blocks, repeats, strict=True)
-        jobs = [partial(_log, rig, self.nominal, self.scales.motion, *one) for one in each]
+        jobs = [partial(log_for_fit, rig, self.nominal, self.scales.motion, *one) for one in each]
         self.logs = all_at_once(jobs, [run.t[-1] - run.t[0] for run in runs])
         for log in self.logs:
             log.course.max_kept = max(min(MAX_KEPT, ALL_KEPT // len(self.logs)), 2)
@@ -146,7 +103,7 @@ class Fitted:
         self.seen = np.concatenate([log.noise.seen for log in self.logs])
         self.noise = np.concatenate([log.noise.total for log in self.logs])
         self.logged_noise = np.concatenate([log.noise.logged for log in self.logs])
-        self.whitener = self._whitener_of(np.concatenate([_whitener(log.noise) for log in self.logs]))
+        self.whitener = self._whitener_of(np.concatenate([whitener_of_blocks(log.noise) for log in self.logs]))
         self.local = self.whitener @ self._local_columns()
 
     def with_ramps(self, residual: Signal) -> Fitted | None:
@@ -261,6 +218,22 @@ class Fitted:
                     here = self.seen[rows, k] & (self.blocks.phase[rows] == phase)
                     yield log, k, phase, rows.start + np.flatnonzero(here)
 
+    def without_zeros(self, residual: Signal) -> Signal:
+        """Residual blocks of every log, (M, 5), without the zeros of each log: weighted means, at most `ZERO_REACH` tolerances.
+
+        Parameters
+        ----------
+        residual : (M, 5) measured minus predicted blocks, no zero taken off
+        """
+        left = residual.copy()
+        for rows, log, u_zero in zip(self.rows, self.logs, self.zeros(np.ones(len(self.nuisances))), strict=True):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
+                prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
+                mean = np.sum(weight * residual[rows], axis=0) / (np.sum(weight, axis=0) + prior)
+            left[rows] -= np.nan_to_num(mean).clip(-ZERO_REACH * u_zero, ZERO_REACH * u_zero)
+        return left
+
     def _whitener_of(self, of_blocks: Signal) -> csr_array:
         """Matrix that turns residual blocks in a row into independent numbers of unit variance, (M * 5, M * 5).
 
@@ -341,101 +314,6 @@ LOCAL = ("zero", "discrepancy")
 """Kinds of nuisances that are not simulated; they come last."""
 
 
-class RigProblem(msgspec.Struct, frozen=True):
-    """The logs of a rig as a `Problem`: which effects explain what the model of the rig file leaves.
-
-    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all. `exclusive` are suspects that
-    change numbers which the logs know together alone.
-    """
-
-    data: Fitted
-    suspects: Suspects
-    rows: Signal | None = None
-    exclusive: tuple[Together, ...] = ()
-
-    @property
-    def groups(self) -> NDArray[np.intp]:
-        """Number of the stretch of one phase of a cycle that each residual belongs to, (M * 5,)."""
-        return np.repeat(np.cumsum(~self.data.blocks.joined) - 1, len(CHANNELS))
-
-    @property
-    def begins(self) -> dict[str, tuple[float, ...]]:
-        """Usual multiples of wrong entries, and simplifications as a whole."""
-        usual = {name: effect.fields[0].usual for name, effect in self.suspects.items()}
-        return usual | {name: (1.0,) for name in self.suspects if name in SIMPLIFICATIONS}
-
-    def price(self, name: str) -> float:
-        """Logarithm of the prior odds against a suspect [1]."""
-        return price_of(name)
-
-    @property
-    def nuisances(self) -> int:
-        """Number of the nuisances."""
-        return len(self.data.nuisances)
-
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
-        """Measured minus predicted blocks with each of several lists of effects, whitened, (M * 5, k)."""
-        data = self.data
-        z = data.whiten(data.measured[:, :, None] - data.predictions([(nu, effects) for effects in several]))
-        z = np.clip(np.nan_to_num(z, nan=WILD), -WILD, WILD)
-        return z if self.rows is None else z * self.rows[:, None]
-
-    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
-        """Whitened derivative of the prediction over the nuisances."""
-        columns = self.data.columns(nu, effects)
-        return columns if self.rows is None else columns.masked(self.rows)
-
-
-def _levels(blocks: Blocks, predicted: Signal) -> Signal:
-    """Level of each channel in each phase, (3, 5): 0 in phases that a log lacks.
-
-    In hold the generator runs down within a few blocks: the level of its voltage and current is that of the whole log.
-
-    Parameters
-    ----------
-    predicted : (m, 5) blocks of the model of the rig file; the level of the pressure is its swing over the log
-    """
-    level = np.zeros((len(PHASES), len(CHANNELS)))
-    for phase in range(len(PHASES)):
-        here = predicted[blocks.phase == phase]
-        if here.size:
-            level[phase] = np.quantile(np.abs(here), TOP, axis=0)
-    level[:, CHANNELS.index("pressure")] = np.ptp(predicted[:, CHANNELS.index("pressure")])
-    electrical = [CHANNELS.index("vdc"), CHANNELS.index("idc")]
-    if np.any(blocks.phase == HOLD):
-        level[HOLD, electrical] = np.max(level[:, electrical], axis=0)
-    return level
-
-
-VANISHING = 1e-9
-"""Share of its largest value in the log below which a signal is none in a phase: a capacitor decays to any value. [1]"""
-
-
-def _courses(course: Course, predicted: Signal, level: Signal) -> Signal:
-    """What a discrepancy of the model of 1 moves, (m, 5, 3): the plateau of each channel in the log, along `COURSES`.
-
-    The plateau is the largest level of a phase: sensors and models deviate by a share of what a run reaches, also in haul-in.
-
-    Parameters
-    ----------
-    predicted : (m, 5) blocks of the rig as given
-    level : (3, 5) as `_levels` gives it
-    """
-    blocks, plateau = course.blocks, np.max(level, axis=0)
-    speed = np.abs(blocks.mean(course.run.channels["velocity"]))
-    signals = np.column_stack([np.ones(blocks.size), speed, np.abs(predicted[:, CHANNELS.index("idc")])])
-    vanishing = np.maximum(VANISHING * np.max(signals, axis=0, initial=0.0), np.finfo(np.float64).tiny)
-    found = np.zeros((blocks.size, len(CHANNELS), len(COURSES)))
-    for phase in range(len(PHASES)):
-        here = np.flatnonzero(blocks.phase == phase)
-        if here.size:
-            shape = signals[here] / np.maximum(np.quantile(signals[here], TOP, axis=0), vanishing)
-            found[here] = plateau[:, None] * np.minimum(shape, 1.0)[:, None, :]
-    # the clutch is open while the line is hauled in: a torque of zero is no share of a plateau
-    found[blocks.phase == HAUL_IN, CHANNELS.index("torque")] = 0.0
-    return found
-
-
 def log_of(effect: ActiveEffect) -> int:
     """Number of the only log that an effect concerns, -1 for all."""
     entry = effect.effect.entry
@@ -458,88 +336,3 @@ def _order(runs: Sequence[Run]) -> RunOrder:
     """When the runs were made, the heat of their currents and their temperatures."""
     squares = tuple(float(np.mean(run.channels["idc"] ** 2)) if "idc" in run.channels else 0.0 for run in runs)
     return order_of(tuple(run.started for run in runs), squares, tuple(run.temperature for run in runs))
-
-
-def with_channels_of(model: Model, run: Run) -> Run:
-    """A log without the channels of the fit that the rig does not have, such as the pressure without gas."""
-    foreign = set(CHANNELS) - set(read_by(model))
-    kept = {name: x for name, x in run.channels.items() if name not in foreign}
-    return msgspec.structs.replace(run, channels=kept) if len(kept) < len(run.channels) else run
-
-
-USUAL = 3.0
-"""Number of payouts at a load for which the discrepancy of a single block is stated; more of them are repeats."""
-
-
-def _repeats(runs: Sequence[Run], blocks: Sequence[Blocks], withheld: Collection[int]) -> list[float]:
-    """How often each log is repeated: payouts at its load over all logs that take part, over the usual number, at least 1."""
-    payouts: dict[float | None, int] = {}
-    for k, (run, own) in enumerate(zip(runs, blocks, strict=True)):
-        if k not in withheld:
-            payouts[run.load] = payouts.get(run.load, 0) + np.unique(own.cycle[own.phase == 0]).size
-    return [max(payouts.get(run.load, 0) / USUAL, 1.0) for run in runs]
-
-
-def means_over(blocks: Blocks, run: Run) -> Signal:
-    """Means of the channels of a run over blocks, (m, 5), SI units, columns of `predict.CHANNELS`; 0 for one that it lacks."""
-    nothing = np.zeros(run.t.size)
-    return np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
-
-
-def _log(rig: Rig, nominal: Model, scale: MotionScale, run: Run, blocks: Blocks, repeats: float) -> Log:
-    """Prepare a log.
-
-    Parameters
-    ----------
-    scale : scales of the motion of the campaign
-    repeats : how often it is repeated; the discrepancy of a block is the same in repeats, so that all of them together must
-        tell no more of the model than one
-    """
-    course, finely = (Course(run, blocks, resolving(nominal, scale, share), scale) for share in (COARSE, STEP))
-    grid, fine_grid = course.on_grid(nominal), finely.on_grid(nominal)
-    coarse, fine = course.block_mean(grid), finely.block_mean(fine_grid)
-    at_stamps = course.at_stamps(grid)
-    measured = means_over(blocks, run)
-    noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
-    noise = without_slack(noise, nominal, fine)
-    level = _levels(blocks, fine)
-    deviation = rig.model.discrepancy * _in_a_block(blocks, at_stamps, level[blocks.phase])
-    noise = msgspec.structs.replace(noise, model=deviation, repeats=repeats)
-    return Log(
-        run=run,
-        course=course,
-        measured=measured,
-        offset=fine - coarse,
-        offset_at_stamps=finely.at_stamps(fine_grid) - at_stamps,
-        step=finely.step,
-        noise=noise,
-        courses=_courses(course, fine, level),
-    )
-
-
-OF_A_BLOCK = 0.25
-"""Discrepancy of the model of a single block, as a share of that of its phase. [1]"""
-
-
-def _in_a_block(blocks: Blocks, at_stamps: Signal, level: Signal) -> Signal:
-    """What a discrepancy of the model of 1 moves in single blocks, (m, 5), SI units.
-
-    Parameters
-    ----------
-    at_stamps : (n, 5) channels of the model of the rig file, SI units
-    level : (m, 5) of each channel in its phase, SI units
-    """
-    scatter = np.column_stack([blocks.scatter(x) for x in at_stamps.T])
-    return np.hypot(WITHIN * scatter, OF_A_BLOCK * level)
-
-
-def _whitener(noise: Noise) -> Signal:
-    """Inverse Cholesky factor of each block's covariance: own variances and the velocity's, which all channels share."""
-    own = np.where(noise.seen, noise.own_total, 1.0)
-    drive = np.where(noise.seen, noise.drive, 0.0)
-    covariance = drive[:, :, None] * drive[:, None, :]
-    k = np.arange(len(CHANNELS))
-    covariance[:, k, k] += own**2
-    inverse: Signal = np.linalg.inv(np.linalg.cholesky(covariance))
-    inverse[~noise.seen] = 0.0
-    return inverse * noise.seen[:, None, :]

@@ -20,16 +20,16 @@ from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.scales import motion_of_runs, scales_of
 from winchcascade.core.viewed import Viewed
-from winchcascade.diagnosis.marginal import huber, weights
-from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.nuisances import (
+from winchcascade.diagnosis.fit.marginal import huber, weights
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.nuisances import (
     before_calibration,
     nuisances,
     quantity_of,
     sensor_errors,
     with_quantity,
 )
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.backemf import COVERED, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline

@@ -18,8 +18,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.causes import COVERED
-from winchcascade.diagnosis.contributions import (
+from winchcascade.diagnosis.explain.contributions import (
     INPUTS,
     MOVED,
     QUANTITIES,
@@ -28,8 +27,9 @@ from winchcascade.diagnosis.contributions import (
     quantities_of,
     windowed,
 )
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.suspects import varied
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.suspects import varied
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.uncertainty import budget
 from winchcascade.rig.parts import Sensors
@@ -39,8 +39,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.search import Fit, Found
+    from winchcascade.diagnosis.fit.evidence import Fit
+    from winchcascade.diagnosis.fit.misfit import Fitted
+    from winchcascade.diagnosis.fit.search import Found
     from winchcascade.rig.effects.effect import ActiveEffect
     from winchcascade.rig.parts import Model
 

@@ -8,299 +8,44 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.marginal import WILD, Marginal, Problem, huber, weights
-from winchcascade.diagnosis.suspects import Freedom, freedom, places_of, varied, with_values
+from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within, prior_of
+from winchcascade.diagnosis.fit.fit_set import begun, columns_of, fit_set, located
+from winchcascade.diagnosis.fit.marginal import Marginal, Problem, huber, weights
+from winchcascade.diagnosis.fit.suspects import Freedom, freedom, places_of, with_values
 from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
-STEP = 0.02
-"""Share of the plausible range of a field by which its derivative is taken."""
-
-AT_ONCE = 16
-"""Number of derivatives that are computed at once, so that those of many logs keep to their memory."""
-
-STEPS, WORTHWHILE = 8, 0.05
-"""Maximum number of steps of a fit, and the improvement of the objective below which it has settled."""
-
-FORESEEN = 0.7
-"""Share of the improvement that a step promises from which the derivative serves on. [1]"""
-
-SHARES = (1.0, 0.4, 0.15, 0.05)
-"""Shares of a step that are tried until one lowers the objective."""
 
 DOUBTFUL = 5.0
 """Error of the closed form, in evidence, that is expected."""
+
 
 REFITTED, PAIRED = 3, 12
 """Number of the sets with the most closed-form evidence that are refitted in each round, and of suspects that are tried with
 another one beside them."""
 
+
 MANY, HOPELESS = 5, 2.0
 """Number of causes, and residual mean square in squares of the noise, with which the search ends: more causes do not help."""
+
 
 MUCH_LOWER = 0.7
 """Share of the objective that a suspect may leave far from its absence for a fit to begin there. [1]"""
 
-FEW = 10
-"""Minimum number of groups of residuals for an estimate of their scatter."""
 
 SINGLES = 3
 """Number of the single suspects with the most evidence from which the search starts too."""
 
+
 NEARLY = 0.2
 """Share of the evidence that a set lacks to the best one that the closed form about it may be wrong by: it weighs residuals as
 they are there, and so foresees too little where they are large. [1]"""
-
-ROUNDING = 1e-12
-"""Share of the diagonal of a matrix that its rounding may take."""
-
-GUESSES = 8
-"""Maximum number of guesses of which fields lie at which bound, before these are found one by one."""
-
-
-class Fit(msgspec.Struct, frozen=True):
-    """A set of suspects, fitted.
-
-    `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `loss` the robust objective with the priors,
-    `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) and `slope` (k,) the curvature of the objective
-    over the fields and its slope downwards, both without their prior. Whitened residuals without any nuisance are `given`,
-    (n,). The nuisances that explain most of them are `nu`, in units of their tolerance, and `z` (n,) is what these leave.
-    """
-
-    names: Names
-    place: dict[str, slice]
-    x: Signal
-    loss: float
-    r: Signal
-    curve: Signal
-    slope: Signal
-    free: Freedom
-    given: Signal
-    nu: Signal
-    z: Signal
-
-    @property
-    def scale(self) -> float:
-        """Mean square of the residuals, robustly, at least 1: by how much the noise exceeds its estimate."""
-        return max(2.0 * huber(self.r) / max(int(np.count_nonzero(self.r)), 1), 1.0)
-
-    def effects(self, suspects: Suspects) -> list[ActiveEffect]:
-        """The suspects with the values that were found."""
-        return [with_values(suspects[name], self.x[self.place[name]]) for name in self.names]
-
-
-class Evidence(msgspec.Struct, frozen=True):
-    """What weighs the evidence for a set: the problem, and the square by which the noise exceeds its estimate."""
-
-    problem: Problem
-    scale: float
-
-    def of(self, fit: Fit) -> float:
-        """Logarithm of the evidence for a fit, up to a constant (Laplace)."""
-        prior = prior_of(fit.x, fit.free)
-        objective = (fit.loss - prior) / self.scale + prior
-        return self.weighed(fit.names, fit.x, fit.free, fit.curve, fit.slope, objective)
-
-    def weighed(self, names: Names, x: Signal, free: Freedom, curve: Signal, slope: Signal, objective: float) -> float:
-        """Logarithm of the evidence for a set whose objective is known.
-
-        Parameters
-        ----------
-        x, curve, slope : (k,) fields of the set in a row, and (k, k) the curvature of the objective there and (k,) its slope
-            downwards, both without their prior
-        """
-        suspects, information = self.problem.suspects, curve / self.scale
-        open_to = volume_within(x, free, information, slope / self.scale)
-        usual = usual_gain(suspects, names, x, free, information)
-        return usual - objective + open_to - sum(self.problem.price(name) for name in names)
-
-    def worth(self, fit: Fit) -> float:
-        """Evidence by which sets of any size compare."""
-        return self.of(fit) - CLEARLY * len(fit.names)
-
-
-def prior_of(x: Signal, free: Freedom) -> float:
-    """Part of the objective of the prior of some fields, (k,): normal about their absence, wide as what is plausible."""
-    return 0.5 * float(np.sum(((x - free.absent) / free.sd) ** 2))
-
-
-def usual_gain(suspects: Suspects, names: Names, x: Signal, free: Freedom, information: Signal) -> float:
-    """Evidence that wrong entries gain or lose, as part of their prior lies at usual multiples and not even over their range.
-
-    Parameters
-    ----------
-    x, information : (k,) fields in a row, (k, k) what the data tell of them
-    """
-    gain, place = 0.0, places_of(suspects, names)
-    for name in names:
-        entry = suspects[name].fields[0]
-        if entry.role != "entry" or not entry.usual:
-            continue
-        k = place[name].start
-        variance = float(np.linalg.inv(information + np.diag(free.sd**-2.0))[k, k])
-        multiples = 1.0 + np.array(entry.usual)
-        sd = np.sqrt(variance + (entry.scatter * multiples) ** 2)
-        density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (math.sqrt(2.0 * math.pi) * sd)
-        peaked = float(np.mean(density) * (free.high[k] - free.low[k]))
-        gain += math.log(max((1.0 - entry.usual_share) + entry.usual_share * peaked, 1e-30))
-    return gain
-
-
-def volume_within(x: Signal, free: Freedom, information: Signal, slope: Signal) -> float:
-    """Logarithm of the volume that the posterior of some fields leaves open over that of their prior, within what is possible.
-
-    Both are normal and end at the bounds. The spread of each field is that with those before it known, the product of which is
-    the volume where there are no bounds.
-
-    Parameters
-    ----------
-    information, slope : (k, k) and (k,) curvature of the objective and its slope downwards, without the prior
-    """
-    if not x.size:
-        return 0.0
-    with_prior = np.eye(x.size) + information * np.outer(free.sd, free.sd)
-    narrower = np.diag(root_of(with_prior[::-1, ::-1]))[::-1]
-    spread, at = free.sd / narrower, ~within(x, free)
-    pull = np.where(at, (x - free.absent) / free.sd**2 - slope, 0.0)
-    posterior = log_mass(free.minimum - x, free.maximum - x, pull, spread)
-    prior = log_mass(free.minimum - free.absent, free.maximum - free.absent, np.zeros(x.size), free.sd)
-    return float(np.sum(posterior - prior - np.log(narrower)))
-
-
-def log_mass(low: Signal, high: Signal, pull: Signal, spread: Signal) -> Signal:
-    """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) from `low` to `high` over that of the normal, (k,)."""
-    from scipy.special import log_ndtr
-
-    shift = pull * spread
-    a, b = low / spread + shift, high / spread + shift
-    near, far = np.where(a > 0.0, -a, b), np.where(a > 0.0, -b, a)
-    more, less = log_ndtr(near), log_ndtr(far)
-    return np.asarray(0.5 * shift**2 + more + np.log(-np.expm1(np.minimum(less - more, -ROUNDING))))
-
-
-def root_of(curve: Signal) -> Signal:
-    """Lower triangular root of a positive definite matrix, (k, k), also where rounding hides that it is one."""
-    size = np.sqrt(np.diag(curve))
-    scaled = curve / np.outer(size, size) + ROUNDING * np.eye(size.size)
-    return np.asarray(size[:, None] * np.linalg.cholesky(scaled))
-
-
-def minimum_within(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Signal:
-    """Where x' curve x / 2 - slope' x is least within bounds, which may be infinite, (k,).
-
-    Which fields lie at a bound is guessed (Hintermueller, Ito and Kunisch 2003); in the rare case that no guess settles, the
-    bounds are taken one by one.
-    """
-    from scipy.optimize import lsq_linear
-
-    size = np.sqrt(np.diag(curve))
-    scaled, aim = curve / np.outer(size, size) + ROUNDING * np.eye(size.size), slope / size
-    below, above = low * size, high * size
-    at_low, at_high = np.zeros(size.size, dtype=bool), np.zeros(size.size, dtype=bool)
-    for _ in range(GUESSES):
-        x = np.where(at_low, below, np.where(at_high, above, 0.0))
-        free = np.flatnonzero(~(at_low | at_high))
-        x[free] = np.linalg.solve(scaled[np.ix_(free, free)], aim[free] - scaled[free] @ x)
-        force = aim - scaled @ x
-        now_low = np.where(at_low, force <= 0.0, x < below)
-        now_high = np.where(at_high, force >= 0.0, x > above)
-        if np.array_equal(now_low, at_low) and np.array_equal(now_high, at_high):
-            return np.asarray(np.clip(x / size, low, high))
-        at_low, at_high = now_low, now_high & ~now_low
-    root = np.linalg.cholesky(scaled)
-    bounds = below - ROUNDING, above + ROUNDING
-    found = lsq_linear(root.T, np.linalg.solve(root, aim), bounds=bounds, method="bvls")
-    return np.asarray(np.clip(found.x / size, low, high))
-
-
-def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[str]) -> Signal:
-    """Derivative of the residuals of a fit over the fields of some suspects, which need not act, nuisances integrated out."""
-    acting = dict(zip(fit.names, fit.effects(problem.suspects), strict=True))
-    variants, steps = [], []
-    for name in wanted:
-        others = [one for other, one in acting.items() if other != name]
-        here = fit.x[fit.place[name]] if name in acting else freedom(problem.suspects[name]).absent
-        for moved, step in varied(problem.suspects[name], here, STEP):
-            variants.append([*others, moved])
-            steps.append(step)
-    columns = np.zeros((fit.given.size, len(variants)))
-    for first in range(0, len(variants), AT_ONCE):
-        several = slice(first, first + AT_ONCE)
-        raw = problem.residuals(variants[several], marginal.place)
-        moved = (marginal.centred(raw) - fit.given[:, None]) / np.array(steps[several])
-        # a number with which nothing can be simulated has no derivative
-        columns[:, several] = marginal(np.where(np.any(np.abs(raw) >= WILD, axis=0), 0.0, moved))
-    return columns
-
-
-def begun(suspects: Suspects, names: Names, start: Mapping[str, Signal]) -> Signal:
-    """Fields of a set in a row, (k,), as they are known by suspect; suspects that are not known are absent."""
-    own = [start.get(name, freedom(suspects[name]).absent) for name in names]
-    return np.concatenate([np.zeros(0), *own])
-
-
-def located(problem: Problem, marginal: Marginal, names: Names, x: Signal) -> Fit:
-    """A set of suspects with given fields, (k,), not fitted."""
-    suspects = problem.suspects
-    place, free = places_of(suspects, names), freedom(*(suspects[name] for name in names))
-    effects = [with_values(suspects[name], x[own]) for name, own in place.items()]
-    given = marginal.centred(problem.residuals([effects], marginal.place)[:, 0])
-    r = marginal(given)
-    loss, unknown = huber(r) + prior_of(x, free), np.zeros(x.size)
-    return Fit(names, place, x, loss, r, np.zeros((x.size, x.size)), unknown, free, given, r, r)
-
-
-def fit_set(
-    problem: Problem,
-    marginal: Marginal,
-    names: Names,
-    start: Mapping[str, Signal] | None = None,
-    columns: Signal | None = None,
-) -> Fit:
-    """Fit a set of suspects by Gauss and Newton, each step bounded.
-
-    Parameters
-    ----------
-    start : fields to begin from by suspect; suspects without any begin absent
-    columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees what a step brings
-    """
-    names = tuple(sorted(names))
-    free, x = freedom(*(problem.suspects[name] for name in names)), begun(problem.suspects, names, start or {})
-
-    def at(x: Signal) -> Fit:
-        return located(problem, marginal, names, x)
-
-    fit, fresh = at(np.clip(x, free.minimum, free.maximum)), columns is None
-    columns = columns_of(problem, marginal, fit, names) if columns is None else columns
-    for _ in range(STEPS):
-        weighted = columns * weights(fit.r)[:, None]
-        slope = -weighted.T @ fit.r - (fit.x - free.absent) / free.sd**2
-        curve = weighted.T @ columns + np.diag(free.sd**-2.0)
-        step = minimum_within(curve, slope, free.minimum - fit.x, free.maximum - fit.x)
-        promised = fit.loss - huber(fit.r + columns @ step) - prior_of(fit.x + step, free)
-        if promised < WORTHWHILE:
-            break
-        tried = (at(np.clip(fit.x + share * step, free.minimum, free.maximum)) for share in SHARES)
-        there = next((one for one in tried if one.loss < fit.loss), None)
-        if there is None and fresh:
-            break
-        gained = 0.0 if there is None else fit.loss - there.loss
-        fit = there or fit
-        fresh = gained < FORESEEN * promised
-        if fresh:
-            columns = columns_of(problem, marginal, fit, names)
-    nu, left = marginal.best(fit.given)
-    weighted = columns * weights(fit.r)[:, None]
-    return msgspec.structs.replace(fit, curve=weighted.T @ columns, slope=-weighted.T @ fit.r, nu=nu, z=left)
 
 
 class Expansion(msgspec.Struct, frozen=True):
@@ -620,73 +365,3 @@ def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
     given, *losses = (huber(marginal(marginal.centred(z))) for z in problem.residuals(effects, marginal.place).T)
     lower = [k for k in np.argsort(losses).tolist()[:REFITTED] if losses[k] < MUCH_LOWER * given]
     return [fit_set(problem, marginal, (begins[k][0],), dict([begins[k]])) for k in lower]
-
-
-def covariance_of(found: Found, fit: Fit, columns: Signal) -> Signal:
-    """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included.
-
-    A field at a bound may lie away from it on one side, as far as the normal that is cut off there reaches, and the others
-    follow it. The variance of a field within its bounds is at least that by the scatter of the groups of residuals, as in
-    `grown`.
-
-    Parameters
-    ----------
-    columns : (n, k) derivative of the residuals over the fields, nuisances integrated out
-    """
-    weighted = columns * weights(fit.r)[:, None]
-    curve = weighted.T @ columns / found.scale + np.diag(fit.free.sd**-2.0)
-    pull = weighted.T @ fit.r / found.scale + (fit.x - fit.free.absent) / fit.free.sd**2
-    inside, at = np.flatnonzero(inside_of(fit)), np.flatnonzero(~inside_of(fit))
-    inverse = np.linalg.inv(curve[np.ix_(inside, inside)]).astype(np.float64)
-    by = np.sqrt([grown(found, columns[:, inside], fit.r, inverse, way) for way in np.eye(inside.size)])
-    covariance = np.zeros_like(curve)
-    covariance[np.ix_(inside, inside)] = inverse * np.outer(by, by)
-    for k in at.tolist():
-        way = np.zeros(fit.x.size)
-        way[k], way[inside] = 1.0, -inverse @ curve[inside, k]
-        spread = float(way @ curve @ way) ** -0.5
-        covariance += (spread**2 * square_beyond(abs(float(pull[k])) * spread)) * np.outer(way, way)
-    return covariance
-
-
-def square_beyond(pull: float) -> float:
-    """Mean square of what a unit normal, the maximum of which lies `pull` below 0, has above 0. [1]
-
-    >>> square_beyond(0.0)
-    1.0
-    """
-    from scipy.special import log_ndtr
-
-    hazard = math.exp(-0.5 * pull**2 - float(log_ndtr(-pull))) / math.sqrt(2.0 * math.pi)
-    return max(1.0 - pull * hazard + pull**2, 0.0)
-
-
-def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Signal) -> float:
-    """How much larger the variance of a sum of numbers is than their covariance says, at least 1.
-
-    Residuals of one group are no independent numbers, in spite of the whitening: the sums of the scores of the groups vary as
-    the variance does (Liang and Zeger 1986).
-
-    Parameters
-    ----------
-    columns, r : (n, k) derivative of the residuals over the numbers, and what these leave of them, (n,)
-    covariance, way : (k, k) of the numbers, and the weights of the sum, (k,)
-    """
-    groups, scores = found.problem.groups, weights(r) * r * (columns @ (covariance @ way)) / found.scale
-    sums = np.bincount(groups, scores, groups[-1] + 1)
-    sums = sums[sums != 0.0]
-    if sums.size < FEW:
-        return 1.0
-    together = float(sums.size / (sums.size - 1.0) * (sums @ sums))
-    return max(together / float(way @ covariance @ way), 1.0)
-
-
-def inside_of(fit: Fit) -> NDArray[np.bool_]:
-    """Whether the fields of a fit lie at none of the bounds of what is possible, (k,)."""
-    return within(fit.x, fit.free)
-
-
-def within(x: Signal, free: Freedom) -> NDArray[np.bool_]:
-    """Whether fields, (k,), lie at none of the bounds of what is possible, (k,)."""
-    margin = 1e-9 * (free.high - free.low)
-    return np.asarray((x > free.minimum + margin) & (x < free.maximum - margin))

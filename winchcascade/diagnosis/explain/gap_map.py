@@ -16,11 +16,12 @@ import numpy as np
 
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
-from winchcascade.diagnosis.block_noise import NOISELESS
 from winchcascade.diagnosis.diagnosis_result import Place, Where
-from winchcascade.diagnosis.misfit import Fitted, Log
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.block_means import PHASES, scatter_about_course
+from winchcascade.diagnosis.fit.block_noise import NOISELESS
+from winchcascade.diagnosis.fit.fitted_log import Log
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.stages import Along, StageOutput, along, outputs_along
 
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Mask, Run, Signal
-    from winchcascade.diagnosis.block_means import Blocks
-    from winchcascade.diagnosis.nuisances import Nuisance
+    from winchcascade.diagnosis.fit.block_means import Blocks
+    from winchcascade.diagnosis.fit.nuisances import Nuisance
     from winchcascade.rig.parts import Model
 
 ZERO_REACH = 3.0
@@ -91,23 +92,6 @@ def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: floa
     )
 
 
-def without_zeros(data: Fitted, residual: Signal) -> Signal:
-    """Residual blocks of every log, (M, 5), without the zeros of each log: weighted means, at most `ZERO_REACH` tolerances.
-
-    Parameters
-    ----------
-    residual : (M, 5) measured minus predicted blocks, no zero taken off
-    """
-    left = residual.copy()
-    for rows, log, u_zero in zip(data.rows, data.logs, data.zeros(np.ones(len(data.nuisances))), strict=True):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
-            prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
-            mean = np.sum(weight * residual[rows], axis=0) / (np.sum(weight, axis=0) + prior)
-        left[rows] -= np.nan_to_num(mean).clip(-ZERO_REACH * u_zero, ZERO_REACH * u_zero)
-    return left
-
-
 def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place, ...]:
     """Map a gap.
 
@@ -116,7 +100,7 @@ def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place,
     predicted : (M, 5) blocks of the model, without zeros
     tolerances : (M, 5, k) what one standard uncertainty of each nuisance that is simulated moves
     """
-    residual, cycle = without_zeros(data, data.measured - predicted), data.blocks.cycle
+    residual, cycle = data.without_zeros(data.measured - predicted), data.blocks.cycle
     u_zero = data.zeros(np.ones(len(data.nuisances)))
     tolerances = np.concatenate((tolerances, data.discrepancies()), axis=2)
     return tuple(

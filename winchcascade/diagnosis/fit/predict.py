@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Index, Run, Signal
     from winchcascade.core.scales import MotionScale
-    from winchcascade.diagnosis.block_means import Blocks
+    from winchcascade.diagnosis.fit.block_means import Blocks
     from winchcascade.rig.parts import Model
 
 CHANNELS = READ

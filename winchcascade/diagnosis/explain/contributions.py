@@ -18,7 +18,6 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import means_of
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import (
     Contribution,
     ContributionKind,
@@ -27,10 +26,14 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Names,
 )
-from winchcascade.diagnosis.misfit import Fitted, Log, log_of
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import columns_of, covariance_of, inside_of
-from winchcascade.diagnosis.suspects import Suspects, varied
+from winchcascade.diagnosis.fit.covariance import covariance_of
+from winchcascade.diagnosis.fit.evidence import inside_of
+from winchcascade.diagnosis.fit.fit_set import columns_of
+from winchcascade.diagnosis.fit.fitted_log import Log
+from winchcascade.diagnosis.fit.misfit import Fitted, log_of
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.suspects import Suspects, varied
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.phase_summary import mean_plateau_speed
@@ -41,7 +44,8 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Mask, Run, Signal
-    from winchcascade.diagnosis.search import Fit, Found
+    from winchcascade.diagnosis.fit.evidence import Fit
+    from winchcascade.diagnosis.fit.search import Found
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
     from winchcascade.rig.parts import Model

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.search import Expansion, Found
-from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.fit.search import Expansion, Found
+from winchcascade.diagnosis.fit.suspects import freedom, with_values
 from winchcascade.diagnosis.verdict_limits import CLEARLY
 
 if TYPE_CHECKING:

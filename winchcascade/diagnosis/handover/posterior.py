@@ -11,15 +11,15 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Thresholds
-from winchcascade.diagnosis.block_means import PAYOUT
-from winchcascade.diagnosis.causes import look_alikes_of
-from winchcascade.diagnosis.contributions import joint_covariance
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.misfit import log_of
-from winchcascade.diagnosis.nuisances import LOAD
-from winchcascade.diagnosis.planning import usual
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.explain.contributions import joint_covariance
+from winchcascade.diagnosis.explain.planning import usual
+from winchcascade.diagnosis.fit.block_means import PAYOUT
+from winchcascade.diagnosis.fit.misfit import log_of
+from winchcascade.diagnosis.fit.nuisances import LOAD
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.suspects import freedom, with_values
+from winchcascade.diagnosis.judge.causes import look_alikes_of
 from winchcascade.reduction.loss_map import convex_hull
 from winchcascade.rig.effects.catalogue import EFFECTS, SHARED_RADIUS
 from winchcascade.rig.effects.effect import ActiveEffect, Parameter
@@ -29,7 +29,7 @@ from winchcascade.rig.parts import PARTS, Model, possible
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.search import Fit
+    from winchcascade.diagnosis.fit.evidence import Fit
 
 OF_THE_RIG = ("rig", "law")
 """Kinds of nuisances that are numbers of the rig; the others concern sensors, single loads or the comparison."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.diagnosis.nuisances import quantity_of
+from winchcascade.diagnosis.fit.nuisances import quantity_of
 from winchcascade.diagnosis.verdict_limits import AGREES, MIN_RUNS, RARER
 from winchcascade.rig.baseline import missing_part
 from winchcascade.rig.effects.catalogue import CLASSES, ENTRIES, OF_THE_RIG, SHARED_RADIUS
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
     from winchcascade.core.scales import Scales
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 LOAD, RADIUS = "load_entry", "drum_radius"
 """Entries that have several forms: one for each run, and one for each place of the encoder."""

@@ -10,8 +10,8 @@ import msgspec
 
 from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.quantity import Quantity
-from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.fit.block_means import PHASES
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.effects.effect import Parameter
 from winchcascade.rig.parts import IN_RIG, in_rig_file
 

@@ -9,15 +9,17 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import white_noise
-from winchcascade.diagnosis.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
-from winchcascade.diagnosis.block_noise import MIN_BLOCKS, unsteadiness_of
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
-from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.marginal import Marginal, weights
-from winchcascade.diagnosis.misfit import LOCAL, WITHIN, Fitted, Log, log_of
-from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.search import Fit, Found, located, minimum_within
-from winchcascade.diagnosis.suspects import places_of
+from winchcascade.diagnosis.fit.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
+from winchcascade.diagnosis.fit.block_noise import MIN_BLOCKS, unsteadiness_of
+from winchcascade.diagnosis.fit.evidence import Fit, minimum_within
+from winchcascade.diagnosis.fit.fit_set import located
+from winchcascade.diagnosis.fit.fitted_log import WITHIN, Log
+from winchcascade.diagnosis.fit.marginal import Marginal, weights
+from winchcascade.diagnosis.fit.misfit import LOCAL, Fitted, log_of
+from winchcascade.diagnosis.fit.predict import CHANNELS, Course
+from winchcascade.diagnosis.fit.search import Found
+from winchcascade.diagnosis.fit.suspects import places_of
 from winchcascade.diagnosis.verdict_limits import (
     MIN_EXCESS,
     PULLED,
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
 DRAWS = 400
@@ -89,7 +91,7 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
         after[held] = data.measured[held] - predicted[counted]
         predictions |= dict.fromkeys(here, fit)
     seen = np.isfinite(after)
-    after = np.where(seen, without_zeros(data, np.where(seen, after, 0.0)), math.nan)
+    after = np.where(seen, data.without_zeros(np.where(seen, after, 0.0)), math.nan)
     return closure_between(data, _before(data), after, predictions, seed)
 
 
@@ -147,14 +149,14 @@ def closes_more(data: Fitted, one: ModelClosure, other: ModelClosure, seed: int)
 
 def _before(data: Fitted) -> Signal:
     """Measured minus predicted blocks of the model of the rig file, zeros taken off, (M, 5)."""
-    return without_zeros(data, data.measured - data.predict(np.zeros(len(data.nuisances)), []))
+    return data.without_zeros(data.measured - data.predict(np.zeros(len(data.nuisances)), []))
 
 
 def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
     """Share of the explainable gap that causes close on the logs of their own fit, numbers of the rig within `REACH`. [1]"""
     given = data.predict(np.zeros(len(data.nuisances)), [])
     fitted = data.predict(_of_the_rig(data, fit), fit.effects(suspects))
-    before, after = (without_zeros(data, data.measured - predicted) for predicted in (given, fitted))
+    before, after = (data.without_zeros(data.measured - predicted) for predicted in (given, fitted))
     return _share(_squares(data, before, after, [k for k in range(len(data.logs)) if k not in data.withheld]))
 
 

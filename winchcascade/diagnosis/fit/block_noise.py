@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import white_noise
-from winchcascade.diagnosis.block_means import HOLD, PHASES, Blocks, changing, middles, scatter_about_course
-from winchcascade.diagnosis.predict import CHANNELS, Course
+from winchcascade.diagnosis.fit.block_means import HOLD, PHASES, Blocks, changing, middles, scatter_about_course
+from winchcascade.diagnosis.fit.predict import CHANNELS, Course
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.line_velocity import line_velocity
 

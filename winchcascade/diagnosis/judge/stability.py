@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import Along, NamedCause, RunValue, Stability, Trend
-from winchcascade.diagnosis.marginal import weights
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import grown, inside_of
-from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.fit.covariance import grown
+from winchcascade.diagnosis.fit.evidence import inside_of
+from winchcascade.diagnosis.fit.marginal import weights
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.suspects import freedom, with_values
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import CHANCE, LAW, MIN_RUNS
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.search import Found
+    from winchcascade.diagnosis.fit.misfit import Fitted
+    from winchcascade.diagnosis.fit.search import Found
 
     Rulers = Mapping[Along, Signal]
 

@@ -15,9 +15,9 @@ from winchcascade.core.quantity import Calibrated, Quantity, Unit, find_unit
 from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
 from winchcascade.core.rig_toml import built_in_text, parse_rig
 from winchcascade.core.version import __version__
-from winchcascade.diagnosis.causes import COVERED, posterior_of
-from winchcascade.diagnosis.nuisances import calibrated_numbers, quantity_of, with_quantity
-from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.fit.nuisances import calibrated_numbers, quantity_of, with_quantity
+from winchcascade.diagnosis.fit.suspects import freedom, with_values
+from winchcascade.diagnosis.judge.causes import COVERED, posterior_of
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.baseline import stated_effects
 from winchcascade.rig.effects.catalogue import SHARED_RADIUS
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from tomlkit.items import InlineTable, Table
 
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.calibrate import Calibration
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.handover.calibrate import Calibration
 
 MARK, CORRECTED = "# Calibrated by winchcascade/", "# Corrected by winchcascade/"
 """Beginnings of the first line of a calibrated rig file and of one with effects that a diagnosis found."""

@@ -9,15 +9,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.closure import share_closed
 from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Names, Reported, Spot
-from winchcascade.diagnosis.entries import is_entry, same_in_logs
-from winchcascade.diagnosis.marginal import are_together, weights
-from winchcascade.diagnosis.nuisances import quantity_of
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import Evidence, Fit, Found, columns_of, covariance_of, inside_of, usual_gain
-from winchcascade.diagnosis.suspects import freedom, varied, with_values
+from winchcascade.diagnosis.fit.block_means import PHASES
+from winchcascade.diagnosis.fit.covariance import covariance_of
+from winchcascade.diagnosis.fit.entries import is_entry, same_in_logs
+from winchcascade.diagnosis.fit.evidence import Evidence, Fit, inside_of, usual_gain
+from winchcascade.diagnosis.fit.fit_set import columns_of
+from winchcascade.diagnosis.fit.marginal import are_together, weights
+from winchcascade.diagnosis.fit.nuisances import quantity_of
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.search import Found
+from winchcascade.diagnosis.fit.suspects import freedom, varied, with_values
+from winchcascade.diagnosis.judge.closure import share_closed
 from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, UNCONFUSED
 from winchcascade.rig.parts import IN_RIG, number_of, path_in_rig
 
@@ -26,8 +29,8 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.undetermined import Direction
+    from winchcascade.diagnosis.fit.misfit import Fitted
+    from winchcascade.diagnosis.fit.undetermined import Direction
     from winchcascade.rig.effects.effect import Effect
 
 ALIKE = 0.3

@@ -21,23 +21,25 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.diagnosis_result import StageEnergy
-from winchcascade.diagnosis.marginal import Columns
-from winchcascade.diagnosis.misfit import LOCAL, RHO
-from winchcascade.diagnosis.nuisances import COURSES, WITHOUT_ZERO, sensor_errors
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import STEP, inside_of
-from winchcascade.diagnosis.suspects import varied
+from winchcascade.diagnosis.fit.block_means import PHASES
+from winchcascade.diagnosis.fit.evidence import inside_of
+from winchcascade.diagnosis.fit.fit_set import STEP
+from winchcascade.diagnosis.fit.marginal import Columns
+from winchcascade.diagnosis.fit.misfit import LOCAL, RHO
+from winchcascade.diagnosis.fit.nuisances import COURSES, WITHOUT_ZERO, sensor_errors
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.diagnosis.verdict_limits import LAW
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.misfit import Fitted, Log
-    from winchcascade.diagnosis.search import Fit
-    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.diagnosis.fit.evidence import Fit
+    from winchcascade.diagnosis.fit.fitted_log import Log
+    from winchcascade.diagnosis.fit.misfit import Fitted
+    from winchcascade.diagnosis.fit.suspects import Suspects
 
 FACTORS = {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen": ("vdc", "idc")}
 """Channels whose product is the power of each stage; the speed of the drum is that of the line over its radius."""

@@ -18,16 +18,16 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run, Signal
-from winchcascade.diagnosis.block_means import PAYOUT
-from winchcascade.diagnosis.causes import swap
-from winchcascade.diagnosis.contributions import joint_covariance
 from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause
-from winchcascade.diagnosis.entries import LOAD
-from winchcascade.diagnosis.marginal import WILD, are_together
-from winchcascade.diagnosis.misfit import Fitted, Variant
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.search import ROUNDING, Fit
-from winchcascade.diagnosis.suspects import varied
+from winchcascade.diagnosis.explain.contributions import joint_covariance
+from winchcascade.diagnosis.fit.block_means import PAYOUT
+from winchcascade.diagnosis.fit.entries import LOAD
+from winchcascade.diagnosis.fit.evidence import ROUNDING, Fit
+from winchcascade.diagnosis.fit.marginal import WILD, are_together
+from winchcascade.diagnosis.fit.misfit import Fitted, Variant
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.suspects import varied
+from winchcascade.diagnosis.judge.causes import swap
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.effects.effect import ActiveEffect
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace
@@ -36,8 +36,8 @@ from winchcascade.rig.simulate import Simulation, simulate
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
-    from winchcascade.diagnosis.nuisances import Nuisance
-    from winchcascade.diagnosis.search import Found
+    from winchcascade.diagnosis.fit.nuisances import Nuisance
+    from winchcascade.diagnosis.fit.search import Found
     from winchcascade.rig.effects.effect import Values
     from winchcascade.rig.parts import Model
 

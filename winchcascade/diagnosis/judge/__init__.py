@@ -1,0 +1,1 @@
+"""What a fit may be believed: alarms, closure, look-alikes, stability and the causes that are named."""
