@@ -60,7 +60,7 @@ def offset(data: Fitted, channel: str, by: float | np.ndarray) -> Fitted:
 def mapped(data: Fitted) -> tuple[Place, ...]:
     nothing = np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
-    return compare(data, predicted, data.tolerances(nothing, [], predicted))
+    return compare(data, predicted, data.tolerances(nothing, []))
 
 
 def left(data: Fitted) -> np.ndarray:

@@ -62,7 +62,7 @@ class Linear:
     def nuisances(self) -> int:
         return DENSE + LOCAL
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal, _near: object = None) -> Signal:
         x = np.zeros((self.truth.size, len(several)))
         for column, effects in enumerate(several):
             for one in effects:

@@ -75,7 +75,7 @@ class Hidden:
     def nuisances(self) -> int:
         return 0
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal) -> Signal:
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None) -> Signal:
         z = np.empty((ROWS, len(several)))
         for column, effects in enumerate(several):
             values = {one.effect.name: one.values[0] for one in effects}
@@ -259,7 +259,7 @@ def test_suspects_that_have_no_upper_bound_are_fitted() -> None:
 class Breaking(Hidden):
     """The first suspect cannot be simulated at all, and neither can the first of two nuisances."""
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal) -> Signal:
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None) -> Signal:
         z = super().residuals(several, _nu)
         breaks = [any(one.effect.name == NAMES[0] and one.values[0] for one in effects) for effects in several]
         return np.where(breaks, WILD, z)

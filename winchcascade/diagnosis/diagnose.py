@@ -162,7 +162,7 @@ def diagnose(
     calmed = data.with_ramps(data.measured - data.predict(found.best.nu, found.best.effects(suspects)))
     if calmed is not None:
         data = calmed
-        found = search(msgspec.structs.replace(problem, data=data), on_progress)
+        found = search(msgspec.structs.replace(problem, data=data), on_progress, found.best)
     held_out = HeldOut(data, seed)
     found = concluded(data, found, held_out, on_progress)
     nothing = np.zeros(len(data.nuisances))
@@ -176,7 +176,7 @@ def diagnose(
         runs=tuple(log.run for log in data.logs),
         suspects=suspects,
         chosen=found.best.names,
-        places=compare(data, predicted, data.tolerances(nothing, [], predicted)),
+        places=compare(data, predicted, data.tolerances(nothing, [])),
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),

@@ -204,7 +204,7 @@ def beside_own_simulation(
         [means_over(log.course.blocks, run) for log, run in zip(data.logs, simulations, strict=True)]
     )
     nothing = np.zeros(len(data.nuisances))
-    places = compare(data, given, data.tolerances(nothing, [], result.predicted))
+    places = compare(data, given, data.tolerances(nothing, []))
     where, closure, gap = result.where, result.closure, data.without_zeros(data.measured - given)
     own = fit_simulation(simulations, result, on_progress)
     result = msgspec.structs.replace(
@@ -264,7 +264,7 @@ def fit_simulation(
     found = search(RigProblem(data, suspects), lambda step: on_progress(f"your simulation: {step}"))
     nothing = np.zeros(len(data.nuisances))
     nominal = data.predict(nothing, [])
-    places = compare(data, nominal, data.tolerances(nothing, [], nominal))
+    places = compare(data, nominal, data.tolerances(nothing, []))
     forms = model_forms(data, suspects, found, places)
     likely = [form.likely for form in forms if form.likely is not None]
     posterior = posterior_of(found, found.best)

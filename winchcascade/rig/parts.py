@@ -319,6 +319,30 @@ def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
     return with_part(model, part, **{name: value})
 
 
+def only_change(model: Model, other: Model) -> tuple[str, float] | None:
+    """The only number in which another model differs, by its path, and by how much it is larger there.
+
+    The path is empty where nothing differs; None where several numbers differ, or something that is no single number.
+
+    >>> from winchcascade.core.rig_toml import built_in
+    >>> from winchcascade.rig.baseline import baseline
+    >>> model = baseline(built_in("hsu2026"))
+    >>> only_change(model, with_part(model, "winch", r_drum=model.winch.r_drum + 0.5))
+    ('winch.r_drum', 0.5)
+    """
+    if model.sensors != other.sensors:
+        return None
+    found = ("", 0.0)
+    for part in PARTS:
+        here, there = getattr(model, part), getattr(other, part)
+        for name, one, another in zip(here._fields, here, there, strict=True):
+            if one is not another and one != another:
+                if found[0] or not isinstance(one, float) or not isinstance(another, float):
+                    return None
+                found = (f"{part}.{name}", another - one)
+    return found
+
+
 @cache
 def limited() -> Mapping[str, Number]:
     """Numbers with a limit of what is physically possible, by their paths."""

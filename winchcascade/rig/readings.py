@@ -24,6 +24,20 @@ def path_of(motion: LineMotion) -> Path:
     return Path(motion, physics.direction(motion.v, motion.rest))
 
 
+def recorded(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors) -> tuple[Signal, Signal, Signal, Signal]:
+    """Pressure, force, torque and Vdc along a solution of the shaft, (n,) each, SI units, without gains and zeros of sensors.
+
+    Parameters
+    ----------
+    shaft : (2, n) torque of the clutch [N m] and Vdc [V]
+    """
+    line = np.empty((path.direction.size, len(LINE)))
+    run_line(path.motion, path.direction, numbers, shaft[0], line)
+    pressure, force, torque = (line[:, LINE.index(name)] for name in READ[:3])
+    vdc = late(shaft[1], sensors.electrical_lag / path.motion.step)
+    return pressure, physics.tension(force, numbers.winch), torque, vdc
+
+
 def readings(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors, skew: Signal | None = None) -> Signal:
     """Read the sensors along a solution of the shaft, (5, n): the channels `READ`, SI units.
 
@@ -32,12 +46,9 @@ def readings(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors, sk
     shaft : (2, n) torque of the clutch [N m] and Vdc [V]
     skew : (5,) how late each channel is read [s]
     """
-    line, step = np.empty((path.direction.size, len(LINE))), path.motion.step
-    run_line(path.motion, path.direction, numbers, shaft[0], line)
-    vdc = late(shaft[1], sensors.electrical_lag / step)
-    pressure, force, torque = (line[:, LINE.index(name)] for name in READ[:3])
-    true = pressure, physics.tension(force, numbers.winch), torque, vdc, vdc / numbers.shaft.load
-    delays = np.zeros(len(READ)) if skew is None else skew / step
+    *true, vdc = recorded(path, numbers, shaft, sensors)
+    true += [vdc, vdc / numbers.shaft.load]
+    delays = np.zeros(len(READ)) if skew is None else skew / path.motion.step
     return np.array([sensors.read(name, late(x, by)) for name, x, by in zip(READ, true, delays, strict=True)])
 
 

@@ -255,7 +255,9 @@ class TableProblem:
         """None."""
         return 0
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal) -> Signal:
+    def residuals(
+        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: Sequence[ActiveEffect] | None = None
+    ) -> Signal:
         """Printed minus simulated efficiencies in standard uncertainties with each of several lists of effects, (n, k)."""
         return np.stack([self.misfit(self.efficiencies(effects)) for effects in several], axis=1)
 

@@ -36,6 +36,7 @@ class Fit(msgspec.Struct, frozen=True):
     `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) and `slope` (k,) the curvature of the objective
     over the fields and its slope downwards, both without their prior. Whitened residuals without any nuisance are `given`,
     (n,). The nuisances that explain most of them are `nu`, in units of their tolerance, and `z` (n,) is what these leave.
+    A further step of the fit promises to lower the objective by `open`.
     """
 
     names: Names
@@ -49,6 +50,7 @@ class Fit(msgspec.Struct, frozen=True):
     given: Signal
     nu: Signal
     z: Signal
+    open: float = 0.0
 
     @property
     def scale(self) -> float:

@@ -31,7 +31,11 @@ STEPS, WORTHWHILE = 8, 0.05
 """Maximum number of steps of a fit, and the improvement of the objective below which it has settled."""
 
 
-FORESEEN = 0.7
+REWEIGHTED = 20
+"""Maximum number of times that residuals are weighed anew in one step. [1]"""
+
+
+FORESEEN = 0.3
 """Share of the improvement that a step promises from which the derivative serves on. [1]"""
 
 
@@ -44,15 +48,14 @@ def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[
     acting = dict(zip(fit.names, fit.effects(problem.suspects), strict=True))
     variants, steps = [], []
     for name in wanted:
-        others = [one for other, one in acting.items() if other != name]
         here = fit.x[fit.place[name]] if name in acting else freedom(problem.suspects[name]).absent
         for moved, step in varied(problem.suspects[name], here, STEP):
-            variants.append([*others, moved])
+            variants.append([*(acting | {name: moved}).values()])
             steps.append(step)
     columns = np.zeros((fit.given.size, len(variants)))
     for first in range(0, len(variants), AT_ONCE):
         several = slice(first, first + AT_ONCE)
-        raw = problem.residuals(variants[several], marginal.place)
+        raw = problem.residuals(variants[several], marginal.place, [*acting.values()])
         moved = (marginal.centred(raw) - fit.given[:, None]) / np.array(steps[several])
         # a number with which nothing can be simulated has no derivative
         columns[:, several] = marginal(np.where(np.any(np.abs(raw) >= WILD, axis=0), 0.0, moved))
@@ -76,12 +79,37 @@ def located(problem: Problem, marginal: Marginal, names: Names, x: Signal) -> Fi
     return Fit(names, place, x, loss, r, np.zeros((x.size, x.size)), unknown, free, given, r, r)
 
 
+def _best_step(fit: Fit, columns: Signal) -> tuple[Signal, float]:
+    """Step from a fit to the least objective where residuals are linear, (k,), and by how much it is less there.
+
+    Weights of least squares follow the residuals (Huber 1964), so they are found step by step, at no simulation.
+
+    Parameters
+    ----------
+    columns : (n, k) derivative of the residuals
+    """
+    free, step, r, loss = fit.free, np.zeros(fit.x.size), fit.r, fit.loss
+    for _ in range(REWEIGHTED):
+        x = fit.x + step
+        weighted = columns * weights(r)[:, None]
+        slope = -weighted.T @ r - (x - free.absent) / free.sd**2
+        curve = weighted.T @ columns + np.diag(free.sd**-2.0)
+        further = step + minimum_within(curve, slope, free.minimum - x, free.maximum - x)
+        left = fit.r + columns @ further
+        now = huber(left) + prior_of(fit.x + further, free)
+        if loss - now < WORTHWHILE:
+            break
+        step, r, loss = further, left, now
+    return step, fit.loss - loss
+
+
 def fit_set(
     problem: Problem,
     marginal: Marginal,
     names: Names,
     start: Mapping[str, Signal] | None = None,
     columns: Signal | None = None,
+    rough: float = 0.0,
 ) -> Fit:
     """Fit a set of suspects by Gauss and Newton, each step bounded.
 
@@ -89,6 +117,7 @@ def fit_set(
     ----------
     start : fields to begin from by suspect; suspects without any begin absent
     columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees what a step brings
+    rough : share of what the fit has gained below which a step is not worth it: most sets on a path only lead on
     """
     names = tuple(sorted(names))
     free, x = freedom(*(problem.suspects[name] for name in names)), begun(problem.suspects, names, start or {})
@@ -98,13 +127,10 @@ def fit_set(
 
     fit, fresh = at(np.clip(x, free.minimum, free.maximum)), columns is None
     columns = columns_of(problem, marginal, fit, names) if columns is None else columns
+    begin, promised = fit.loss, 0.0
     for _ in range(STEPS):
-        weighted = columns * weights(fit.r)[:, None]
-        slope = -weighted.T @ fit.r - (fit.x - free.absent) / free.sd**2
-        curve = weighted.T @ columns + np.diag(free.sd**-2.0)
-        step = minimum_within(curve, slope, free.minimum - fit.x, free.maximum - fit.x)
-        promised = fit.loss - huber(fit.r + columns @ step) - prior_of(fit.x + step, free)
-        if promised < WORTHWHILE:
+        step, promised = _best_step(fit, columns)
+        if promised < max(WORTHWHILE, rough * (begin - fit.loss)):
             break
         tried = (at(np.clip(fit.x + share * step, free.minimum, free.maximum)) for share in SHARES)
         there = next((one for one in tried if one.loss < fit.loss), None)
@@ -117,4 +143,6 @@ def fit_set(
             columns = columns_of(problem, marginal, fit, names)
     nu, left = marginal.best(fit.given)
     weighted = columns * weights(fit.r)[:, None]
-    return msgspec.structs.replace(fit, curve=weighted.T @ columns, slope=-weighted.T @ fit.r, nu=nu, z=left)
+    return msgspec.structs.replace(
+        fit, curve=weighted.T @ columns, slope=-weighted.T @ fit.r, nu=nu, z=left, open=promised
+    )

@@ -112,8 +112,18 @@ class Problem(Protocol):
     def nuisances(self) -> int:
         """Number of the nuisances."""
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
-        """Measured minus predicted with each of several lists of effects and some nuisances, whitened, (n, k)."""
+    def residuals(
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        nu: Signal,
+        near: Sequence[ActiveEffect] | None = None,
+    ) -> Signal:
+        """Measured minus predicted with each of several lists of effects and some nuisances, whitened, (n, k).
+
+        Parameters
+        ----------
+        near : effects that each list differs from by a small change, so that it may follow a derivative
+        """
 
     def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         """Whitened derivative of the prediction over the nuisances, in units of their tolerance."""

@@ -22,6 +22,7 @@ from winchcascade.diagnosis.fit.block_means import (
 from winchcascade.diagnosis.fit.block_noise import with_ramps
 from winchcascade.diagnosis.fit.fitted_log import log_for_fit, repeats_of, whitener_of_blocks, with_channels_of
 from winchcascade.diagnosis.fit.marginal import Columns
+from winchcascade.diagnosis.fit.nearby import Nearby
 from winchcascade.diagnosis.fit.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.fit.predict import ALL_KEPT, CHANNELS, MAX_KEPT
 from winchcascade.rig.baseline import baseline, stated_effects
@@ -49,6 +50,10 @@ Variant = tuple["Signal", "Sequence[ActiveEffect]"]
 
 ZERO_REACH = 3.0
 """Bound of a zero, in its standard uncertainties; more is a gap. [1]"""
+
+
+PLACES = 3
+"""Number of places of which the derivatives are kept, the newest: a search returns to few."""
 
 
 class Fitted:
@@ -96,6 +101,7 @@ class Fitted:
         for j, n in enumerate(self.nuisances):
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
+        self._places: dict[object, Nearby] = {}
         self._take_noise()
 
     def _take_noise(self) -> None:
@@ -210,6 +216,24 @@ class Fitted:
 
         return np.concatenate(all_at_once([partial(of_log, k) for k in which], [self.sizes[k] for k in which]))
 
+    def nearby(self, place: Variant) -> Nearby:
+        """A place and the derivatives that were taken there; the newest `PLACES` are kept."""
+        nu, effects = place
+        key = nu.tobytes(), tuple((one.effect.name, one.values) for one in effects)
+        found = self._places.pop(key, None) or Nearby(self, place)
+        self._places[key] = found
+        while len(self._places) > PLACES:
+            del self._places[next(iter(self._places))]
+        return found
+
+    def predictions_near(self, place: Variant, variants: Sequence[Variant]) -> Signal:
+        """Blocks that several models near to a place give, (M, 5, variants): the change of a single number by its derivative.
+
+        Zeros of sensors and discrepancy of the model are those of the place.
+        """
+        models, skews = [self.models(*variant) for variant in variants], [self.skew(nu) for nu, _ in variants]
+        return self.nearby(place).predictions(models, skews)
+
     def cells(self) -> Iterator[tuple[int, int, int, NDArray[np.intp]]]:
         """Every channel in every phase of every log: numbers of log, channel and phase, and of the blocks that count there."""
         for log, rows in enumerate(self.rows):
@@ -270,19 +294,15 @@ class Fitted:
         ----------
         used : (5,) weights of the channels in what is simulated, all 1 by default
         """
-        moved = self.tolerances(nu, effects, self.predict(nu, effects))
+        moved = self.tolerances(nu, effects)
         return Columns(self.whiten(moved if used is None else moved * used[:, None]), self.local)
 
-    def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal) -> Signal:
-        """What one tolerance of each nuisance that is simulated moves, (M, 5, `simulated`), SI units.
-
-        Parameters
-        ----------
-        at : (M, 5) the prediction there
-        """
+    def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Signal:
+        """What one tolerance of each nuisance that is simulated moves, (M, 5, `simulated`), SI units."""
+        at = self.nearby((nu, effects)).at
         columns, one = np.zeros((*at.shape, self.simulated)), np.eye(nu.size)
         moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
-        there = self.predictions([(nu + PART * one[j], effects) for j in moved])
+        there = self.predictions_near((nu, effects), [(nu + PART * one[j], effects) for j in moved])
         columns[:, :, moved] = (there - at[:, :, None]) / PART
         for j, n in self._of_kind.get("gain", ()):
             columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd

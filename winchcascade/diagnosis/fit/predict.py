@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, ShaftNumbers, constants, solve_shaft
-from winchcascade.rig.readings import path_of, readings
+from winchcascade.rig.readings import path_of, readings, recorded
 from winchcascade.rig.simulate import READ, motion_of
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ class Course:
         self._path = path_of(self.coarse)
         self._places = _places(run.t, self.coarse.t)
         self.matrix = _averaging(run, blocks, self.coarse.t)
+        self._late: dict[int, csr_array] = {0: self.matrix}
         self.max_kept = MAX_KEPT
         self._kept: dict[tuple[float, ShaftNumbers], Signal] = {}
 
@@ -87,8 +88,33 @@ class Course:
         return readings(self._path, numbers, self.shaft(numbers, gain), model.sensors, skew).T
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
-        """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`."""
-        return self.block_mean(self.on_grid(model, gain, skew))
+        """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`.
+
+        Gain, zero and delay of a sensor are linear, so they act on the means.
+        """
+        numbers = constants(model, self.load, self.coarse.rest)
+        *others, vdc = recorded(self._path, numbers, self.shaft(numbers, gain), model.sensors)
+        delays = np.zeros(len(CHANNELS)) if skew is None else skew / self.coarse.step
+        channels = [*others, vdc, vdc / numbers.shaft.load]
+        means = [self._mean_of_late(x, by) for x, by in zip(channels, delays.tolist(), strict=True)]
+        return np.column_stack([model.sensors.read(name, x) for name, x in zip(CHANNELS, means, strict=True)])
+
+    def _mean_of_late(self, x: Signal, steps: float) -> Signal:
+        """Mean over the blocks, (m,), of a signal on the grid, (n,), read late by a number of its steps, as `readings.late`."""
+        whole = math.floor(steps)
+        part = steps - whole
+        mean = self._late_by(whole) @ x
+        return np.asarray(mean if part == 0.0 else (1.0 - part) * mean + part * (self._late_by(whole + 1) @ x))
+
+    def _late_by(self, steps: int) -> csr_array:
+        """`matrix` for a signal that is read late by whole steps of the grid."""
+        if steps not in self._late:
+            from scipy.sparse import csr_array
+
+            rows, columns = self.matrix.shape
+            before = np.clip(self.matrix.indices - steps, 0, columns - 1)
+            self._late[steps] = csr_array((self.matrix.data, before, self.matrix.indptr), shape=(rows, columns))
+        return self._late[steps]
 
     def at_stamps(self, on_grid: Signal) -> Signal:
         """Signals on the grid, (n, k), at the stamps of the log."""

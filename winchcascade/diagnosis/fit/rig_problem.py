@@ -55,10 +55,16 @@ class RigProblem(msgspec.Struct, frozen=True):
         """Number of the nuisances."""
         return len(self.data.nuisances)
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
+    def residuals(
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        nu: Signal,
+        near: Sequence[ActiveEffect] | None = None,
+    ) -> Signal:
         """Measured minus predicted blocks with each of several lists of effects, whitened, (M * 5, k)."""
-        data = self.data
-        z = data.whiten(data.measured[:, :, None] - data.predictions([(nu, effects) for effects in several]))
+        data, variants = self.data, [(nu, effects) for effects in several]
+        predicted = data.predictions(variants) if near is None else data.predictions_near((nu, near), variants)
+        z = data.whiten(data.measured[:, :, None] - predicted)
         z = np.clip(np.nan_to_num(z, nan=WILD), -WILD, WILD)
         return z if self.rows is None else z * self.rows[:, None]
 

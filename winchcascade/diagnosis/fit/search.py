@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within, prior_of
-from winchcascade.diagnosis.fit.fit_set import begun, columns_of, fit_set, located
+from winchcascade.diagnosis.fit.fit_set import WORTHWHILE, begun, columns_of, fit_set, located
 from winchcascade.diagnosis.fit.marginal import Marginal, Problem, huber, weights
 from winchcascade.diagnosis.fit.suspects import Freedom, freedom, places_of, with_values
 from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
@@ -38,6 +38,12 @@ MANY, HOPELESS = 5, 2.0
 MUCH_LOWER = 0.7
 """Share of the objective that a suspect may leave far from its absence for a fit to begin there. [1]"""
 
+
+ROUGH = 0.02
+"""Share of its gain to which a set on a path is fitted. [1]"""
+
+FAR = 12.0
+"""Evidence by which a set is so far behind the best that its fit may stay rough: e^-12 of its probability."""
 
 SINGLES = 3
 """Number of the single suspects with the most evidence from which the search starts too."""
@@ -89,7 +95,8 @@ class Expansion(msgspec.Struct, frozen=True):
 
     def refitted(self, marginal: Marginal, names: Names, best: Fit) -> Fit:
         """The fit of another set, begun from the fit that this is expanded about."""
-        return fit_set(self.evidence.problem, marginal, names, start_of(best), self.columns[:, self.index(names)])
+        columns = self.columns[:, self.index(names)]
+        return fit_set(self.evidence.problem, marginal, names, start_of(best), columns, ROUGH)
 
     def worth(self, names: Names) -> float:
         """Closed-form evidence by which sets of any size compare."""
@@ -247,7 +254,7 @@ def marginal_about(problem: Problem, effects: Sequence[ActiveEffect], nu: Signal
     return Marginal(place, problem.nuisance_columns(effects, place))
 
 
-def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None) -> Found:
+def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None, start: Fit | None = None) -> Found:
     """Find the set of suspects with the most evidence.
 
     Paths of sets lead from none, and from the single suspects with the most evidence, to the best one.
@@ -255,17 +262,26 @@ def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None
     Parameters
     ----------
     on_progress : called with a sentence on each step
+    start : best set of nearly the same problem, where the path from none begins
     """
     marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
-    given = fit_set(problem, marginal, ())
-    marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
     found = Found(null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
-    _go(found, found.centres[()], on_progress)
+    _go(found, found.about(start) if start is not None and start.names else found.centres[()], on_progress)
     found = gone_on(found, on_progress)
     for fit in _single_starts(found):
         if fit.names not in found.centres:
             _go(found, found.about(fit), on_progress)
+    return _settled(gone_on(found, on_progress), on_progress)
+
+
+def _settled(found: Found, on_progress: Callable[[str], None]) -> Found:
+    """A search at its end, with an exact fit of each set that may be nearly as good as the best."""
+    evidence = weighing(found)
+    least = evidence.of(found.best) - FAR
+    for names, fit in found.sets().items():
+        if fit.open > WORTHWHILE and evidence.of(fit) + fit.open > least:
+            found.fits[names] = fit_set(found.problem, found.marginal, names, start_of(fit))
     return gone_on(found, on_progress)
 
 

@@ -88,7 +88,7 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
         for moved, step in varied(suspects[name], fit.x[fit.place[name]], STEP)
     ]
     of_fields = [(one, step) for (one, step), inside in zip(steps, inside_of(fit), strict=True) if inside]
-    by_nuisance, by_field = data.tolerances(fit.nu, effects, at), np.zeros((*at.shape, len(of_fields)))
+    by_nuisance, by_field = data.tolerances(fit.nu, effects), np.zeros((*at.shape, len(of_fields)))
     for k, (one, step) in enumerate(of_fields):
         by_field[:, :, k] = (data.predict(fit.nu, [*one.values()]) - at) / step
     moved = np.concatenate([by_field, by_nuisance], axis=2)

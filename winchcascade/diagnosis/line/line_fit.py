@@ -149,7 +149,9 @@ class LineProblem(msgspec.Struct, frozen=True):
         """None."""
         return 0
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal) -> Signal:
+    def residuals(
+        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: Sequence[ActiveEffect] | None = None
+    ) -> Signal:
         """Measured minus predicted coefficients of several sets of effects, (n, sets)."""
         numbers = [{one.effect.name: one.values[0] for one in effects} for effects in several]
         coefficients = np.array([coefficients_of(tuple(self.suspects), each) for each in numbers])
