@@ -23,7 +23,7 @@ from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.diagnosis.fit.search import Found, gone_on, marginal_about, search
 from winchcascade.diagnosis.fit.suspects import Suspects, freedom
-from winchcascade.diagnosis.judge.adequacy import improbable
+from winchcascade.diagnosis.judge.alarms import improbable
 from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of
 from winchcascade.diagnosis.judge.closure import HeldOut, close, judging
 from winchcascade.report.diagnosis_names import UNDETERMINED, number_words
@@ -176,7 +176,7 @@ def test_no_verdict_is_explained_with_a_cause_that_is_likely_another() -> None:
     assert doubted.verdict == "partly_explained"
     assert doubted.remainder is not None
     assert [(alarm.kind, alarm.size, alarm.limit) for alarm in doubted.remainder.alarms] == [("improbable", 0.7, 0.5)]
-    assert not improbable(found.causes)
+    assert all(one.size <= one.limit for one in improbable(found.causes))
     assert len(found.singles) == 3
     assert found.singles[0].effect in {"copper_heating", "diode_drop"}
     assert found.singles[0].closure > 0.9

@@ -46,17 +46,15 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.diagnosis.fit.search import Found, gone_on, search, weighing
 from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
-from winchcascade.diagnosis.judge.adequacy import cancelling, drifts, improbable, left_over, moved_by, unbalanced
+from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, SIGNS, Judged, cancelling, moved_by, ringing
 from winchcascade.diagnosis.judge.causes import causes_of, look_alikes_of, parameters_of, posterior_of, probabilities
 from winchcascade.diagnosis.judge.closure import (
     HeldOut,
     ModelClosure,
-    alarms_of,
     by_cycles,
     close,
     closes_more,
     judging,
-    made_worse,
     share_closed,
 )
 from winchcascade.diagnosis.judge.phase_energies import energies_of
@@ -83,10 +81,10 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     `rig` is as its file states it; `data.rig` has the numbers before their calibration, which the causes are found against.
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
-    those of its phases, `validation` compares each metric of each run with the model, and `cancelling` are causes that cancel
-    each other. `thresholds` are how large each effect would have to be to be named, where none is, and `not_visible` those
-    that these logs would not show at any plausible size. `singles` are the effects that alone have the most evidence,
-    `undetermined` directions of the numbers of the rig that no log shows.
+    those of its phases, `validation` compares each metric of each run with the model. `thresholds` are how large each effect
+    would have to be to be named, where none is, and `not_visible` those that these logs would not show at any plausible size.
+    `singles` are the effects that alone have the most evidence, `undetermined` directions of the numbers of the rig that no
+    log shows.
     """
 
     data: Fitted
@@ -98,12 +96,25 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     own_simulation: OwnSimulation | None = None
     contributions: tuple[Contribution, ...] = ()
     energies: tuple[StageEnergy, ...] = ()
-    cancelling: tuple[Alarm, ...] = ()
     validation: tuple[Validated, ...] = ()
     thresholds: tuple[Threshold, ...] = ()
     not_visible: Names = ()
     singles: tuple[SingleEffect, ...] = ()
     undetermined: tuple[Direction, ...] = ()
+
+    @property
+    def judged(self) -> Judged:
+        """What signs are sought in."""
+        return Judged(
+            self.data,
+            self.suspects,
+            self.found.best,
+            fitted=self.fitted,
+            causes=self.causes,
+            closure=self.closure,
+            energies=self.energies,
+            contributions=self.contributions,
+        )
 
     @property
     def missing_channels(self) -> list[str]:
@@ -216,7 +227,8 @@ def predicting_best(found: Found, held_out: HeldOut) -> Found:
     closures = {names: held_out.of(found, fit) for names, fit in tried.items()}
     own, worth = closures.pop(best.names), weighing(found).worth
     chosen = [names for names, closure in closures.items() if closes_more(data, closure, own, held_out.seed)]
-    if not chosen and cancelling(data, moved_by(data, found.problem.suspects, best)):
+    one = Judged(data, found.problem.suspects, best)
+    if not chosen and any(pair.size > pair.limit for pair in cancelling(one)):
         chosen = [names for names, closure in closures.items() if closure.share >= own.share - DISPENSABLE]
     if not chosen:
         return found
@@ -238,7 +250,7 @@ def without_imitators(data: Fitted, found: Found) -> Found:
     for name in (name for name, stability in several.items() if stability.trends):
         fewer = found.fit(tuple(n for n in best.names if n != name))
         lost = share_closed(data, suspects, best) - share_closed(data, suspects, fewer)
-        if lost < DISPENSABLE and not alarms_of(data, suspects, fewer):
+        if lost < DISPENSABLE and not ringing(Judged(data, suspects, fewer), OF_THE_RESIDUAL):
             left = msgspec.structs.replace(found, imitators=found.imitators | {name})
             return without_imitators(data, gone_on(left))
     return found
@@ -294,7 +306,6 @@ def _with_causes(
         causes=causes,
         minor=(*minor, *_hints(result)),
         contributions=reordered(without(contributions, small), causes),
-        cancelling=tuple(cancelling(data, moved)),
         validation=validation_of(data, found, predictions, inputs, windows),
     )
 
@@ -306,16 +317,8 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
     cancel each other, no channel that a prediction makes worse, energies and efficiencies within their uncertainty.
     Unexplained: less than half is closed. Partly explained in between. What may imitate something else is a candidate.
     """
-    data, suspects, found, closure = result.data, result.suspects, result.found, result.closure
-    signs = [
-        *alarms_of(data, suspects, found.best),
-        *drifts(result.fitted),
-        *improbable(result.causes),
-        *result.cancelling,
-        *(made_worse(data, closure) if closure is not None else []),
-        *unbalanced(result.energies),
-        *left_over(result.contributions, result.energies, data.rig.model),
-    ]
+    data, found, closure = result.data, result.found, result.closure
+    signs = ringing(result.judged, *SIGNS)
     causes, minor = result.causes, {one.effect for one in result.minor}
     if not (causes or signs):
         return msgspec.structs.replace(result, closure=None)
@@ -338,7 +341,7 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         where=locate(data, data.without_zeros(data.measured - result.predicted), result.places, stage, own),
         remainder=Remainder(
             share=1.0 if closure is None else max(1.0 - share, 0.0),
-            alarms=tuple(signs),
+            alarms=signs,
             worst=shown[0].about if shown else None,
         ),
         experiment=plan_run(data, found, causes or candidates),

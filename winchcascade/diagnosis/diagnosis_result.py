@@ -323,13 +323,16 @@ class GapClosure(msgspec.Struct, frozen=True):
     high: float
 
 
+AlarmKind = Literal[
+    "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy", "residual"
+]  # fmt: skip
+"""Kinds of signs of something unexplained, as `judge.alarms` has them."""
+
+
 class Alarm(msgspec.Struct, frozen=True):
     """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
 
-    kind: Literal[
-        "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy",
-        "residual",
-    ]  # fmt: skip
+    kind: AlarmKind
     about: Spot | Nuisance
     size: float
     limit: float

@@ -27,9 +27,9 @@ from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.diagnosis.fit.search import Found, search
-from winchcascade.diagnosis.judge.adequacy import moved_by
+from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, Judged, moved_by, ringing
 from winchcascade.diagnosis.judge.causes import parameters_of, posterior_of
-from winchcascade.diagnosis.judge.closure import alarms_of, closure_between
+from winchcascade.diagnosis.judge.closure import closure_between
 from winchcascade.diagnosis.verdict_limits import MIN_EXCESS
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.line_velocity import SMOOTHING
@@ -286,7 +286,7 @@ def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence
         size, place = max(_changes(data, change, places), key=lambda one: one[0], default=(0.0, None))
         if place is not None and size >= data.rig.model.relevant_share and abs(place.z) >= SHOWS:
             forms.append(_form(suspects[name].stage, place, name))
-    for alarm in alarms_of(data, suspects, found.best):
+    for alarm in ringing(Judged(data, suspects, found.best), OF_THE_RESIDUAL):
         if alarm.kind == "structure" and isinstance(alarm.about, Spot):
             own = [p for p in places if (p.channel, p.phase) == (alarm.about.channel, alarm.about.phase)]
             stage = STAGE_OF[alarm.about.channel]

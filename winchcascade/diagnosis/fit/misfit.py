@@ -220,7 +220,10 @@ class Fitted:
         """A place and the derivatives that were taken there; the newest `PLACES` are kept."""
         nu, effects = place
         key = nu.tobytes(), tuple((one.effect.name, one.values) for one in effects)
-        found = self._places.pop(key, None) or Nearby(self, place)
+        found = self._places.pop(key, None)
+        if found is None:
+            courses = [log.course for log in self.logs]
+            found = Nearby(courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects))
         self._places[key] = found
         while len(self._places) > PLACES:
             del self._places[next(iter(self._places))]

@@ -7,6 +7,7 @@ a number is taken once, and serves all that change it.
 from __future__ import annotations
 
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,19 +19,22 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.fit.misfit import Fitted, Variant
+    from winchcascade.diagnosis.fit.predict import Course
     from winchcascade.rig.parts import Model
 
 
 class Nearby:
-    """A place of a fit, the prediction `at` it, (M, 5) in SI units, and the derivatives that were taken there."""
+    """A place of a fit: the model of each log, the delay of the reading of each channel, (5,) [s], the prediction `at` it,
+    (M, 5) in SI units, and the derivatives that were taken there.
+    """
 
-    def __init__(self, data: Fitted, place: Variant) -> None:
-        self._courses, self._rows, self._sizes = [log.course for log in data.logs], data.rows, data.sizes
-        self._models, self._skew, self.at = data.models(*place), data.skew(place[0]), data.predict(*place)
+    def __init__(self, courses: Sequence[Course], models: Sequence[Model], skew: Signal, at: Signal) -> None:
+        self._courses, self._models, self._skew, self.at = courses, models, skew, at
+        self._sizes = [course.blocks.size for course in courses]
+        self._rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self._sizes]).tolist())]
         here = zip(self._courses, self._models, strict=True)
         self._read = [course.predict(model, skew=self._skew) for course, model in here]
-        self._slopes: list[dict[str, Signal]] = [{} for _ in data.logs]
+        self._slopes: list[dict[str, Signal]] = [{} for _ in courses]
 
     def predictions(self, models: Sequence[list[Model]], skews: Sequence[Signal]) -> Signal:
         """Blocks by some models of each log and delays of the readings, (M, 5, variants).
