@@ -33,8 +33,9 @@ from winchcascade.design.design import METRIC, Band, CorrectedRig, Design, desig
 from winchcascade.design.operating import PLACE, Motion, planned_cycle
 from winchcascade.design.run_plan import after, determine
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.explain.contributions import QUANTITIES, quantities_of, windowed
-from winchcascade.diagnosis.explain.planning import CLEAR, listed, options_after, planned
+from winchcascade.diagnosis.explain.planned_run import planned
+from winchcascade.diagnosis.explain.planning import CLEAR, listed, options_after
+from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
 from winchcascade.diagnosis.handover.posterior import posterior_of_rig, tested_by
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.ingest.read import read_run

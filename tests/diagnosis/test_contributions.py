@@ -16,20 +16,15 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.diagnosis.explain.contributions import (
-    EXACT,
     OF_DISCREPANCY,
-    PAIRS_OF_ORDERS,
-    QUANTITIES,
     Accounts,
     by_cost,
     contributions_of,
     leading_metric,
-    shapley,
-    split,
-    subsets_of,
-    windowed,
     with_uncertain_laws,
 )
+from winchcascade.diagnosis.explain.shapley import EXACT, PAIRS_OF_ORDERS, shapley, split, subsets_of
+from winchcascade.diagnosis.explain.windowed import QUANTITIES, windowed
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.baseline import baseline

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.diagnose import diagnose, judged, predicting_best
+from winchcascade.diagnosis.diagnose import diagnose, judged
 from winchcascade.diagnosis.fit.covariance import square_beyond
 from winchcascade.diagnosis.fit.evidence import Evidence, log_mass, minimum_within
 from winchcascade.diagnosis.fit.fit_set import fit_set
@@ -26,6 +26,7 @@ from winchcascade.diagnosis.fit.suspects import Suspects, freedom
 from winchcascade.diagnosis.judge.alarms import improbable
 from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of
 from winchcascade.diagnosis.judge.closure import HeldOut, close, judging
+from winchcascade.diagnosis.judge.conclusion import predicting_best
 from winchcascade.report.diagnosis_names import UNDETERMINED, number_words
 from winchcascade.report.results.diagnosis_record import plain
 from winchcascade.rig.effects.catalogue import EFFECTS

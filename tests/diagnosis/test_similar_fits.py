@@ -17,7 +17,7 @@ from winchcascade.design.design import Design, design
 from winchcascade.design.operating import QUANTITIES
 from winchcascade.design.run_plan import before, separate
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.explain.planning import planned
+from winchcascade.diagnosis.explain.planned_run import planned
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.nuisances import Nuisance
 from winchcascade.diagnosis.fit.undetermined import undetermined

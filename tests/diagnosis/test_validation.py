@@ -11,15 +11,9 @@ from diagnosed import LOGS, PLANTED, diagnosed, made_logs
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.explain.contributions import (
-    INPUTS,
-    QUANTITIES,
-    covariance_without,
-    joint_covariance,
-    quantities_of,
-    windowed,
-)
+from winchcascade.diagnosis.explain.contributions import INPUTS, covariance_without, joint_covariance
 from winchcascade.diagnosis.explain.validation import Compared
+from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.report.results.diagnosis_record import as_json

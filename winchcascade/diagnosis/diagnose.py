@@ -15,7 +15,6 @@ from winchcascade.diagnosis.diagnosis_result import (
     Contribution,
     DiagnosisResult,
     Entries,
-    LargestChange,
     Minor,
     NamedCause,
     Names,
@@ -38,41 +37,35 @@ from winchcascade.diagnosis.explain.gap_map import arises, compare, deviating_st
 from winchcascade.diagnosis.explain.planning import plan_run
 from winchcascade.diagnosis.explain.thresholds import Threshold, not_visible, thresholds
 from winchcascade.diagnosis.explain.validation import Validated, validation_of
-from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.entries import bound_to
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.nuisances import before_calibration
-from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import Found, gone_on, search, weighing
+from winchcascade.diagnosis.fit.search import Found, search, weighing
 from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
-from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, SIGNS, Judged, cancelling, moved_by, ringing
-from winchcascade.diagnosis.judge.causes import causes_of, look_alikes_of, parameters_of, posterior_of, probabilities
+from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, moved_by, ringing
+from winchcascade.diagnosis.judge.causes import causes_of, parameters_of, posterior_of, probabilities
 from winchcascade.diagnosis.judge.closure import (
     HeldOut,
     ModelClosure,
     by_cycles,
     close,
-    closes_more,
     judging,
-    share_closed,
 )
+from winchcascade.diagnosis.judge.conclusion import concluded
 from winchcascade.diagnosis.judge.phase_energies import energies_of
-from winchcascade.diagnosis.judge.stability import stabilities, with_stability
-from winchcascade.diagnosis.verdict_limits import DISPENSABLE, HALF, HINTS, MARGIN, MOSTLY, OPEN
+from winchcascade.diagnosis.judge.relevance import largest_change, minor_of
+from winchcascade.diagnosis.judge.stability import with_stability
+from winchcascade.diagnosis.verdict_limits import HALF, HINTS, MARGIN, MOSTLY, OPEN
 from winchcascade.rig.simulate import read_by
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
-
-
-RESUMED = 4
-"""Maximum number of times that a search goes on from what its conclusion finds."""
 
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
@@ -200,62 +193,6 @@ def diagnose(
     return judged(_with_causes(as_found, held_out, windows, on_progress), on_progress)
 
 
-def concluded(data: Fitted, found: Found, held_out: HeldOut, on_progress: Callable[[str], None]) -> Found:
-    """A search at its end: its best set has no imitator, and no smaller set predicts held-out logs better.
-
-    Look-alikes of its causes are fitted. Where one of these has more evidence, the search goes on from there.
-    """
-    for _ in range(RESUMED):
-        found = predicting_best(without_imitators(data, found), held_out)
-        look_alikes_of(found)
-        further = gone_on(found, on_progress)
-        if further.best.names == found.best.names:
-            break
-        found = further
-    return found
-
-
-def predicting_best(found: Found, held_out: HeldOut) -> Found:
-    """A search without a best set of several causes of which fewer, or another effect alone, predict held-out logs better; or
-    as well, where causes of the set cancel each other.
-    """
-    best, data = found.best, held_out.data
-    if len(best.names) < 2:
-        return found
-    fewer = [found.fit(tuple(n for n in best.names if n != name)) for name in best.names]
-    tried = {fit.names: fit for fit in (best, *fewer, *found.singles()) if found.allowed(fit.names)}
-    closures = {names: held_out.of(found, fit) for names, fit in tried.items()}
-    own, worth = closures.pop(best.names), weighing(found).worth
-    chosen = [names for names, closure in closures.items() if closes_more(data, closure, own, held_out.seed)]
-    one = Judged(data, found.problem.suspects, best)
-    if not chosen and any(pair.size > pair.limit for pair in cancelling(one)):
-        chosen = [names for names, closure in closures.items() if closure.share >= own.share - DISPENSABLE]
-    if not chosen:
-        return found
-    names = max(chosen, key=lambda names: worth(tried[names]))
-    least = worth(tried[names])
-    larger = {other for other, fit in found.fits.items() if len(other) > len(names) and worth(fit) > least}
-    smaller = msgspec.structs.replace(found, rejected=found.rejected | larger)
-    smaller.about(tried[names])
-    return predicting_best(smaller.led_by(names), held_out)
-
-
-def without_imitators(data: Fitted, found: Found) -> Found:
-    """A search whose best set has no cause that differs from run to run while the others close the gap as well without it.
-
-    Its law is not the one that acts; it takes up what the laws of the others, or the model, have in another form.
-    """
-    best, suspects = found.best, found.problem.suspects
-    several = stabilities(data, found) if len(best.names) > 1 else {}
-    for name in (name for name, stability in several.items() if stability.trends):
-        fewer = found.fit(tuple(n for n in best.names if n != name))
-        lost = share_closed(data, suspects, best) - share_closed(data, suspects, fewer)
-        if lost < DISPENSABLE and not ringing(Judged(data, suspects, fewer), OF_THE_RESIDUAL):
-            left = msgspec.structs.replace(found, imitators=found.imitators | {name})
-            return without_imitators(data, gone_on(left))
-    return found
-
-
 def _singles(found: Found, held_out: HeldOut) -> tuple[SingleEffect, ...]:
     """The effects that alone have the most evidence, best first."""
     evidence, gap = weighing(found).of, bool(found.best.names)
@@ -296,7 +233,7 @@ def _with_causes(
     predictions = {} if by_cycles(data, left_out) else closure.predictions
     contributions, changes, inputs = contributions_of(data, found, fitted, windows, predictions)
     moved = moved_by(data, suspects, found.best)
-    minor = _minor(data, fitted, changes, moved)
+    minor = minor_of(data, fitted, changes, moved)
     small = {one.effect for one in minor}
     causes = by_cost([cause for cause in fitted if cause.effect not in small], contributions)
     return msgspec.structs.replace(
@@ -368,51 +305,16 @@ def parted(
     )
 
 
-def _minor(
-    data: Fitted,
-    causes: Iterable[NamedCause],
-    changes: Mapping[str, Sequence[LargestChange]],
-    moved: Mapping[str, Signal],
-) -> tuple[Minor, ...]:
-    """Causes that change nothing by as much as the rig file calls relevant, each with its largest change.
-
-    Parameters
-    ----------
-    changes : what each cause changes of the efficiencies, by the model
-    moved : (M, 5) what each moves, SI units
-    """
-    found = []
-    for cause in causes:
-        ratio, largest = _largest(data, changes[cause.effect], moved[cause.effect])
-        if largest is not None and ratio < 1.0:
-            found.append(Minor(cause.effect, cause.stage, cause.parameters, largest))
-    return tuple(found)
-
-
-def _largest(data: Fitted, efficiencies: Sequence[LargestChange], moved: Signal) -> tuple[float, LargestChange | None]:
-    """The largest change that an effect makes, and its size in what the rig file calls relevant. [1]"""
-    accuracy = data.rig.model
-    changes = [
-        (abs(change.change) / max(limit, 1e-12), change)
-        for limit, several in (
-            (accuracy.relevant_efficiency, efficiencies),
-            (accuracy.relevant_share, _changes_of_channels(data, moved)),
-        )
-        for change in several
-    ]
-    return max(changes, key=lambda pair: pair[0], default=(math.inf, None))
-
-
 def _thresholds(result: ModelDiagnosis, windows: Sequence[float | None] | None) -> tuple[Threshold, ...]:
     """How large each effect would have to be to be named in logs that need none."""
     data, nu = result.data, result.found.best.nu
 
     def relevance(effect: ActiveEffect) -> float:
-        size = _largest(data, (), data.predict(nu, [effect]) - result.fitted_blocks)[0]
+        size = largest_change(data, (), data.predict(nu, [effect]) - result.fitted_blocks)[0]
         return (
             size
             if size >= 1.0
-            else _largest(data, efficiency_changes(data, nu, effect, windows), np.zeros_like(data.noise))[0]
+            else largest_change(data, efficiency_changes(data, nu, effect, windows), np.zeros_like(data.noise))[0]
         )
 
     return thresholds(result.found, relevance)
@@ -429,28 +331,11 @@ def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
     hints = []
     for fit in sorted((fit for fit in near if gains[fit.names] > 0.0), key=lambda fit: -gains[fit.names])[:HINTS]:
         name = next(n for n in fit.names if n not in best.names)
-        _, largest = _largest(data, (), moved_by(data, suspects, fit)[name])
+        _, largest = largest_change(data, (), moved_by(data, suspects, fit)[name])
         if largest is not None:
             numbers = parameters_of(posterior_of(found, fit), suspects[name], name)
             hints.append(Minor(name, suspects[name].stage, numbers, largest, hint=gains[fit.names]))
     return tuple(hints)
-
-
-def _changes_of_channels(data: Fitted, moved: Signal) -> list[LargestChange]:
-    """What a cause that moves blocks, (M, 5), changes of the mean of each channel in each phase of each log, as a share of its
-    plateau. [1]
-    """
-    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
-    return [
-        LargestChange(
-            CHANNELS[k],
-            float(np.mean(moved[here, k])) / max(float(np.max(level[here, k])), 1e-12),
-            phase=PHASES[phase],
-            load=data.logs[log].run.load,
-        )
-        for log, k, phase, here in data.cells()
-        if here.size and np.max(level[here, k]) > 0.0
-    ]
 
 
 def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequence[bool]) -> list[int]:

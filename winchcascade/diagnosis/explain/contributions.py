@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import means_of
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.diagnosis_result import (
     Contribution,
@@ -26,195 +24,49 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Names,
 )
+from winchcascade.diagnosis.explain.shapley import split, subsets_of
+from winchcascade.diagnosis.explain.windowed import (
+    QUANTITIES,
+    WindowedLog,
+    complete_cycles,
+    quantities_of,
+    windowed,
+    windows_of,
+)
 from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.evidence import inside_of
 from winchcascade.diagnosis.fit.fit_set import columns_of
-from winchcascade.diagnosis.fit.fitted_log import Log
 from winchcascade.diagnosis.fit.misfit import Fitted, log_of
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import Suspects, varied
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import LAW
-from winchcascade.reduction.efficiency import METRICS
-from winchcascade.reduction.phase_summary import mean_plateau_speed
-from winchcascade.reduction.reduce import metrics_within, reduce
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Mask, Run, Signal
     from winchcascade.diagnosis.fit.evidence import Fit
     from winchcascade.diagnosis.fit.search import Found
-    from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
     from winchcascade.rig.parts import Model
 
-QUANTITIES = (*METRICS, *CHANNELS)
-"""The nine metrics of the integration windows, and the means of the channels over these windows."""
 
 MOVED = 0.02
 """Share of the plausible range of a field by which its derivative is taken."""
 
+
 INPUTS = ("rig", "law", "load")
 """Kinds of nuisances that are inputs of the model; those of sensors belong to the data."""
+
 
 OF_DISCREPANCY = 0.1
 """Share of the discrepancy of the model that may belong to the law of one effect, as a standard uncertainty of its contribution
 to any metric. Assumed; a twin with laws of its own scatters about as much. [1]"""
 
+
 ROUNDED = 1e-8
 """Largest contribution of a cause, as a share of the quantity, that is rounding of the simulation and counts as none. [1]"""
-
-
-# ------------------------------------------------------------------------------------------------- metrics of one run
-def quantities_of(run: Run, rig: Rig, windows: Signal) -> Signal:
-    """Means over the windows, (k, 2) [s], of each of `QUANTITIES`, (14,) SI units; NaN for what the run cannot give."""
-    if not windows.size:
-        return np.full(len(QUANTITIES), math.nan)
-    cycles = [list(one.values()) for one in metrics_within(run, rig, windows)]
-    known = [k for k, name in enumerate(CHANNELS) if name in run.channels]
-    channels = np.full(len(CHANNELS), math.nan)
-    channels[known] = means_of(run.t, [run.channels[CHANNELS[k]].__getitem__ for k in known], windows).mean(axis=1)
-    return np.concatenate([np.mean(np.array(cycles, dtype=np.float64), axis=0), channels])
-
-
-def reduction_of(run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None) -> Reduction | None:
-    """Reduction of a run; None where it has no window of that length [s]."""
-    try:
-        return reduce(run, rig=rig, window=window, cycles=cycles)
-    except OptionError:
-        return None
-
-
-def complete_cycles(
-    run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None
-) -> tuple[CycleResult, ...]:
-    """Complete cycles of a run; none where it has no window of that length [s]."""
-    found = reduction_of(run, rig, window, cycles)
-    return () if found is None else found.complete
-
-
-def windows_of(cycles: Sequence[CycleResult]) -> Signal:
-    """Integration windows of some cycles, (k, 2) [s]."""
-    found = [(one.window.onset, one.window.cutoff) for one in cycles]
-    return np.array(found, dtype=np.float64).reshape(-1, 2)
-
-
-class WindowedLog(NamedTuple):
-    """A log with its integration windows, (k, 2) [s], whose metrics are simulated many times.
-
-    `number` is that of the log, `plateau_speed` the mean over the cycles, None where they have no plateau [m/s]; `reduction` is
-    that of the log, None where it has no window.
-    """
-
-    number: int
-    log: Log
-    rig: Rig
-    windows: Signal
-    plateau_speed: float | None
-    reduction: Reduction | None
-
-    def simulated(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
-        """What `quantities_of` gives for a model, (14,), also of channels that the log lacks.
-
-        Parameters
-        ----------
-        skew, zeros : (5,) delay of the reading of each channel [s], and its zero
-        """
-        run, read = self.log.run, self.log.at_stamps(model, skew, zeros)
-        channels = {"velocity": run.channels["velocity"]} | {name: read[:, k] for k, name in enumerate(CHANNELS)}
-        return quantities_of(msgspec.structs.replace(run, channels=channels), self.rig, self.windows)
-
-
-def windowed(data: Fitted, number: int, window: float | None = None) -> WindowedLog:
-    """Find the windows of one log of a fit.
-
-    Parameters
-    ----------
-    window : length of the windows [s]; by default the rule of the rig
-    """
-    log = data.logs[number]
-    found = reduction_of(log.run, data.rig, window, data.cycles[number])
-    cycles = () if found is None else found.complete
-    speed = mean_plateau_speed(cycle.summary.payout for cycle in cycles)
-    return WindowedLog(number, log, data.rig, windows_of(cycles), speed, found)
-
-
-# ------------------------------------------------------------------------------------------------------- the split
-def shapley(values: Signal) -> Signal:
-    """Split what all players reach among them by the mean of what each adds, over all orders of the players.
-
-    Parameters
-    ----------
-    values : (2**k, ...) value of each subset; bit i of the index is set where player i takes part
-
-    Returns
-    -------
-    (k, ...) in the unit of the values
-
-    Examples
-    --------
-    >>> shapley(np.array([0.0, 1.0, 2.0, 5.0])).tolist()
-    [2.0, 3.0]
-    """
-    count = values.shape[0].bit_length() - 1
-    subsets = np.arange(values.shape[0])
-    size = np.array([int(subset).bit_count() for subset in subsets])
-    found = np.empty((count, *values.shape[1:]))
-    for player in range(count):
-        without = subsets[subsets >> player & 1 == 0]
-        weight = np.array([1.0 / (count * math.comb(count - 1, int(n))) for n in size[without]])
-        found[player] = np.tensordot(weight, values[without | 1 << player] - values[without], axes=1)
-    return found
-
-
-EXACT = 8
-"""Maximum number of causes whose subsets are all simulated, 256 of them. [1]"""
-
-PAIRS_OF_ORDERS = 16
-"""Number of orders of more causes that are drawn, each with its reverse: about as many subsets as the most of all. [1]"""
-
-
-def orders_of(count: int) -> list[tuple[int, ...]]:
-    """Orders in which some players are added where their subsets are too many: drawn ones, each followed by its reverse."""
-    drawn = np.random.default_rng(count)
-    orders = [tuple(drawn.permutation(count).tolist()) for _ in range(PAIRS_OF_ORDERS)]
-    return [each for order in orders for each in (order, order[::-1])]
-
-
-def joined_by(order: Sequence[int]) -> list[int]:
-    """Subsets as bits, from none to all, as players join in an order.
-
-    >>> joined_by((1, 0))
-    [0, 2, 3]
-    """
-    return [sum(1 << player for player in order[:size]) for size in range(len(order) + 1)]
-
-
-def subsets_of(count: int) -> list[int]:
-    """Subsets of some players whose values a split needs, as bits in rising order, from none to all."""
-    if count <= EXACT:
-        return list(range(1 << count))
-    return sorted({subset for order in orders_of(count) for subset in joined_by(order)})
-
-
-def split(values: Signal, count: int) -> tuple[Signal, Signal]:
-    """Split as `shapley` does, of more than `EXACT` players by drawn orders; with the standard error of that, (k, ...) each.
-
-    Parameters
-    ----------
-    values : value of each of `subsets_of` the players, in their order
-    """
-    if count <= EXACT:
-        exact = shapley(values)
-        return exact, np.zeros_like(exact)
-    row = {subset: k for k, subset in enumerate(subsets_of(count))}
-    added = np.zeros((2 * PAIRS_OF_ORDERS, count, *values.shape[1:]))
-    for k, order in enumerate(orders_of(count)):
-        added[k, list(order)] = np.diff(values[[row[subset] for subset in joined_by(order)]], axis=0)
-    pairs = 0.5 * (added[::2] + added[1::2])
-    return pairs.mean(axis=0), pairs.std(axis=0, ddof=1) / math.sqrt(PAIRS_OF_ORDERS)
 
 
 class Accounts(NamedTuple):
