@@ -1,12 +1,17 @@
 """What is a cause and what a candidate, and what travels with the numbers of a rig whose gap is judged."""
 
 import pytest
+from diagnosed import diagnosed
 
 from winchcascade import OptionError
 from winchcascade.diagnosis.diagnose import parted
 from winchcascade.diagnosis.diagnosis_result import Alarm, Judgement, NamedCause, Spot, Stability, Trend, Verdict
 from winchcascade.diagnosis.fit.entries import class_of, effect_name, same_in_logs
-from winchcascade.diagnosis.verdict_limits import MARGIN, MOSTLY, OPEN, ROUGH
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.judge.alarms import moved_by
+from winchcascade.diagnosis.judge.causes import COVERED
+from winchcascade.diagnosis.judge.conclusion import is_within_law, shares_of_plateau
+from winchcascade.diagnosis.verdict_limits import LAW, MARGIN, MOSTLY, OPEN, ROUGH
 from winchcascade.rig.effects.catalogue import CLASSES, EFFECTS
 
 DRIFT = Stability((), (Trend("order", 1.0, 0.1, 1e-6),))
@@ -76,3 +81,17 @@ def test_the_class_of_a_cause_is_that_of_its_look_alike_or_one_with_something_be
     assert beyond is not None
     assert (shared.name, beyond.name) == ("series_resistance", "gas_pressure")
     assert class_of("rotor_windage", ["rotor_friction"]) is None
+
+
+# ------------------------------------------------------------------------------------------------------------ imitators
+@pytest.mark.parametrize(("share", "within"), [(0.5, True), (1.5, False)])
+def test_a_cause_that_moves_no_more_than_the_law_of_another_leaves_open_is_within_it(
+    share: float, within: bool
+) -> None:
+    found = diagnosed("copper")
+    data, (name,) = found.data, found.found.best.names
+    whole = moved_by(data, found.suspects, found.found.best)[name]
+    moved = shares_of_plateau(data, {name: whole, "small": share * COVERED * LAW * whole})
+    assert moved[name][CHANNELS.index("vdc")] > moved[name][CHANNELS.index("pressure")] == 0.0
+    assert is_within_law(moved, "small") == within
+    assert not is_within_law(moved, name)

@@ -15,8 +15,7 @@ from winchcascade.core.jobs import all_at_once
 from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import Run
 from winchcascade.core.scales import MotionScale, motion_of_log, motion_of_runs
-from winchcascade.diagnosis.explain.planned_run import cycle_of
-from winchcascade.diagnosis.explain.planning import PLATEAU, RAMP, REST
+from winchcascade.diagnosis.explain.planned_run import PLATEAU, RAMP, REST, cycle_of
 from winchcascade.reduction.phased_run import find_phases
 from winchcascade.rig import physics
 from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft

@@ -15,9 +15,9 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, QUANTITIES, path_of, planned_cycle, points, require_positive
+from winchcascade.diagnosis.explain.planned_run import RAMP
 from winchcascade.diagnosis.explain.planning import (
     CLEAR,
-    RAMP,
     SEED,
     Explanation,
     Foreseen,

@@ -8,12 +8,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from winchcascade.core.run import Run, Signal
-from winchcascade.diagnosis.explain.planning import BACK, HOLD, PLATEAU, RAMP, REST, SHORTEST, WITHIN_RAMP
 from winchcascade.diagnosis.fit.block_means import PAYOUT
 from winchcascade.diagnosis.fit.misfit import Fitted
 
 if TYPE_CHECKING:
     pass
+
+
+RAMP, HOLD, REST, BACK, SHORTEST = 0.15, 0.4, 0.2, 0.6, 0.01
+"""Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke; its haul-in as a share
+of the payout speed, and the shortest plateau or ramp over that time. [1]"""
+
+PLATEAU, WITHIN_RAMP = 0.97, (0.05, 0.95)
+"""Quantile of the velocity of a payout that is the speed of its plateau, and shares of that between which its ramp is timed."""
 
 
 class Usual(NamedTuple):

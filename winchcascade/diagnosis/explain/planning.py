@@ -66,11 +66,6 @@ PAIRS = 3
 """Maximum number of pairs of look-alikes for which a run is looked for, until one is found that separates them."""
 
 
-RAMP, HOLD, REST, BACK, SHORTEST = 0.15, 0.4, 0.2, 0.6, 0.01
-"""Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke; its haul-in as a share
-of the payout speed, and the shortest plateau or ramp over that time. [1]"""
-
-
 Place = Literal["first", "any", "last"]
 """When a run is made: with a machine that is cold, at any time, or after all other runs."""
 
@@ -423,7 +418,3 @@ def foresee_pair(prospect: Prospect, found: Found, pair: tuple[str, str]) -> For
     others = tuple(name for name in found.best.names if name not in pair)
     better, other = sorted((found.fit((*others, name)) for name in pair), key=lambda fit: fit.loss)
     return foresee(prospect, explanation_of(found, other), explanation_of(found, better), found.scale)
-
-
-PLATEAU, WITHIN_RAMP = 0.97, (0.05, 0.95)
-"""Quantile of the velocity of a payout that is the speed of its plateau, and shares of that between which its ramp is timed."""

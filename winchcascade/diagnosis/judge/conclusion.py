@@ -5,21 +5,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.search import Found, gone_on, weighing
-from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, Judged, cancelling, ringing
-from winchcascade.diagnosis.judge.causes import look_alikes_of
+from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, Judged, cancelling, moved_by, ringing
+from winchcascade.diagnosis.judge.causes import COVERED, look_alikes_of
 from winchcascade.diagnosis.judge.closure import (
     HeldOut,
     closes_more,
     share_closed,
 )
 from winchcascade.diagnosis.judge.stability import stabilities
-from winchcascade.diagnosis.verdict_limits import DISPENSABLE
+from winchcascade.diagnosis.verdict_limits import DISPENSABLE, LAW
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
+
+    from winchcascade.core.run import Signal
 
 
 RESUMED = 4
@@ -66,14 +69,47 @@ def predicting_best(found: Found, held_out: HeldOut) -> Found:
     return predicting_best(smaller.led_by(names), held_out)
 
 
+def shares_of_plateau(data: Fitted, moved: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Root mean square over all logs of what causes move in each channel, (5,) each, as a share of its plateau. [1]
+
+    Parameters
+    ----------
+    moved : (M, 5) what each moves, SI units
+    """
+    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
+    counted = data.seen & (level > 0.0)
+    share = np.where(counted, 1.0 / np.where(counted, level, 1.0), 0.0)
+    count = np.maximum(np.count_nonzero(counted, axis=0), 1)
+    return {name: np.sqrt(np.sum((x * share) ** 2, axis=0) / count) for name, x in moved.items()}
+
+
+def is_within_law(moved: Mapping[str, Signal], name: str) -> bool:
+    """Whether a cause moves no channel by more than what the law of one other cause leaves open of what that moves.
+
+    >>> moved = {"large": np.array([0.1, 0.0]), "small": np.array([0.001, 0.0]), "aside": np.array([0.001, 0.001])}
+    >>> [is_within_law(moved, name) for name in moved]
+    [False, True, False]
+
+    Parameters
+    ----------
+    moved : (5,) what each cause moves in each channel, as a share of its plateau [1]
+    """
+    own = moved[name]
+    return any(np.all(own <= COVERED * LAW * x) for other, x in moved.items() if other != name)
+
+
 def without_imitators(data: Fitted, found: Found) -> Found:
-    """A search whose best set has no cause that differs from run to run while the others close the gap as well without it.
+    """A search whose best set has no cause without which the others close the gap as well, and which differs from run to run
+    or moves no more than what the law of another leaves open.
 
     Its law is not the one that acts; it takes up what the laws of the others, or the model, have in another form.
     """
     best, suspects = found.best, found.problem.suspects
-    several = stabilities(data, found) if len(best.names) > 1 else {}
-    for name in (name for name, stability in several.items() if stability.trends):
+    if len(best.names) < 2:
+        return found
+    differing = {name for name, stability in stabilities(data, found).items() if stability.trends}
+    moved = shares_of_plateau(data, moved_by(data, suspects, best))
+    for name in (name for name in best.names if name in differing or is_within_law(moved, name)):
         fewer = found.fit(tuple(n for n in best.names if n != name))
         lost = share_closed(data, suspects, best) - share_closed(data, suspects, fewer)
         if lost < DISPENSABLE and not ringing(Judged(data, suspects, fewer), OF_THE_RESIDUAL):

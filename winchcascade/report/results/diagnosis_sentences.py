@@ -17,7 +17,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Trend,
 )
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
-from winchcascade.diagnosis.explain.planning import BACK, HOLD, RAMP
+from winchcascade.diagnosis.explain.planned_run import BACK, HOLD, RAMP
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_data import POWER
