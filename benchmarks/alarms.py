@@ -1,0 +1,78 @@
+"""How often each sign of a diagnosis rings on rigs of all sizes with nothing injected: python benchmarks/alarms.py --out FILE
+
+Each campaign is judged with no suspect, so that what remains is the model of the rig file, noise and tolerances. A line of
+JSON for each is added to FILE, so that the run can be interrupted; --score prints the table of what is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from families import plan_case
+from trials import make_case
+
+from winchcascade.batch.campaign_diagnosis import diagnose_listed
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.jobs import one_thread_each
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.judge.alarms import DUST, SIGNS
+
+FAMILY = "machines_nothing"
+
+
+def sizes_of(number: int) -> dict[str, float]:
+    """Largest comparison of each kind in one campaign over its limit. [1]"""
+    with tempfile.TemporaryDirectory() as folder:
+        case = plan_case(FAMILY, number)
+        make_case(case, Path(folder))
+        campaign = load_campaign(Path(folder) / case.family / case.name / "campaign.toml")
+        found = diagnose_listed(campaign, {})
+    if not isinstance(found, ModelDiagnosis):
+        raise TypeError(f"{case.name}: expected a rig with a machine")
+    return {
+        sign.kind: max((one.size / max(one.limit, DUST) for one in sign.of(found.judged)), default=0.0)
+        for group in SIGNS
+        for sign in group
+    }
+
+
+def table(lines: list[dict[str, float]]) -> str:
+    """Share of the campaigns in which each sign rings, and quantiles of its largest comparison over the limit."""
+    rows = [
+        f"{'sign':<12}{'rings':>8}{'median':>8}{'95 %':>8}{'99 %':>8}{'most':>8}   of the limit, {len(lines)} campaigns"
+    ]
+    for sign in (sign for group in SIGNS for sign in group):
+        x = np.array([line[sign.kind] for line in lines])
+        quantiles = "".join(f"{q:8.2f}" for q in np.quantile(x, (0.5, 0.95, 0.99, 1.0)))
+        rows.append(f"{sign.kind:<12}{np.mean(x > 1.0):8.1%}{quantiles}   {sign.compares}")
+    any_rings = np.mean([max(line.values()) > 1.0 for line in lines])
+    return "\n".join([*rows, f"{'any':<12}{any_rings:8.1%}"])
+
+
+def main() -> None:
+    """Judge campaigns that are not in the file yet, or print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--last", type=int, default=400)
+    parser.add_argument("--score", action="store_true")
+    options = parser.parse_args()
+    known = options.out.read_text(encoding="utf-8").splitlines() if options.out.exists() else []
+    lines = {entry["number"]: entry["sizes"] for entry in map(json.loads, known)}
+    if options.score:
+        print(table([*lines.values()]))
+        return
+    one_thread_each()
+    for number in range(options.first, options.last + 1):
+        if number not in lines:
+            entry = {"number": number, "sizes": sizes_of(number)}
+            with options.out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(entry) + "\n")
+
+
+if __name__ == "__main__":
+    main()
