@@ -51,7 +51,7 @@ trials: $(VENV)/developing
 # What a user installs; Python compiles a module when it is first imported, as most of these are not.
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(INSTALL) -e ".[fast,pdf]"
+	$(INSTALL) -e .
 	$(BIN)/python -m compileall -q winchcascade
 	$(BIN)/python -m winchcascade.rig.machine_code
 	@touch $@

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from circuit import K_E, L_S, R_S, V_DIODE, solved
+from numba import njit
 
 from winchcascade.blind.drive import PEAK, BridgeSource, bridge_step
 from winchcascade.blind.twin_numbers import Numbers
-from winchcascade.core.compiled import njit
 
 VOLTAGE, CURRENT = 0.003, 0.01
 """Largest differences: 0.3 % of Vdc, 1 % of the stator's rms current and of the air-gap power."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from winchcascade.batch.results_pages import write_index
-from winchcascade.batch.run_batch import reports_for
+from winchcascade.batch.run_batch import REPORTS
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content, write_set
 from winchcascade.core.jobs import set_threads
@@ -57,7 +57,7 @@ def diagnosis_output(campaign: Path) -> Output:
     """The diagnosis of a campaign in a folder of results, by a key of this version and the content of the logs."""
     files = {path.name: fingerprint(path) for path in sorted(campaign.parent.iterdir())}
     key = digest_of(repr((__version__, files)).encode())
-    return Output(DIAGNOSIS_RECORD, "store", key, tuple(f"diagnosis.{ending}" for ending in reports_for("all")))
+    return Output(DIAGNOSIS_RECORD, "store", key, tuple(f"diagnosis.{ending}" for ending in REPORTS["all"]))
 
 
 def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:

@@ -12,7 +12,6 @@ from winchcascade.batch.plan import Plan, make_plan
 from winchcascade.core.arguments import FLAG, LOADS, NAMES, PATH, PATH_OR_NONE, PROCESSES, SEED_NUMBER, check_arguments
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError, check_type
-from winchcascade.core.extras import require
 from winchcascade.core.jobs import Workers
 from winchcascade.core.store import CAMPAIGN_PAGE, CAMPAIGN_RECORD, INDEX
 from winchcascade.core.viewed import LateModule
@@ -170,8 +169,6 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         if path.suffix and not path.is_dir():
             if path.suffix.casefold() not in (".html", ".pdf"):
                 raise OptionError(f"{path}: no ending of a report; expected .html, .pdf, or a folder.")
-            if path.suffix.casefold() == ".pdf":
-                require("typst", str(path))
             return [write_report(self.reduce(jobs=jobs), path, force=force)]
         batch = run_batch(self.plan, path, Products(REPORTS["html"]), workers=Workers(jobs), force=force)
         runs = [path / "runs" / f"{name}.{ending}" for name in batch.results for ending in ("html", "json")]

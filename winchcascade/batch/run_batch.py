@@ -15,7 +15,6 @@ from winchcascade.batch.plan import Plan, Work, result_key
 from winchcascade.batch.reductions import ENTRY, Made, campaign_record, reduce_log, with_findings_between
 from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
-from winchcascade.core.extras import is_installed
 from winchcascade.core.files import check_replaceable, put_in_place, scratch_folder, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.store import (
@@ -43,11 +42,6 @@ ENDINGS = ("html", "pdf", "json")
 
 REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
 """Reports that are written, by the choice of `--reports`."""
-
-
-def reports_for(choice: str) -> tuple[str, ...]:
-    """Reports that a choice of `--reports` gives here: without typst there is no PDF."""
-    return tuple(ending for ending in REPORTS[choice] if ending != "pdf" or is_installed("typst"))
 
 
 DATASET = tuple(f"dataset/{table}.parquet" for table in TABLES)

@@ -9,10 +9,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from winchcascade.blind.twin_numbers import BELL, KNEE, LINE, Fixed, Numbers
-from winchcascade.core.compiled import njit, njit_loop
 from winchcascade.core.run import Signal
 
 Switches = NDArray[np.int64]
@@ -299,7 +299,7 @@ def _diode(current: float, d: Drive) -> float:
     return d.fixed.v_diode + d.diode_scale * math.log(max(current, _NO_CURRENT))
 
 
-@njit_loop(cache=True)
+@njit(cache=True)
 def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Signal, Signal]:
     """Step the drive from rest.
 

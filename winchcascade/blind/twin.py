@@ -12,6 +12,7 @@ import math
 
 import msgspec
 import numpy as np
+from numba import njit
 from scipy.signal import fftconvolve, lfilter
 
 from winchcascade.blind.drive import FINE, GRID, LEDGER, Drive, run_drive
@@ -33,7 +34,6 @@ from winchcascade.blind.twin_numbers import (  # fmt: skip
     Numbers,
     Restoring,
 )
-from winchcascade.core.compiled import njit_loop
 from winchcascade.core.run import Signal
 
 CYCLES = 3
@@ -316,7 +316,7 @@ def drive_of(twin: Twin, log: str) -> Drive:
     )
 
 
-@njit_loop(cache=True)
+@njit(cache=True)
 def gas_pressure(volume: Signal, pressure: float, exponent: float, cooling: float) -> Signal:
     """Absolute pressure of a gas that heats by the first law and loses its heat. [Pa]
 

@@ -90,17 +90,12 @@ MATTERING = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "typst")
 def versions() -> str:
     """This program's version, Python's, the platform's, and those of the packages that matter; none of them is imported."""
     import platform
-    from importlib.metadata import PackageNotFoundError, version
+    from importlib.metadata import version
 
     from winchcascade.core.version import __version__
 
     lines = [f"winchcascade {__version__} (Python {platform.python_version()}, {platform.platform()})"]
-    for package in MATTERING:
-        try:
-            found = version(package)
-        except PackageNotFoundError:
-            found = "not installed"
-        lines.append(f"{package} {found}")
+    lines += [f"{package} {version(package)}" for package in MATTERING]
     return "\n".join(lines) + "\n"
 
 

@@ -12,9 +12,8 @@ import typer
 from msgspec.structs import replace
 
 from winchcascade.cli.options import INPUT, OUTPUTS, check_load, option, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, report_uncompiled, show
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
-from winchcascade.core.extras import installation
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 from winchcascade.core.store import (
     CAMPAIGN_FILES,
@@ -63,7 +62,7 @@ def batch_command(
     """
     from winchcascade.batch.campaign_loss_map import check_one_map
     from winchcascade.batch.plan import make_plan, without_campaign
-    from winchcascade.batch.run_batch import REPORTS, Products, reports_for, run_batch
+    from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
     from winchcascade.report.screen import Progress
 
@@ -75,11 +74,11 @@ def batch_command(
     plan = make_plan(targets, rig=rig, window=rule, load_ohm=load_ohm)
     if outputs["loss_map"] is not None:
         check_one_map(plan, outputs["loss_map"])
-    products, workers = Products(reports_for(reports), excel, given_command()), Workers(jobs or processes(), scheduler)
+    products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
-    no_campaign, left_out = [] if load_ohm else without_campaign(targets), _left_out(REPORTS[reports], products)
-    _present(batch, outputs.without("loss_map"), drafted_by=no_campaign, left_out=left_out)
+    no_campaign = [] if load_ohm else without_campaign(targets)
+    _present(batch, outputs.without("loss_map"), drafted_by=no_campaign)
     if outputs["loss_map"] is not None:
         _present_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force)
     raise typer.Exit(1 if batch.faults else 0)
@@ -113,22 +112,12 @@ def _present_loss_map(
         write_index(batch.folder)
 
 
-def _left_out(wanted: tuple[str, ...], products: Products) -> str:
-    """What this installation cannot make of the reports that are wanted, and how to get it; empty if it can make all."""
-    if wanted == products.reports:
-        return ""
-    return f"the PDF files, as typst is not installed; {installation('typst')} installs it."
-
-
-def _present(
-    batch: Batch, outputs: Outputs = NO_OUTPUTS, *, drafted_by: Sequence[str] = (), left_out: str = ""
-) -> None:
+def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS, *, drafted_by: Sequence[str] = ()) -> None:
     """Write the report of a campaign where it is wanted, and print what its logs give and what was written.
 
     Parameters
     ----------
     drafted_by : the folders that have no campaign file
-    left_out : as `_left_out` gives it
     """
     from winchcascade.report.content import Note, Report
     from winchcascade.report.results.campaign import campaign_report, fault_notes
@@ -143,7 +132,6 @@ def _present(
     notes = [
         Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call." if batch.kept else "", "Kept"),
         Note(f"made again, as its digest did not match: {named}" if named else "", "Altered", "warn"),
-        Note(left_out, "Left out", "warn"),
     ]
     notes += [
         Note(
@@ -178,21 +166,20 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
     one_thread_each()
     from winchcascade.batch.demo import copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
     from winchcascade.batch.plan import make_plan
-    from winchcascade.batch.run_batch import REPORTS, Products, reports_for, run_batch
+    from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.content import Report
     from winchcascade.report.results.diagnosis_words import diagnosis_note
     from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()
     plan = make_plan([str(campaign)])
-    products = Products(reports_for("all"), workbook=True, command=given_command())
+    products = Products(REPORTS["all"], workbook=True, command=given_command())
     diagnosis = diagnosis_output(campaign)
     kept = not force and state_of(results, diagnosis).kept
     with Progress(plan.title) as watch:
         batch = run_batch(plan, results, products, workers=Workers(count), force=force, watch=watch)
-    _present(batch, left_out=_left_out(REPORTS["all"], products))
+    _present(batch)
     if not kept:
-        report_uncompiled("diagnose")
         with status_line(f"diagnosing {plan.title}") as on_progress:
             found_files = diagnosis_of(campaign, products.command, count)
             write_diagnosis(results, found_files, force=force, on_progress=on_progress)

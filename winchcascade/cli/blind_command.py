@@ -10,7 +10,7 @@ import typer
 
 from winchcascade.cli.help import CommandList, GroupedCommand
 from winchcascade.cli.options import OUTPUTS, option, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, present, report_uncompiled
+from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, present
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 
 if TYPE_CHECKING:
@@ -37,7 +37,6 @@ def blind_deal_command(
     from winchcascade.blind.trial import deal
     from winchcascade.report.screen import Progress
 
-    report_uncompiled("blind deal")
     with Progress(f"dealing {cases} cases") as watch:
         done = deal(out, cases, seed, workers=Workers(jobs or processes(), scheduler), force=force, watch=watch)
     _end(done, "dealt", [out])
@@ -69,7 +68,6 @@ def _diagnosed(
     from winchcascade.blind.trial import diagnose
     from winchcascade.report.screen import Progress
 
-    report_uncompiled("diagnose")
     with Progress(f"diagnosing {trial.name}") as watch:
         return diagnose(
             trial, diagnose_campaign, diagnoses=diagnoses, only=only, workers=workers, force=force, watch=watch

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from winchcascade.cli.options import EVALUATION, option, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present, report_uncompiled
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked
@@ -66,7 +66,6 @@ def diagnose_command(
     predicted = _prediction_files(outputs["predictions"], logs)
     outputs.without("predictions").check([listed.path, *logs, *simulations, rig or listed.rig], predicted)
     set_threads(threads or processes())
-    report_uncompiled("diagnose")
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
         refused = _refused(found, outputs)

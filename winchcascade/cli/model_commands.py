@@ -19,7 +19,7 @@ from winchcascade.cli.options import (
     option,
     with_options,
 )
-from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present, report_uncompiled, show
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import write_content
 from winchcascade.core.jobs import one_thread_each
@@ -68,7 +68,6 @@ def simulate_command(
     if run.load is None:
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
     model = _model(settings.rig, effects or [], run, sensors=sensors)
-    report_uncompiled("simulate")
     simulation = simulate(run, model)
     write_log(simulation, out, force=outputs.force)
     report = partial(

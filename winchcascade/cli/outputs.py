@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, TextIO
 import msgspec
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.extras import installation, is_installed, require
 from winchcascade.core.files import check_replaceable, json_bytes, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
 from winchcascade.core.store import make_one
@@ -71,8 +70,6 @@ class Outputs(msgspec.Struct, frozen=True):
             option = f"--{name.replace('_', '-')}"
             if name == "json" and path == STDOUT:
                 continue
-            if name == "pdf":
-                require("typst", option)
             if str(path) in ("-", "."):
                 raise OptionError(f"{option} {path}: expected the name of a file.")
             other = taken.setdefault(Path(os.path.realpath(path)), name)
@@ -149,21 +146,6 @@ def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str)
                 on_progress(f"writing files into {folder.name}")
                 write(report, folder, name, force=outputs.force)
     return report
-
-
-SLOWER = {"simulate": "up to 70 times", "diagnose": "30 to 70 times", "blind deal": "about 150 times"}
-"""How much longer a command takes without numba, measured on one processor: a diagnosis of few short and of many long logs; of
-a short log, `simulate` takes as long."""
-
-
-def report_uncompiled(command: str) -> None:
-    """Report on the error stream, unless only failures are wanted, that a command of `SLOWER` runs without numba."""
-    if not is_installed("numba") and not QUIET.get():
-        slower = f"{command} takes {SLOWER[command]} as long"
-        show(
-            f"numba is not installed: the model runs as plain Python, so {slower}; install it with {installation('numba')}.\n",
-            file=sys.stderr,
-        )
 
 
 def show(text: str, *, failures: str = "", file: TextIO | None = None) -> None:

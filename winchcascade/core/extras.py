@@ -4,7 +4,7 @@ from importlib.util import find_spec
 
 from winchcascade.core.errors import OptionError
 
-EXTRAS = {"numba": "fast", "typst": "pdf", "h5py": "mat73", "distributed": "cluster"}
+EXTRAS = {"h5py": "mat73", "distributed": "cluster"}
 """The extra that installs each optional package."""
 
 
@@ -16,8 +16,8 @@ def is_installed(package: str) -> bool:
 def installation(package: str) -> str:
     """The command that installs an optional package.
 
-    >>> installation("typst")
-    'pip install "winchcascade[pdf]"'
+    >>> installation("h5py")
+    'pip install "winchcascade[mat73]"'
     """
     return f'pip install "winchcascade[{EXTRAS[package]}]"'
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.arguments import FLAG, PATH, check_arguments
 from winchcascade.core.errors import OptionError, check_choice, reject_result
-from winchcascade.core.extras import require
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
 from winchcascade.core.viewed import LateModule, Units
@@ -102,8 +101,6 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     ending = path.suffix.casefold()
     if ending not in (".html", ".pdf"):
         raise OptionError(f"{path}: no ending of a report; expected a name that ends in .html or .pdf.")
-    if ending == ".pdf":
-        require("typst", str(path))
     report = report_of(result)
     publish(report, html=path if ending == ".html" else None, pdf=path if ending == ".pdf" else None, force=force)
     return path

@@ -13,8 +13,8 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
+from numba import njit
 
-from winchcascade.core.compiled import njit
 from winchcascade.core.run import Signal
 from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, GeneratorModel, rolloff_curve
 from winchcascade.rig.physics import FASTMATH, RPM, reactance

@@ -13,8 +13,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-from winchcascade.core.compiled import njit, njit_loop
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.run import Signal
 from winchcascade.rig import physics
@@ -255,7 +255,7 @@ def _turned(
     return -shaft.coast_drag * sign, 0.0, max(driven / (mass + losses), 0.0)
 
 
-@njit_loop(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_shaft(v: Signal, dt: float, c: ShaftNumbers, table: Signal, every: int, out: Signal) -> None:
     """Step the generator's side along a line motion: clutch, shaft, gear, machine, bridge and DC link.
 
@@ -357,7 +357,7 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1) -> Sig
     return dynamic * out + steady + shaft.weightless * steady_shaft(*motion, c, table, 0.0)
 
 
-@njit_loop(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal, out: Signal) -> None:
     """Compute the line tension and its parts: gas and screw, spring or counterweight, losses and inertia at the drum, clutch.
 

@@ -10,8 +10,8 @@ import math
 from typing import TypeVar
 
 import numpy as np
+from numba.extending import register_jitable
 
-from winchcascade.core.compiled import register_jitable
 from winchcascade.core.quantity import KGF
 from winchcascade.core.run import Signal
 from winchcascade.rig.parts import DrivetrainModel, GeneratorModel, RestoringModel, WinchModel

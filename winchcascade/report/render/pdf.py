@@ -7,7 +7,6 @@ from typing import Any
 
 import msgspec
 
-from winchcascade.core.extras import require
 from winchcascade.core.version import GENERATOR, made_at
 from winchcascade.report.content import Block, Picture, Report, Table
 from winchcascade.report.figures.style import WIDTH
@@ -17,8 +16,7 @@ from winchcascade.report.render.fonts import fonts_for, fonts_in, lacking_letter
 
 
 def pdf_bytes(report: Report) -> bytes:
-    """Typeset a report; OptionError without typst."""
-    require("typst", "a PDF")
+    """Typeset a report."""
     import matplotlib
     import typst
 
