@@ -65,7 +65,7 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     >>> [(s.part, s.u) for s in error_sources("vdc", Sensor("V", accuracy_reading=0.004, coverage=2.0, u_zero=0.1))]
     [('zero', 0.1), ('gain', 0.002)]
     """
-    full_scale = max(abs(sensor.low or 0.0), abs(sensor.high or 0.0))
+    full_scale = sensor.full_scale
     absolute = (sensor.accuracy or 0.0) + (sensor.accuracy_full_scale or 0.0) * full_scale
     stated = [  # absolute, of the reading, coverage factor, origin
         (absolute, sensor.accuracy_reading or 0.0, sensor.coverage, sensor.source),

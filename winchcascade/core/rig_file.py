@@ -127,8 +127,13 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.low is not None and self.high is not None and self.low >= self.high:
             raise ValueError(f"low {self.low:g} is not below high {self.high:g}; correct the range.")
         for key in ("accuracy_full_scale", "daq_full_scale"):
-            if getattr(self, key) is not None and not (self.high or self.low):
+            if getattr(self, key) is not None and not self.full_scale:
                 raise ValueError(f"{key} has no full scale; give the range as high = ... too.")
+
+    @property
+    def full_scale(self) -> float:
+        """End of the range that is farther from zero; 0 where none is stated. [SI unit of the channel]"""
+        return max(abs(self.low or 0.0), abs(self.high or 0.0))
 
 
 Side = Literal["drum", "shaft", "generator"]
