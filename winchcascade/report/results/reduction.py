@@ -37,6 +37,7 @@ from winchcascade.report.results.reduction_tables import (
 from winchcascade.report.results.waves import wave_section, wave_tiles
 from winchcascade.report.wording import (
     banner,
+    calibration,
     decisive,
     load_words,
     measured_load_words,
@@ -167,6 +168,7 @@ def _accuracy(found: Uncertainty) -> list[Note]:
     unsure = upper("; ".join(not_known(found.budget)))
     return [
         Note(f"Most of it: {parts}." if parts else "", "Variance"),
+        Note(calibration(found.budget), "Calibrate"),
         Note(f"{unsure}." if unsure else "", "Accuracy", "warn" if found.budget.unknown else "plain"),
     ]
 
