@@ -15,8 +15,17 @@ if TYPE_CHECKING:
     Signal: TypeAlias = NDArray[np.float64]
 
 
+NUMBERS = "biufO"
+"""Kinds of arrays that may hold numbers; dates, texts and complex numbers are none, though numpy converts them."""
+
+
 class SealedChannels(dict[str, "Signal"]):
-    """Channels that are checked: finite arrays of one length. Neither they nor their samples can be replaced."""
+    """Channels that are checked: finite arrays of one length. Neither they nor their samples can be replaced.
+
+    `t` are the stamps that they were checked with; with others they are to be checked again.
+    """
+
+    t: Signal | None = None
 
     def __setitem__(self, name: str, signal: object) -> NoReturn:
         """Reject another array: OptionError."""
@@ -34,9 +43,11 @@ def sealed(signal: Signal) -> Signal:
     return view
 
 
-def sealed_channels(channels: Mapping[str, Signal]) -> SealedChannels:
-    """Channels of arrays that are known to be good, as those of a reader."""
-    return SealedChannels({name: sealed(x) for name, x in channels.items()})
+def sealed_channels(channels: Mapping[str, Signal], t: Signal) -> SealedChannels:
+    """Channels of arrays that are known to be good with their stamps, as those of a reader."""
+    found = SealedChannels({name: sealed(x) for name, x in channels.items()})
+    found.t = t
+    return found
 
 
 def checked_arrays(name: str, t: Signal, channels: Mapping[str, Signal], labels: Signal | None) -> dict[str, object]:
@@ -50,19 +61,22 @@ def checked_arrays(name: str, t: Signal, channels: Mapping[str, Signal], labels:
     if not isinstance(channels, Mapping) or not channels:
         raise OptionError(f'{call}: channels is {channels!r:.100}; expected arrays by name, such as {{"velocity": v}}.')
     t = _array(t, f"{call}: t")
-    if t.size == 0 or not (np.diff(t) > 0.0).all():
+    if t.size < 2 or not (np.diff(t) > 0.0).all():
         raise OptionError(f"{call}: t is {t!r:.100}; expected the times of the samples in their order, which rise.")
     arrays = {f"channel {name!r}": x for name, x in channels.items()} | ({} if labels is None else {"labels": labels})
     signals = [_array(x, f"{call}: {name}", t.size) for name, x in arrays.items()]
-    return {"t": t, "channels": SealedChannels(zip(channels, signals, strict=False))}
+    return {"t": t, "channels": sealed_channels(dict(zip(channels, signals, strict=False)), t)}
 
 
 def _array(given: object, place: str, size: int | None = None) -> Signal:
     """Array of finite numbers, of a size if one is given."""
     try:
-        found = np.asarray(given, dtype=np.float64)
+        raw = np.asarray(given)
+        found = raw.astype(np.float64, copy=False) if raw.dtype.kind in NUMBERS else None
     except (TypeError, ValueError):
-        raise OptionError(f"{place} is {given!r:.100}; expected an array of numbers.") from None
+        found = None
+    if found is None:
+        raise OptionError(f"{place} is {given!r:.100}; expected an array of numbers; dates and texts are none.")
     if found.ndim != 1 or size not in (None, found.size):
         raise OptionError(f"{place} has the shape {found.shape}; expected {'n' if size is None else size} numbers.")
     if lost := np.count_nonzero(~np.isfinite(found)):

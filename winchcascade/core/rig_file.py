@@ -16,6 +16,7 @@ from msgspec import Meta
 from winchcascade.core.campaign_file import Ranges, check_ranges
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.channels import CHANNELS, Channel
+from winchcascade.core.errors import OptionError, check_type
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.toml_file import struct_fields
 
@@ -407,6 +408,19 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     phases: PhaseRule = PhaseRule()
     path: str = ""
     assumed: bool = False
+
+    def __post_init__(self) -> None:
+        """Reject numbers of a rig that was made in Python: OptionError."""
+        for name, kind in PARTS.items():
+            part: object = getattr(self, name)
+            check_type(f"Rig, {name}", part, kind, "load_rig(name)")
+            expected = (int, float) if kind is Thresholds else (Quantity, type(None))
+            for number in measures(kind):
+                if not isinstance(value := getattr(part, number), expected):
+                    raise OptionError(
+                        f"Rig, {name}: {number} is {value!r:.100}; expected "
+                        + ("a number." if kind is Thresholds else 'a Quantity, such as Quantity(0.13, "m"), or None.')
+                    )
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:

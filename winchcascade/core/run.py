@@ -176,9 +176,8 @@ class Run(Viewed, frozen=True):
         """Check a run that was not read by this program. Raises OptionError as `checked_arrays`."""
         from winchcascade.core.checked_run import SealedChannels, checked_arrays
 
-        check_arguments("Run", ("load", self.load, LOAD))
-        if not isinstance(self.channels, SealedChannels):
-            check_arguments("Run", ("fs", self.fs, RATE))
+        check_arguments("Run", ("load", self.load, LOAD), ("fs", self.fs, RATE))
+        if not isinstance(self.channels, SealedChannels) or self.channels.t is not self.t:
             for name, value in checked_arrays(self.name, self.t, self.channels, self.labels).items():
                 msgspec.structs.force_setattr(self, name, value)
 

@@ -160,7 +160,7 @@ def _of_the_rig(rig: Rig, scales: Scales, coarse: float) -> list[Nuisance]:
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
     """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel].
 
-    They are those of a reduction, with one addition: a limit in shares of the full scale bounds a reading whatever its error is,
+    They are those of a reduction, with one addition: a limit in shares of the full scale bounds a reading whatever errs of it,
     so it allows a gain as well as a zero, and a fit has to distinguish them.
     """
     gain, zero = part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")

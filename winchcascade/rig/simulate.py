@@ -139,6 +139,7 @@ def simulate(run: Run, model: Model | None = None, *, step: float | None = None)
     check_arguments("simulate", ("step", step, STEP_LENGTH))
     _check_model(model)
     scale = motion_of_runs([run])
+    _check_speed(run, scale)
     step = resolving(model, scale) if step is None else step
     if "velocity" not in run.channels or run.t[-1] - run.t[0] < 2.0 * step:
         raise LogError(
@@ -151,7 +152,7 @@ def simulate(run: Run, model: Model | None = None, *, step: float | None = None)
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     """Simulate the rig along a given motion, at the load and stamps of a log. Raises as `simulate`."""
     _check_model(model)
-    _check_travel(run.name, model, motion)
+    check_travel(run.name, model, float(np.min(motion.x)), float(np.max(motion.x)))
     out, sensors = solve(model, motion, load_of(run)), model.sensors
     now, late = (_between(motion, t, out) for t in (run.t, sensors.late("vdc", run.t)))
     channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
@@ -203,9 +204,9 @@ def _check_model(model: Model) -> None:
             )
 
 
-def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
-    """Reject a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
-    gas, low, high = model.restoring, float(np.min(motion.x)), float(np.max(motion.x))
+def check_travel(name: str, model: Model, low: float, high: float) -> None:
+    """Reject a travel between two places [m] that leaves the gas no volume, or the rope no radius on the drum: LogError."""
+    gas = model.restoring
     push = gas.area * gas.lead / model.r_motion
     if gas.volume <= push * high:
         raise LogError(
@@ -218,6 +219,25 @@ def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
             f"{name}: the line moves from {low:.4g} to {high:.4g} m, but at {-1.0 / model.winch.layering:.4g} m the rope "
             "would run on a radius of nothing; expected less motion, so check the unit of velocity and displacement, and "
             "the effects."
+        )
+
+
+OVER_SPEED = 20.0
+"""Ratio of the speed of a generator to its rated speed at which none holds together: those of machines with magnets burst at
+two to three times it, and a velocity in mm/s that is read as m/s is a thousand times too fast. [1]"""
+
+
+def _check_speed(run: Run, scale: MotionScale) -> None:
+    """Reject a motion that turns the generator so fast that the unit of the velocity is wrong: LogError."""
+    rig = run.rig
+    if rig is None or rig.generator.speed_rated is None or rig.rpm_per_velocity is None:
+        return
+    rpm, rated = rig.rpm_per_velocity * scale.speed, rig.generator.speed_rated.value * RPM
+    if rpm > OVER_SPEED * rated:
+        raise LogError(
+            f"{run.name}: the line moves at {scale.speed:.4g} m/s, which turns the generator at {rpm:.3g} rpm, "
+            f"{rpm / rated:.0f} times its rated speed; expected {OVER_SPEED:g} times at most, so check the unit of velocity "
+            "and displacement, r_drum and gear_ratio."
         )
 
 
