@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.quantity import KGF
@@ -29,12 +28,6 @@ from winchcascade.rig.steps import COARSE, resolving
 LOADS = {
     "open_circuit": math.inf, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5,
 }  # fmt: skip
-
-
-def by_limits(rig: Rig) -> Rig:
-    """A rig whose sensors were not calibrated in place, so that the makers' limits count."""
-    bare = {name: msgspec.structs.replace(s, u_zero=None, u_gain=None) for name, s in rig.sensors.items()}
-    return msgspec.structs.replace(rig, sensors=bare)
 
 
 def own_model(truth: dict[str, Any]) -> Model:

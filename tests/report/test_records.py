@@ -41,8 +41,7 @@ def test_the_json_states_the_uncertainty_of_every_mean(record: dict[str, Any]) -
         assert low < record["mean"][field] < high
         assert 0 < record["standard_uncertainty"][field] < high - low
     made = record["uncertainty"]
-    assert (made["seed"], made["draws"]) == (20260, 8191)
-    assert set(made["stated"].values()) == {"gum"}
+    assert {"seed", "draws", "stated", "monte_carlo"}.isdisjoint(made)
     for field in NINE:
         shares = [row["share"][field] or 0.0 for row in made["budget"]]
         scatter = (made["repeatability"][field] / record["standard_uncertainty"][field]) ** 2

@@ -89,7 +89,7 @@ def reduction_report(
                 "uncertainty", "Uncertainty",
                 uncertainty_table(reduction, found), budget_table(reduction, found), folded=True,
             ),
-            provenance(_sources(reduction, found), command),
+            provenance(_sources(reduction), command),
         ],
         banner=banner([run.origin]),
     )  # fmt: skip
@@ -214,7 +214,7 @@ def _net_notes(reduction: Reduction) -> list[Note]:
     return [Note(f"{reason}.", "No net energy") for reason in (*reasons[:LISTED_REASONS], *more)]
 
 
-def _sources(reduction: Reduction, found: Uncertainty) -> list[tuple[str, str | None]]:
+def _sources(reduction: Reduction) -> list[tuple[str, str | None]]:
     """Where every number comes from, so that it can be made again."""
     run, rig = reduction.run, reduction.rig
     return [
@@ -226,5 +226,4 @@ def _sources(reduction: Reduction, found: Uncertainty) -> list[tuple[str, str | 
         ("Source of the rig's numbers", rig.source),
         ("SHA-256 of the rig file", fingerprint(rig.path)),
         ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
-        ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
     ]
