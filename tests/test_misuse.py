@@ -206,5 +206,5 @@ def test_the_arrays_that_a_run_is_made_of_stay_as_they_are() -> None:
 
 def test_a_run_goes_whole_to_another_process() -> None:
     again = pickle.loads(pickle.dumps(run()))
-    assert (again.rig.name, again.window) == ("hsu2026", 5.48)
+    assert (again.rig.name, again.window) == ("hsu2026_rebuilt", 5.48)
     assert all(np.array_equal(again.channels[name], x) for name, x in run().channels.items())

@@ -61,7 +61,7 @@ def checked_arrays(name: str, t: Signal, channels: Mapping[str, Signal], labels:
     if not isinstance(channels, Mapping) or not channels:
         raise OptionError(f'{call}: channels is {channels!r:.100}; expected arrays by name, such as {{"velocity": v}}.')
     t = _array(t, f"{call}: t")
-    if t.size < 2 or not (np.diff(t) > 0.0).all():
+    if t.size == 0 or not (np.diff(t) > 0.0).all():
         raise OptionError(f"{call}: t is {t!r:.100}; expected the times of the samples in their order, which rise.")
     arrays = {f"channel {name!r}": x for name, x in channels.items()} | ({} if labels is None else {"labels": labels})
     signals = [_array(x, f"{call}: {name}", t.size) for name, x in arrays.items()]
