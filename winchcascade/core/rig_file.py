@@ -18,7 +18,7 @@ from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import OptionError, check_type
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.toml_file import struct_fields
+from winchcascade.core.toml_file import convert, struct_fields
 
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]
 """What the cycles of a log are found in."""
@@ -410,17 +410,20 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     assumed: bool = False
 
     def __post_init__(self) -> None:
-        """Reject numbers of a rig that was made in Python: OptionError."""
+        """Reject parts and numbers of a rig that was made in Python, which no rig file may state: OptionError."""
+        for name, kind in {**PARTS, "cascade": Cascade}.items():
+            check_type(f"Rig, {name}", getattr(self, name), kind, "load_rig(name)")
+        stated = {f.name: getattr(self.thresholds, f.name) for f in struct_fields(Thresholds)}
+        convert({name: x for name, x in stated.items() if x == x}, Thresholds, "Rig, thresholds", OptionError)
+        check_type("Rig, sensors", self.sensors, Mapping, "load_rig(name)")
+        for name, sensor in self.sensors.items():
+            check_type(f"Rig, sensors {name}", sensor, Sensor, "load_rig(name)")
         for name, kind in PARTS.items():
-            part: object = getattr(self, name)
-            check_type(f"Rig, {name}", part, kind, "load_rig(name)")
-            expected = (int, float) if kind is Thresholds else (Quantity, type(None))
-            for number in measures(kind):
-                if not isinstance(value := getattr(part, number), expected):
-                    raise OptionError(
-                        f"Rig, {name}: {number} is {value!r:.100}; expected "
-                        + ("a number." if kind is Thresholds else 'a Quantity, such as Quantity(0.13, "m"), or None.')
-                    )
+            for number, measure in measures(kind).items() if kind is not Thresholds else ():
+                value = getattr(getattr(self, name), number)
+                if value is not None:
+                    check_type(f"Rig, {name} {number}", value, Quantity, 'Quantity(0.13, "m")')
+                    convert(value.value, measure.si, f"Rig, {name} {number} in SI units", OptionError)
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:

@@ -282,7 +282,7 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
     return Run(
         name=one_line(where),
         t=t,
-        channels=sealed_channels(checked.channels, t),
+        channels=sealed_channels(checked.channels, t, clock.fs),
         fs=clock.fs,
         samples=loaded.samples,
         gaps=dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {}),

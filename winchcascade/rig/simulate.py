@@ -13,7 +13,7 @@ import numpy as np
 from winchcascade.core.arguments import STEP_LENGTH, check_arguments
 from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.channels import CHANNELS
-from winchcascade.core.errors import LogError, RigError, check_type
+from winchcascade.core.errors import LogError, OptionError, RigError, check_type
 from winchcascade.core.files import write_whole
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import given_rig
@@ -140,7 +140,13 @@ def simulate(run: Run, model: Model | None = None, *, step: float | None = None)
     _check_model(model)
     scale = motion_of_runs([run])
     _check_speed(run, scale)
-    step = resolving(model, scale) if step is None else step
+    usual = resolving(model, scale)
+    if step is not None and not usual / FINEST_SHARE <= step <= scale.ramp:
+        raise OptionError(
+            f"simulate: step is {step:g} s; expected one from {usual / FINEST_SHARE:.2g} s to the ramp of the motion, "
+            f"{scale.ramp:.2g} s. By default it is {usual:.2g} s."
+        )
+    step = usual if step is None else step
     if "velocity" not in run.channels or run.t[-1] - run.t[0] < 2.0 * step:
         raise LogError(
             f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of the line; expected a log with "
@@ -221,6 +227,9 @@ def check_travel(name: str, model: Model, low: float, high: float) -> None:
             "the effects."
         )
 
+
+FINEST_SHARE = 1000.0
+"""Ratio of the usual step to the finest one that may be given: a log of minutes then fills gigabytes. [1]"""
 
 OVER_SPEED = 20.0
 """Ratio of the speed of a generator to its rated speed at which none holds together: those of machines with magnets burst at
