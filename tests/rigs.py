@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from winchcascade.diagnosis.block_means import Blocks, blocks_of
 from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.predict import Course
 from winchcascade.diagnosis.suspects import Suspects
-from winchcascade.rig.baseline import baseline
+from winchcascade.rig.baseline import baseline, load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.kernel import COLUMNS, LineMotion
 from winchcascade.rig.parts import Model, with_part
@@ -28,6 +29,12 @@ from winchcascade.rig.steps import COARSE, resolving
 LOADS = {
     "open_circuit": math.inf, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5,
 }  # fmt: skip
+
+
+@cache
+def calibrated_rig() -> Rig:
+    """The rig of the rebuilt campaign: that of the paper, whose sensors are calibrated in place."""
+    return load_rig(Path(__file__).parent.parent / "fixtures" / "campaign" / "rig.toml")
 
 
 def own_model(truth: dict[str, Any]) -> Model:

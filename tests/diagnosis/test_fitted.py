@@ -6,17 +6,17 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import made_log, motion_run
+from rigs import calibrated_rig
 
 from winchcascade import simulate
 from winchcascade.core.rig_file import ModelAccuracy
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.misfit import OF_A_BLOCK, RHO, TOP, Fitted
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 
-RIG = built_in()
+RIG = calibrated_rig()
 
 PART = 0.02
 """Share of a tolerance by which a difference is taken."""

@@ -6,17 +6,14 @@ from itertools import groupby
 import msgspec
 import pytest
 from openlog import FS, made_log
-from rigs import scales_on
-from shipped_log import CAMPAIGN
+from rigs import calibrated_rig, scales_on
 
 from winchcascade.core.rig_file import Sensor
 from winchcascade.diagnosis.nuisances import OF_THE_BRIDGE, OF_THE_MODEL, SKEW, nuisances, sensor_errors, with_quantity
-from winchcascade.rig.baseline import baseline, load_rig
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import number_of
 
-RIG = load_rig(CAMPAIGN / "rig.toml")
-"""The rig of the rebuilt campaign, whose sensors are calibrated in place."""
-
+RIG = calibrated_rig()
 LOG = made_log(cycles=1)
 RUNS = [msgspec.structs.replace(LOG, load=load) for load in (math.inf, 18.0, 18.0, 4.5)]
 SCALES = scales_on(RIG, RUNS)

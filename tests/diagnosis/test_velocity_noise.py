@@ -2,10 +2,9 @@
 
 import msgspec
 import numpy as np
-from rigs import suspects_on
+from rigs import calibrated_rig, suspects_on
 from scipy.ndimage import gaussian_filter1d
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.misfit import Fitted, RigProblem
 from winchcascade.diagnosis.search import fit_set, marginal_about
@@ -46,7 +45,7 @@ def slow_log(seed: int, of_velocity: float = NOISE["velocity"]) -> Run:
 
 def found_inertia(run: Run) -> float:
     """Relative change of the rotor's inertia by the best fit. [1]"""
-    rig = built_in()
+    rig = calibrated_rig()
     problem = RigProblem(Fitted([run], rig), suspects_on(rig, [run]))
     marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
     return float(fit_set(problem, marginal, ("rotor_inertia",)).x[0])

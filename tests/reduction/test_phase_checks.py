@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from rigs import calibrated_rig
 from synthetic import Scenario, make_log, write_csv
 
 from winchcascade import Reduction, Run, read_run, reduce
@@ -33,7 +34,7 @@ Maker = Callable[[Run], dict[str, Signal]]
 
 @cache
 def clean(name: str = "r45ohm") -> Run:
-    return read_run(CAMPAIGN / f"{name}.csv", rig=built_in(), load=LOGS[name][0])
+    return read_run(CAMPAIGN / f"{name}.csv", rig=calibrated_rig(), load=LOGS[name][0])
 
 
 def changed(run: Run, **channels: Signal) -> Run:

@@ -267,7 +267,9 @@ def test_an_error_that_could_take_all_away_leaves_an_efficiency_undetermined(sha
     found, energy = uncertainty(reduction), reduction.mean.value("energy_line")
     u = energy * share / math.sqrt(3.0)
     assert found.standard.energy_line == pytest.approx(u, rel=1e-6)
-    assert found.interval_95_sensors["energy_line"] == pytest.approx((energy - NORMAL * u, energy + NORMAL * u), rel=1e-6)
+    assert found.interval_95_sensors["energy_line"] == pytest.approx(
+        (energy - NORMAL * u, energy + NORMAL * u), rel=1e-6
+    )
     undetermined = {"eta_trans", "eta_pto"} if share > 1.0 else set()
     assert set(found.budget.undetermined) == none_of(found.budget.mean) == undetermined
     assert undetermined.isdisjoint(found.interval_95)

@@ -76,4 +76,6 @@ def test_parquet_of_a_log_without_cycles_keeps_its_columns(tmp_path: Path) -> No
     cycles, _, findings = write_parquet(reduce(read_run(path)), tmp_path / "tables")
     assert pq.read_table(cycles).num_rows == 0
     assert "eta_pto" in pq.read_table(cycles).column_names
-    assert pq.read_table(findings).num_rows == 6  # the rig is assumed; no payout; pressure, torque, Vdc and Idc are missing
+    assert (
+        pq.read_table(findings).num_rows == 6
+    )  # the rig is assumed; no payout; pressure, torque, Vdc and Idc are missing

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
+from numbers import Real
 from typing import Annotated, Any, Literal, get_args
 
 import msgspec
@@ -380,6 +381,11 @@ def measures(kind: type[msgspec.Struct]) -> dict[str, Measure]:
     return {f.name: note for f in struct_fields(kind) for note in get_args(f.type) if isinstance(note, Measure)}
 
 
+def _plain(value: object) -> object:
+    """A number of any kind as one of Python; anything else as it is."""
+    return float(value) if isinstance(value, Real) else value
+
+
 class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not contain.
 
@@ -414,7 +420,7 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for name, kind in {**PARTS, "cascade": Cascade}.items():
             check_type(f"Rig, {name}", getattr(self, name), kind, "load_rig(name)")
         stated = {f.name: getattr(self.thresholds, f.name) for f in struct_fields(Thresholds)}
-        convert({name: x for name, x in stated.items() if x == x}, Thresholds, "Rig, thresholds", OptionError)
+        convert({name: _plain(x) for name, x in stated.items() if x == x}, Thresholds, "Rig, thresholds", OptionError)
         check_type("Rig, sensors", self.sensors, Mapping, "load_rig(name)")
         for name, sensor in self.sensors.items():
             check_type(f"Rig, sensors {name}", sensor, Sensor, "load_rig(name)")
@@ -423,7 +429,7 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 value = getattr(getattr(self, name), number)
                 if value is not None:
                     check_type(f"Rig, {name} {number}", value, Quantity, 'Quantity(0.13, "m")')
-                    convert(value.value, measure.si, f"Rig, {name} {number} in SI units", OptionError)
+                    convert(_plain(value.value), measure.si, f"Rig, {name} {number} in SI units", OptionError)
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:

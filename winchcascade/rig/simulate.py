@@ -152,7 +152,14 @@ def simulate(run: Run, model: Model | None = None, *, step: float | None = None)
             f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of the line; expected a log with "
             "velocity or displacement."
         )
-    return simulate_along(run, model, motion_of(run, step, scale))
+    found = simulate_along(run, model, motion_of(run, step, scale))
+    for name, signal in found.run.channels.items():
+        if not np.max(np.abs(signal)) < LARGEST:
+            raise RigError(
+                f"{run.name}: the model gives a {name} of {np.max(np.abs(signal)):.3g} in SI units, which no rig has; check the rig "
+                "file and the effects together."
+            )
+    return found
 
 
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
@@ -227,6 +234,9 @@ def check_travel(name: str, model: Model, low: float, high: float) -> None:
             "the effects."
         )
 
+
+LARGEST = 1e15
+"""Largest number that a rig file may state, too, in SI units."""
 
 FINEST_SHARE = 1000.0
 """Ratio of the usual step to the finest one that may be given: a log of minutes then fills gigabytes. [1]"""
