@@ -16,7 +16,6 @@ from synthetic import Scenario, make_log, write_csv
 from winchcascade import Reduction, Run, read_run, reduce
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Finding
 from winchcascade.reduction.checks.sampling import update_interval
 from winchcascade.reduction.uncertainty import SAMPLING, uncertainty
@@ -128,7 +127,7 @@ def test_less_than_physics_accuracy_and_noise_allow_is_no_fault(maker: Maker) ->
 def test_the_measured_load_is_that_of_the_log_and_questions_a_stated_one_from_five_standard_uncertainties(
     name: str, load: float
 ) -> None:
-    rig = built_in()
+    rig = calibrated_rig()
     without_bleed = replace(rig, dc_link=replace(rig.dc_link, r_bleed=None))
     measured = reduce(clean(name)).measured_load
     assert measured is not None

@@ -381,6 +381,11 @@ def measures(kind: type[msgspec.Struct]) -> dict[str, Measure]:
     return {f.name: note for f in struct_fields(kind) for note in get_args(f.type) if isinstance(note, Measure)}
 
 
+def _is_stated(value: object) -> bool:
+    """Whether a threshold has a value that a file can state: NaN follows the log, and inf is never reached."""
+    return not isinstance(value, float) or math.isfinite(value)
+
+
 def _plain(value: object) -> object:
     """A number of any kind as one of Python; anything else as it is."""
     return float(value) if isinstance(value, Real) else value
@@ -420,7 +425,9 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for name, kind in {**PARTS, "cascade": Cascade}.items():
             check_type(f"Rig, {name}", getattr(self, name), kind, "load_rig(name)")
         stated = {f.name: getattr(self.thresholds, f.name) for f in struct_fields(Thresholds)}
-        convert({name: _plain(x) for name, x in stated.items() if x == x}, Thresholds, "Rig, thresholds", OptionError)
+        convert(
+            {name: _plain(x) for name, x in stated.items() if _is_stated(x)}, Thresholds, "Rig, thresholds", OptionError
+        )
         check_type("Rig, sensors", self.sensors, Mapping, "load_rig(name)")
         for name, sensor in self.sensors.items():
             check_type(f"Rig, sensors {name}", sensor, Sensor, "load_rig(name)")

@@ -156,8 +156,8 @@ def simulate(run: Run, model: Model | None = None, *, step: float | None = None)
     for name, signal in found.run.channels.items():
         if not np.max(np.abs(signal)) < LARGEST:
             raise RigError(
-                f"{run.name}: the model gives a {name} of {np.max(np.abs(signal)):.3g} in SI units, which no rig has; check the rig "
-                "file and the effects together."
+                f"{run.name}: the model gives a {name} of {np.max(np.abs(signal)):.3g} in SI units, which no rig has; "
+                "check the rig file and the effects together."
             )
     return found
 
