@@ -189,7 +189,7 @@ width = { unit = "m" }
 density = { unit = "kg/m3" }
 area = { unit = "m2", digits = 4 }
 radius = { unit = "m" }
-flow_speed = { unit = "m/s" }
+flow_speed = { unit = "m/s", digits = 4 }
 capture_width = { unit = "m", digits = 3 }
 capture_width_ratio = { digits = 3 }
 cp = { digits = 3 }
